@@ -18,6 +18,8 @@
     convoy.recompute("runs/first", "v3", set={"control.fusion": "predecessor"}).sentence
     convoy.check("lane_change").warnings
     convoy.sweep("lane_change", {"links.loss_ratio": [0.0, 0.4]}, seeds=5).cells
+    convoy.bisect("lossy_lane_change", "links.loss_ratio", "v4.error_m=0.5", share=0.05).boundary
+    convoy.risk("lossy_lane_change", "lane").probability
 
 Invalid input raises `convoy.Error`, with the sentences of the command line. Errors of the
 operating system, such as a full disk, are OSError as usual. Names and columns end in their units.
@@ -28,7 +30,7 @@ recorded   open and browse, and the class of recorded runs
 comparing  diff and compare
 repeating  replay and recompute
 plots      the plots of a run and of a comparison
-sweeping   sweep
+sweeping   sweep, bisect and risk
 """
 
 from .home import import_own_packages
@@ -39,17 +41,22 @@ from scenarios.api.comparing import ComparedRuns, Diff, compare, diff  # noqa: E
 from scenarios.api.recorded import Run, browse, open  # noqa: A004, E402
 from scenarios.api.repeating import recompute, replay  # noqa: E402
 from scenarios.api.running import check, run  # noqa: E402
-from scenarios.api.sweeping import Sweep, sweep  # noqa: E402
+from scenarios.api.sweeping import Sweep, bisect, risk, sweep  # noqa: E402
 from scenarios.results.recorded.data_table import DataTable  # noqa: E402
+from scenarios.studies.many.boundary.boundary_search import BoundaryResult  # noqa: E402
+from scenarios.studies.many.risk import Risk  # noqa: E402
 from transport.texts import ConvoyError as Error  # noqa: E402
 
 __all__ = [
+    "BoundaryResult",
     "ComparedRuns",
     "DataTable",
     "Diff",
     "Error",
+    "Risk",
     "Run",
     "Sweep",
+    "bisect",
     "browse",
     "check",
     "compare",
@@ -57,6 +64,7 @@ __all__ = [
     "open",
     "recompute",
     "replay",
+    "risk",
     "run",
     "sweep",
 ]

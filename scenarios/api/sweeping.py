@@ -1,4 +1,4 @@
-"""Run a scenario over values and seeds."""
+"""Run a scenario over values and seeds: sweeps, boundaries and risks."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -9,10 +9,15 @@ from scenarios.api.running import Settings, overrides_of
 from scenarios.definition.errors import ScenarioError, require
 from scenarios.definition.overrides import value_text
 from scenarios.results.recorded.data_table import DataTable
-from scenarios.studies.engine.workers import open_workers
+from scenarios.studies.engine.workers import OpenWorkers, open_workers
+from scenarios.studies.many.boundary.boundary_files import run_bisect
+from scenarios.studies.many.boundary.boundary_search import BoundaryQuery, BoundaryResult
+from scenarios.studies.many.limit_history import Measure
+from scenarios.studies.many.risk import Method, Risk, RiskQuery, run_risk
 from scenarios.studies.many.sweeps.cell_table import SweepTable, typed_rows
 from scenarios.studies.many.sweeps.plan import planned
 from scenarios.studies.many.sweeps.sweep import run_sweep
+from scenarios.studies.many.variant import limited_variant
 
 
 class Sweep:
@@ -72,8 +77,6 @@ def sweep(
     """
     if pictures:
         require("pictures=True", "studies", "matplotlib")
-    if scheduler:
-        require("scheduler", "dask", "distributed")
     plan = planned(
         str(scenario),
         vary=[f"{key}={_values(key, values)}" for key, values in (vary or {}).items()],
@@ -85,11 +88,137 @@ def sweep(
     table, files = run_sweep(
         plan,
         None if out is None else Path(out),
-        partial(open_workers, workers, scheduler),
-        report or (lambda _: None),
+        _workers(workers, scheduler),
+        report or _no_report,
         picture_format="png" if pictures else None,
     )
     return Sweep(table, files)
+
+
+def bisect(
+    scenario: str | Path,
+    key: str,
+    limit: str = "lane",
+    *,
+    range: tuple[float, float] = (0.0, 1.0),  # noqa: A002 - as on the command line
+    share: float = 0.5,
+    precision: float | None = None,
+    runs: int = 1000,
+    set: Settings | None = None,  # noqa: A002 - as on the command line
+    out: str | Path | None = None,
+    pictures: bool = False,
+    workers: int | None = None,
+    scheduler: str = "",
+    report: Callable[[str], None] | None = None,
+) -> BoundaryResult:
+    """Find the value at which runs break a limit, like `convoy bisect`.
+
+    The result has `boundary` with the 95 % interval `low` to `high`, or the `finding` that there is
+    none in the range.
+
+    Args:
+        scenario: A shipped name, a TOML file, or a recorded drive.
+        key: A setting with a number, such as "links.loss_ratio".
+        limit: The limit to test, such as "lane" or "v4.error_m=0.5".
+        range: Smallest and largest value.
+        share: Share of runs that break the limit at the boundary.
+        precision: Stop at this half-width of the interval; by default a fiftieth of the range.
+        runs: Maximum number of runs.
+        set: Settings of all runs, by key.
+        out: Folder for bisect.json; an interrupted search resumes there. By default no files are
+            written.
+        pictures: Draw the plot into `out`; needs Matplotlib.
+        workers: Number of worker processes, by default one per core; 0 simulates in this process.
+        scheduler: Address of a dask scheduler whose workers simulate.
+        report: Called with a line of progress every few seconds, such as `print`.
+
+    Raises:
+        Error: The scenario, the key, the limit or a number is refused.
+
+    """
+    if pictures:
+        require("pictures=True", "studies", "matplotlib")
+    variant, parsed = limited_variant(str(scenario), overrides_of(set), limit)
+    query = BoundaryQuery(
+        variant=variant,
+        key=key,
+        limit=parsed,
+        low=range[0],
+        high=range[1],
+        precision=precision,
+        share=share,
+        max_runs=runs,
+    )
+    result, _ = run_bisect(
+        query,
+        None if out is None else Path(out),
+        _workers(workers, scheduler),
+        report or _no_report,
+        picture_format="png" if pictures else None,
+    )
+    return result
+
+
+def risk(
+    scenario: str | Path,
+    limit: str = "lane",
+    *,
+    method: Method = "auto",
+    measure: Measure = "limit",
+    precision: float = 0.5,
+    runs: int = 2000,
+    paths: int = 50,
+    set: Settings | None = None,  # noqa: A002 - as on the command line
+    out: str | Path | None = None,
+    workers: int | None = None,
+    scheduler: str = "",
+    report: Callable[[str], None] | None = None,
+) -> Risk:
+    """Estimate the probability that a run breaks a limit, like `convoy risk`. Needs SciPy.
+
+    The result has the `probability` with its 95 % interval `low` to `high`.
+
+    Args:
+        scenario: A shipped name, a TOML file, or a recorded drive.
+        limit: The limit to test, such as "lane" or "v4.error_m=0.5".
+        method: "counting", "splitting" for rare events, or "auto".
+        measure: How splitting finds the runs nearest to the limit: "limit" or "silence".
+        precision: Stop at this relative half-width of the interval.
+        runs: Maximum number of runs.
+        paths: Number of runs that splitting compares at a time.
+        set: Settings of all runs, by key.
+        out: Folder for risk.json. By default no file is written.
+        workers: Number of worker processes, by default one per core; 0 simulates in this process.
+        scheduler: Address of a dask scheduler whose workers simulate.
+        report: Called with a line of progress every few seconds, such as `print`.
+
+    Raises:
+        Error: The scenario, the limit or a number is refused.
+
+    """
+    require("risk", "studies", "scipy")
+    variant, parsed = limited_variant(str(scenario), overrides_of(set), limit)
+    query = RiskQuery(
+        variant=variant,
+        limit=parsed,
+        method=method,
+        measure=measure,
+        precision=precision,
+        max_runs=runs,
+        paths=paths,
+    )
+    folder = None if out is None else Path(out)
+    return run_risk(query, folder, _workers(workers, scheduler), report or _no_report)
+
+
+def _no_report(_line: str) -> None:
+    pass
+
+
+def _workers(workers: int | None, scheduler: str) -> OpenWorkers:
+    if scheduler:
+        require("scheduler", "dask", "distributed")
+    return partial(open_workers, workers, scheduler)
 
 
 def _values(key: str, values: str | Sequence[Any]) -> str:

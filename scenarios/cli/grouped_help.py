@@ -29,6 +29,8 @@ SECTIONS: Mapping[str, Sequence[str]] = {
 }  # fmt: skip
 RENAMED_OPTIONS: Mapping[tuple[str, str], str] = {
     ("bisect", "--to"): "--precision",
+    ("bisect", "--seeds"): "--runs",
+    ("bisect", "--any"): "--share",
     ("risk", "--to"): "--precision",
     ("worst", "--write"): "--output",
     ("channel show", "--out"): "--output",

@@ -15,12 +15,7 @@ from scenarios.cli.common_options import (
 )
 from scenarios.cli.error_lines import clear_errors
 from scenarios.cli.guide import completion
-from scenarios.cli.many.study_options import (
-    engine_options,
-    limit_option,
-    selected_workers,
-    valid_variant,
-)
+from scenarios.cli.many.study_options import engine_options, limit_option, selected_workers
 from scenarios.definition.errors import require
 
 if TYPE_CHECKING:
@@ -28,16 +23,23 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from scenarios.studies.many.boundary.boundary_search import BoundaryQuery, BoundaryResult
-    from scenarios.studies.many.boundary.curve import SharePoint
+    from scenarios.studies.many.boundary.boundary_search import (
+        BoundaryQuery,
+        BoundaryResult,
+        SharePoint,
+    )
 
 
 @click.command(
     epilog="""\b
 Examples:
-  convoy bisect lossy_lane_change links.loss_ratio --limit error_m=0.3 --range 0:0.9 --any
   convoy bisect lossy_lane_change links.loss_ratio --set control.degradation.reaction=extrapolate
+  convoy bisect lossy_lane_change links.loss_ratio --limit v4.error_m=0.5 --range 0.2:0.7
   convoy bisect lane_change convoy.gap_m --range 1:25 --precision 0.5 --set links.loss_ratio=0.8
+
+\b
+Each run has its own seed. `convoy reference intervals` describes the curve that
+is fitted, and how often its intervals contain a known boundary.
 """
 )
 @click.argument("scenario", shell_complete=completion.scenarios)
@@ -45,16 +47,13 @@ Examples:
 @limit_option
 @click.option("--range", "span", default="0:1", show_default=True, metavar="LOW:HIGH",
               help="Interval of values to search.")  # fmt: skip
-@click.option("--precision", type=FiniteRange(0.0, min_open=True), default=0.01,
-              show_default=True, metavar="NUMBER",
-              help="Stop at this half-width of the bracket, in the unit of KEY.")  # fmt: skip
-@click.option("--seeds", type=click.IntRange(2, 10_000), default=20, show_default=True,
-              metavar="N",
-              help="Simulate each value with the seeds 1 to N.")  # fmt: skip
 @click.option("--share", type=Ratio(), default=0.5, show_default=True, metavar="RATIO",
               help="Share of runs that break the limit at the boundary, 0 to 1.")  # fmt: skip
-@click.option("--any", "any_seed", is_flag=True,
-              help="Find the smallest value at which any run breaks the limit.")  # fmt: skip
+@click.option("--precision", type=FiniteRange(0.0, min_open=True), metavar="NUMBER",
+              help="Stop at this half-width of the 95 % interval, in the unit of KEY. "
+              "Default: a fiftieth of the range.")  # fmt: skip
+@click.option("--runs", type=click.IntRange(min=1), default=1000, show_default=True,
+              metavar="N", help="Maximum number of runs.")  # fmt: skip
 @override_options
 @engine_options
 @folder_option("boundary", "Folder for the plot and bisect.json.")
@@ -65,10 +64,9 @@ def bisect(
     key: str,
     limit_text: str,
     span: str,
-    precision: float,
-    seeds: int,
+    precision: float | None,
+    runs: int,
     share: float,
-    any_seed: bool,
     overrides: tuple[str, ...],
     workers: int | None,
     scheduler: str,
@@ -77,42 +75,39 @@ def bisect(
 ) -> None:
     """Find the value at which runs break a limit.
 
-    Simulates SCENARIO at values of KEY and brackets the value at which the share of runs that break
-    the limit reaches --share. A seed draws the same random numbers at every value.
+    Simulates SCENARIO at values of KEY and estimates the value at which the share of runs that
+    break the limit reaches --share, with a 95 % interval. The exit code is 1 if there is no such
+    value in the range.
     """
     with clear_errors():
-        require("bisect", "studies", "matplotlib", "scipy")
+        require("bisect", "studies", "matplotlib")
     from rich.console import Console
 
-    from scenarios.definition.run_limits import parsed_limit
-    from scenarios.studies.engine.engine import study_engine
-    from scenarios.studies.many.boundary.boundary_files import JSON_FILE, PICTURE, write_boundary
-    from scenarios.studies.many.boundary.boundary_search import BoundaryQuery, find_boundary
+    from scenarios.runs.stop import EXIT_DONE, EXIT_FAILED
+    from scenarios.studies.many.boundary.boundary_files import run_bisect
+    from scenarios.studies.many.boundary.boundary_search import BoundaryQuery
+    from scenarios.studies.many.variant import limited_variant
 
     with clear_errors():
         low, high = _bounds_of(span)
-        variant = valid_variant(scenario, overrides)
+        variant, limit = limited_variant(scenario, overrides, limit_text)
         query = BoundaryQuery(
             variant=variant,
             key=key,
-            limit=parsed_limit(limit_text, variant.scenario.vehicle_names),
+            limit=limit,
             low=low,
             high=high,
             precision=precision,
-            seeds=seeds,
-            share=0.0 if any_seed else share,
+            share=share,
+            max_runs=runs,
         )
-        with study_engine(
-            selected_workers(workers, scheduler),
-            click.echo,
-            out=out,
-            files=(f"{PICTURE}.{picture_format}", JSON_FILE),
-            identity=query.identity(),
-        ) as engine:
-            result = find_boundary(query, engine)
-            written = write_boundary(query, result, out, picture_format)
+        open_workers = selected_workers(workers, scheduler)
+        result, written = run_bisect(
+            query, out, open_workers, click.echo, picture_format=picture_format
+        )
         print_answer(query, result, Console())
         click.echo(f"written: {', '.join(map(str, written))}")
+    raise SystemExit(EXIT_DONE if result.finding == "found" else EXIT_FAILED)
 
 
 def _bounds_of(span: str) -> tuple[float, float]:
@@ -126,48 +121,56 @@ def _bounds_of(span: str) -> tuple[float, float]:
         raise ScenarioError([wrong]) from None
 
 
+def _interval(point: "SharePoint") -> str:
+    from scenarios.studies.many.statistics import agresti_coull
+
+    low, high = agresti_coull(point.broken, point.runs)
+    return f"{100.0 * low:.0f} to {100.0 * high:.0f}"
+
+
+def _values(point: "SharePoint") -> str:
+    return f"{point.low:g}" + (f" to {point.high:g}" if point.high > point.low else "")
+
+
 COLUMNS: "Sequence[Column[SharePoint]]" = (
     Column("runs", lambda point: point.runs),
     Column("broken", lambda point: point.broken),
     Column("share\n%", lambda point: point.share, ".0f", 100.0),
-    Column("interval\n%", lambda point: f"{100.0 * point.low:.0f} to {100.0 * point.high:.0f}"),
+    Column("95 %\ninterval", _interval),
+    Column("curve\n%", lambda point: point.fitted, ".0f", 100.0),
 )
 
 
 def print_answer(query: "BoundaryQuery", result: "BoundaryResult", console: "Console") -> None:
-    ends = {result.low, result.high}
-    columns = (Column(query.key, lambda point: point.value, "g"), *COLUMNS)
-    table = table_of(columns, result.points, lambda point: "bold" if point.value in ends else None)
-    print_whole(table, console)
+    from scenarios.studies.many.boundary.boundary_search import grouped
+
+    columns = (Column(query.key, _values, left=True), *COLUMNS)
+    print_whole(table_of(columns, grouped(result.points)), console)
     for line in answer_lines(query, result):
         console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
 
 
 def answer_lines(query: "BoundaryQuery", result: "BoundaryResult") -> list[str]:
-    half = 0.5 * (result.high - result.low)
-    share = f"at least {100.0 * query.share:g} % of the runs" if query.share else "some runs"
-    low, high = (
-        next(point.share for point in result.points if point.value == value)
-        for value in (result.low, result.high)
-    )
-    lines = [
-        f"{query.key} = {result.boundary:g} ± {half:.2g}: {'above' if low < high else 'below'}, "
-        f"{share} break {query.limit} ({query.seeds} seeds, {result.runs} runs)"
-    ]
-    if query.share:
-        lower, upper = (
-            "none" if bound is None else f"{bound:g}"
-            for bound in (result.confidence_low, result.confidence_high)
-        )
-        lines.append(f"95 % confidence bounds for any seeds: lower {lower}, upper {upper}")
-    if result.crossings > 1:
-        lines.append(
-            f"there are {result.crossings} such boundaries in the range; this is the lowest"
-        )
-    if result.non_monotone_seeds:
-        count = len(result.non_monotone_seeds)
-        lines.append(
-            f"{count} of {query.seeds} seeds are not monotone: they switch more than once "
-            "between broken and kept as the value grows"
-        )
-    return lines + [f"{name}: {command}" for name, command in result.commands.items()]
+    share = f"{100.0 * query.share:g} % of the runs break {query.limit}"
+    span = f"{query.low:g} to {query.high:g}"
+    lines = {
+        "held": f"{query.key}: fewer than {share}, everywhere from {span} ({result.runs} runs)",
+        "broken": f"{query.key}: at least {share}, everywhere from {span} ({result.runs} runs)",
+        "misfit": f"{query.key}: the share of broken runs does not follow one S-shaped curve from "
+        f"{span} ({result.runs} runs): narrow --range to one rise or fall of the table",
+    }
+    if result.boundary is None:
+        answer = [lines[result.finding]]
+    else:
+        low = f"below {query.low:g}" if result.low is None else f"{result.low:.4g}"
+        high = f"above {query.high:g}" if result.high is None else f"{result.high:.4g}"
+        answer = [
+            f"{query.key} = {result.boundary:.4g}, 95 % interval {low} to {high}: "
+            f"{'above' if result.rises else 'below'}, at least {share} ({result.runs} runs)"
+        ]
+        if result.half_width is None or result.half_width > query.half_width:
+            answer.append(
+                f"the interval is wider than ±{query.half_width:g} (--precision) after "
+                f"{result.runs} runs: raise --runs"
+            )
+    return answer + [f"{name}: {command}" for name, command in result.commands.items()]

@@ -13,7 +13,6 @@ from scenarios.cli.many.study_options import (
     engine_options,
     limit_option,
     selected_workers,
-    valid_variant,
 )
 from scenarios.definition.errors import require
 
@@ -81,27 +80,13 @@ def risk(
         require("risk", "studies", "scipy")
     from rich.console import Console
 
-    from scenarios.definition.run_limits import parsed_limit
-    from scenarios.studies.engine.engine import study_engine
-    from scenarios.studies.many.risk import JSON_FILE, RiskQuery, estimate_risk, write_risk
+    from scenarios.studies.many.risk import JSON_FILE, RiskQuery, run_risk
+    from scenarios.studies.many.variant import limited_variant
 
     with clear_errors():
-        variant = valid_variant(scenario, overrides)
-        query = RiskQuery(
-            variant=variant,
-            limit=parsed_limit(limit_text, variant.scenario.vehicle_names),
-            max_runs=runs,
-            **options,
-        )
-        with study_engine(
-            selected_workers(workers, scheduler),
-            click.echo,
-            out=out,
-            files=(JSON_FILE,),
-            identity=query.identity(),
-        ) as engine:
-            estimate = estimate_risk(query, engine)
-            write_risk(query, estimate, out)
+        variant, limit = limited_variant(scenario, overrides, limit_text)
+        query = RiskQuery(variant=variant, limit=limit, max_runs=runs, **options)
+        estimate = run_risk(query, out, selected_workers(workers, scheduler), click.echo)
         print_risk(query, estimate, Console())
         click.echo(f"written: {out / JSON_FILE}")
 

@@ -12,7 +12,6 @@ from scenarios.definition.schema.limit_rows import WORDS, words_with_examples
 
 if TYPE_CHECKING:
     from scenarios.studies.engine.workers import OpenWorkers
-    from scenarios.studies.many.variant import Variant
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -84,12 +83,3 @@ def selected_workers(workers: int | None, scheduler: str) -> "OpenWorkers":
     if scheduler:
         require("--scheduler", "dask", "distributed")
     return partial(open_workers, workers, scheduler)
-
-
-def valid_variant(name: str, overrides: tuple[str, ...]) -> "Variant":
-    """Return the run to vary; raises ScenarioError if it is refused."""
-    from scenarios.studies.many.variant import variant_of
-
-    variant = variant_of(name, overrides)
-    _ = variant.scenario
-    return variant

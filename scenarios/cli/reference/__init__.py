@@ -8,5 +8,5 @@ drives_page        formats, columns and keys of recorded drives
 message_pages      topics, wire, reasons, .proto
 plug_in_page       plug-ins
 plug_in_examples   examples of user-defined classes
-other_pages        fields, exit-codes
+other_pages        fields, intervals, exit-codes
 """

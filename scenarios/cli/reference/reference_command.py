@@ -18,6 +18,7 @@ PAGES: Mapping[str, str] = {
     "reasons": "reasons for which messages are not used",
     "fields": "fields of summary.json and `convoy report --json`",
     "plug-ins": "classes that a scenario selects, and the contract of your own",
+    "intervals": "methods and coverage of the intervals of studies",
     "exit-codes": "exit codes of all commands",
     ".proto": "the Protobuf schema of messages and logs",
 }
@@ -75,6 +76,7 @@ def printers() -> Mapping[str, Callable[[], None]]:
         "reasons": message_pages.reasons_page,
         "fields": other_pages.fields_page,
         "plug-ins": plug_in_page.plug_ins_page,
+        "intervals": other_pages.intervals_page,
         "exit-codes": other_pages.exit_codes_page,
         ".proto": message_pages.proto_page,
     }

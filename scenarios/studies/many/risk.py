@@ -1,6 +1,6 @@
 """Probability that a run breaks a limit, by counting runs or by splitting."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -8,9 +8,10 @@ from typing import Any, Literal
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.run_limits import Limit
-from scenarios.studies.engine.engine import Engine
+from scenarios.studies.engine.engine import Engine, study_engine
 from scenarios.studies.engine.job import Job
 from scenarios.studies.engine.results import write_files
+from scenarios.studies.engine.workers import OpenWorkers
 from scenarios.studies.many.limit_history import Measure
 from scenarios.studies.many.splitting import RiskEstimate, Splitting, run_repetition
 from scenarios.studies.many.statistics import clopper_pearson, mean_of
@@ -77,6 +78,22 @@ class Risk:
     def relative_half_width(self) -> float:
         """Half the width of the interval over the estimate; inf if the estimate is 0."""
         return 0.5 * (self.high - self.low) / self.probability if self.probability else float("inf")
+
+
+def run_risk(
+    query: RiskQuery, out: Path | None, open_workers: OpenWorkers, report: Callable[[str], None]
+) -> Risk:
+    """Estimate a probability; an interrupted estimation resumes in the folder `out`.
+
+    Without a folder, nothing is written. Raises ScenarioError for too few runs.
+    """
+    with study_engine(
+        open_workers, report, out=out, files=(JSON_FILE,), identity=query.identity()
+    ) as engine:
+        risk = estimate_risk(query, engine)
+        if out is not None:
+            write_files(out, {JSON_FILE: machine_readable(query, risk)})
+        return risk
 
 
 def estimate_risk(query: RiskQuery, engine: Engine) -> Risk:
@@ -194,9 +211,9 @@ def command_of(query: RiskQuery, risk: Risk) -> str:
     return replace(query.variant, seed=risk.broken[0]).command
 
 
-def write_risk(query: RiskQuery, risk: Risk, out: Path) -> list[Path]:
+def machine_readable(query: RiskQuery, risk: Risk) -> dict[str, Any]:
     figures = asdict(risk) | {"broken": len(risk.broken), "broken_seeds": list(risk.broken)}
-    whole = {
+    return {
         "schema": SCHEMA,
         "scenario": query.variant.name,
         "overrides": list(query.variant.overrides),
@@ -206,4 +223,3 @@ def write_risk(query: RiskQuery, risk: Risk, out: Path) -> list[Path]:
         "command": command_of(query, risk) or None,
         **figures,
     }
-    return write_files(out, {JSON_FILE: whole})

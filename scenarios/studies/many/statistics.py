@@ -5,21 +5,25 @@ from dataclasses import dataclass
 from math import sqrt
 from statistics import fmean, stdev
 
-from scenarios.results.channel.estimates import CONFIDENCE, share
+from scenarios.results.channel.estimates import CONFIDENCE, quantile_of_normal
 
 
-def wilson(successes: int, count: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Wilson score interval of the share `successes` of `count`.
+def agresti_coull(
+    successes: int, count: int, confidence: float = CONFIDENCE
+) -> tuple[float, float]:
+    """Agresti-Coull interval of the share `successes` of `count`; needs no SciPy.
 
-    Its coverage is approximate, also near 0 and 1. (0, 1) if both counts are 0. Raises ValueError
-    for impossible counts. Wilson, Journal of the American Statistical Association 22, 1927.
+    It has the centre of Wilson's interval and contains it: Wilson's covers a share near 0 in 84 %
+    of the cases, this one any share in at least 92 % from 10 runs on. (0, 1) without any run.
+    Raises ValueError for impossible counts. Agresti and Coull, The American Statistician 52, 1998.
     """
-    if count or successes:
-        _check(successes, count)
-    interval = share(successes, count, confidence)
-    # Exact ends in spite of rounding.
-    low = 0.0 if successes == 0 else interval.low
-    return low, 1.0 if successes == count else interval.high
+    if not count and not successes:
+        return 0.0, 1.0
+    _check(successes, count)
+    z = quantile_of_normal(confidence)
+    centre = (successes + 0.5 * z * z) / (count + z * z)
+    half = z * sqrt(centre * (1.0 - centre) / (count + z * z))
+    return max(0.0, centre - half), min(1.0, centre + half)
 
 
 def clopper_pearson(

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from scenarios.definition.run_limits import Limit
+from scenarios.definition.run_limits import Limit, parsed_limit
 from scenarios.definition.scenario import Scenario, scenario_from_text, scenario_text
 from scenarios.results.summary import RunSummary
 from scenarios.results.versions import current_stamp, plug_in_digests
@@ -53,6 +53,12 @@ def variant_of(name: str, overrides: Sequence[str] = (), seed: int = 1) -> Varia
     """Read a scenario with the files that it names; raises ScenarioError."""
     text, read_with = scenario_text(name, overrides)
     return Variant(text=text, name=name, overrides=tuple(overrides), seed=seed, read_with=read_with)
+
+
+def limited_variant(name: str, overrides: Sequence[str], limit: str) -> tuple[Variant, Limit]:
+    """Read a scenario and a limit of its convoy, such as "v4.error_m=0.5"; raises ScenarioError."""
+    variant = variant_of(name, overrides)
+    return variant, parsed_limit(limit, variant.scenario.vehicle_names)
 
 
 def identity_of(

@@ -90,8 +90,8 @@ COMMANDS = {
         slow=True,
     ),
     "bisect": Command(
-        "bisect lane_change convoy.gap_m --range 3:10 --precision 1.7 --seeds 2 "
-        f"--limit error_m=0.001 {HERE} --out out",
+        "bisect lane_change convoy.gap_m --range 3:10 --precision 1.7 --runs 40 "
+        f"--limit gap_m=6 {HERE} --out out",
         "bisect.json",
         slow=True,
     ),

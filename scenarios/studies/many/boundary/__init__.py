@@ -1,6 +1,7 @@
-"""`convoy bisect`: the value of a key from which on runs break a limit.
+"""`convoy bisect`: the value of a key from which on a share of the runs breaks a limit.
 
-curve            share of broken runs over the value, and bisection of it
-boundary_search  the query, its jobs and the result
-boundary_files   JSON and the plot of the share over the value
+curve             an S-shaped curve of shares over the value, with the posterior of its boundary
+boundary_search   the query, its runs and the result
+boundary_picture  the plot of the shares over the value
+boundary_files    the search with its files
 """

@@ -1,35 +1,50 @@
-"""`convoy bisect`: the query, its jobs, and the result."""
+"""`convoy bisect`: the query, its runs, and the result."""
 
 import tomllib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
-from math import ceil, isfinite
-from typing import Any
+from math import ceil, floor, isfinite, log, log10
+from typing import Any, Literal
+
+import numpy as np
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.run_limits import Limit
+from scenarios.results.channel.estimates import CONFIDENCE
 from scenarios.studies.engine.engine import Engine
 from scenarios.studies.engine.job import Job
-from scenarios.studies.many.boundary.curve import (
-    Bracket,
-    NoBoundaryError,
-    Sample,
-    ShareCurve,
-    SharePoint,
-    bracket,
-)
+from scenarios.studies.many.boundary.curve import RunCounts, ShareCurve, fit_curve
 from scenarios.studies.many.variant import Variant, identity_of
 
 MAX_VALUES = 100_000
+FIRST_VALUES, FIRST_RUNS = 9, 2
+"""Evenly spaced values that are simulated first, and runs at each of them."""
+LEAST_BATCH, GROWTH = 16, 0.25
+"""Runs of a later batch: at least 16, and a quarter of those before."""
+QUANTILES = (0.025, 0.2, 0.5, 0.8, 0.975)
+"""Quantiles of the boundary at which a batch is simulated."""
+EVENTS = 20
+"""Expected number of broken, and of kept, runs among as many as are simulated at least."""
+NARROWEST = 0.005
+"""Smallest width of the fitted curve, relative to the precision."""
+GROUPS = 8
+"""Rows of the table."""
+CERTAIN = 0.99
+"""Probability from which the limit counts as held, or as broken, everywhere in the range."""
+MISFIT = 38.0
+"""Deviance of the grouped counts from the curve that occurs once in 100 000 searches (chi²)."""
+
+Finding = Literal["found", "held", "broken", "misfit"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoundaryQuery:
     """Search for the value of `key` from which on a `share` of the runs breaks `limit`.
 
-    The search covers `low` to `high` with the half-width `precision`. Each value is simulated with
-    the seeds 1 to `seeds`. `variant` is the run without key and seed.
+    The search covers `low` to `high`. It ends when half the width of the 95 % interval is at most
+    `precision` (by default a fiftieth of the range), or after `max_runs` runs. Run number n has the
+    seed n. `variant` is the run without key and seed.
     """
 
     variant: Variant
@@ -37,16 +52,24 @@ class BoundaryQuery:
     limit: Limit
     low: float = 0.0
     high: float = 1.0
-    precision: float = 0.01
-    seeds: int = 20
+    precision: float | None = None
     share: float = 0.5
+    max_runs: int = 1000
 
     @property
-    def values(self) -> list[float]:
-        """Possible values, evenly spaced by at most twice `precision`."""
-        parts = ceil((self.high - self.low) / (2.0 * self.precision) - 1e-9)
-        step = (self.high - self.low) / parts
-        return [float(f"{self.low + step * number:.12g}") for number in range(parts + 1)]
+    def half_width(self) -> float:
+        return (self.high - self.low) / 50.0 if self.precision is None else self.precision
+
+    @property
+    def least_runs(self) -> int:
+        """Runs among which `EVENTS` are expected to break the limit, and to keep it."""
+        return ceil(EVENTS / min(self.share, 1.0 - self.share) - 1e-9)
+
+    def rounded(self, value: float) -> float:
+        """Round a value to a digit that is fine for the precision, within the range."""
+        step = 10.0 ** floor(log10(self.half_width / 5.0))
+        inside = min(max(round(value / step) * step, self.low), self.high)
+        return float(f"{inside:.12g}")
 
     def at(self, value: float, seed: int) -> Variant:
         overrides = (*self.variant.overrides, f"{self.key}={value:.12g}")
@@ -54,26 +77,32 @@ class BoundaryQuery:
 
     def identity(self) -> dict[str, Any]:
         """Everything that the result depends on, named as on the command line."""
-        span = [self.low, self.high]
-        options = {
-            "key": self.key,
-            "limit": str(self.limit),
-            "range": span,
-            "precision": self.precision,
-        }
-        return identity_of(self.variant, **options, seeds=self.seeds, share=self.share)
+        return identity_of(
+            self.variant,
+            key=self.key,
+            limit=str(self.limit),
+            range=[self.low, self.high],
+            precision=self.half_width,
+            share=self.share,
+            runs=self.max_runs,
+        )
 
     def check(self) -> None:
-        """Raise ScenarioError for an invalid range, precision, key or end value."""
+        """Raise ScenarioError for an invalid range, precision, share, key or end value."""
         if not (isfinite(self.low) and isfinite(self.high) and self.low < self.high):
             wrong = (
                 f"--range: given {self.low:g}:{self.high:g}, allowed LOW:HIGH with LOW below HIGH"
             )
             raise ScenarioError([wrong])
         width = self.high - self.low
-        if not width / MAX_VALUES <= self.precision <= 0.25 * width:
+        if not width / MAX_VALUES <= self.half_width <= 0.25 * width:
             allowed = f"allowed up to a quarter of the range, {0.25 * width:g}"
-            raise ScenarioError([f"--precision: given {self.precision:g}, {allowed}"])
+            raise ScenarioError([f"--precision: given {self.half_width:g}, {allowed}"])
+        if not 0.001 <= self.share <= 0.999:
+            raise ScenarioError([f"--share: given {self.share:g}, allowed 0.001 to 0.999"])
+        if self.max_runs < self.least_runs:
+            allowed = f"allowed at least {self.least_runs} for a share of {self.share:g}"
+            raise ScenarioError([f"--runs: given {self.max_runs}, {allowed}"])
         now = _value_at(self.variant.scenario.text, self.key)
         if self.key == "seed" or isinstance(now, bool | str | list | dict):
             raise ScenarioError([f"{self.key}: given {now!r}, allowed a key with a number"])
@@ -86,85 +115,194 @@ class BoundaryQuery:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BoundaryResult:
-    """The share of runs that break the limit reaches `share` between `low` and `high`.
+class SharePoint:
+    """Runs at the values `low` to `high`, and the share of broken runs of the fitted curve."""
 
-    `confidence_low` and `confidence_high` bound the boundary with 95 % confidence; None without
-    a bound. `points` are all simulated values. `non_monotone_seeds` switch more than once between
-    broken and kept as the value grows. `commands` repeat a run on either side of the boundary.
-    """
-
-    boundary: float
     low: float
     high: float
-    confidence_low: float | None
-    confidence_high: float | None
-    crossings: int
-    points: tuple[SharePoint, ...]
-    non_monotone_seeds: tuple[int, ...]
     runs: int
+    broken: int
+    fitted: float
+
+    @property
+    def share(self) -> float:
+        return self.broken / self.runs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoundaryResult:
+    """The share of runs that break the limit reaches the requested share at `boundary`.
+
+    `low` and `high` are the ends of its 95 % interval, None beyond the range. The curve `rises` or
+    falls. If the limit is `held` or `broken` everywhere in the range, or if the counts do not
+    follow an S-shaped curve (`misfit`), all of these are None. `points` are all simulated values.
+    `commands` repeat the nearest runs that broke and that kept the limit.
+    """
+
+    finding: Finding
+    boundary: float | None
+    low: float | None
+    high: float | None
+    rises: bool | None
+    runs: int
+    points: tuple[SharePoint, ...]
     commands: Mapping[str, str]
+
+    @property
+    def half_width(self) -> float | None:
+        """Half the width of the interval; None without one of its ends."""
+        if self.low is None or self.high is None:
+            return None
+        return 0.5 * (self.high - self.low)
+
+
+@dataclass(slots=True)
+class _SearchRuns:
+    """Outcomes of all runs: whether the limit was broken, by value and seed."""
+
+    query: BoundaryQuery
+    engine: Engine
+    broke: dict[float, dict[int, bool]] = field(default_factory=dict)
+    count: int = 0
+
+    def run(self, values: Iterable[float]) -> None:
+        """Simulate a run at each value, with the next seeds."""
+        jobs, places = list[Job](), list[tuple[float, int]]()
+        for value in sorted(map(self.query.rounded, values)):
+            self.count += 1
+            variant = self.query.at(value, self.count)
+            key, work = f"{value:.12g}/{self.count}", partial(variant.breaks, self.query.limit)
+            jobs.append(Job(key=key, work=work, command=variant.command))
+            places.append((value, self.count))
+        for (value, seed), broke in zip(places, self.engine.results(jobs), strict=True):
+            self.broke.setdefault(value, {})[seed] = broke
+
+    def fitted(self) -> ShareCurve:
+        query, values = self.query, sorted(self.broke)
+        counts = RunCounts(
+            np.array(values),
+            np.array([len(self.broke[value]) for value in values], dtype=float),
+            np.array([sum(self.broke[value].values()) for value in values], dtype=float),
+        )
+        span = query.low, query.high
+        return fit_curve(counts, query.share, span, NARROWEST * query.half_width)
+
+    def points(self, curve: ShareCurve) -> tuple[SharePoint, ...]:
+        values = sorted(self.broke)
+        return tuple(
+            SharePoint(
+                low=value,
+                high=value,
+                runs=len(self.broke[value]),
+                broken=sum(self.broke[value].values()),
+                fitted=float(f"{fitted:.6g}"),
+            )
+            for value, fitted in zip(values, curve.shares_at(values), strict=True)
+        )
 
 
 def find_boundary(query: BoundaryQuery, engine: Engine) -> BoundaryResult:
-    """Run the search; raises ScenarioError if the query is invalid or there is no boundary."""
-    query.check()
-    curve = ShareCurve(query.values, query.share, query.seeds, partial(_run_samples, query, engine))
-    try:
-        bracketed = bracket(curve)
-    except NoBoundaryError:
-        raise ScenarioError([_no_boundary(query, curve)]) from None
-    return _result(query, curve, bracketed)
+    """Run the search; the query must be valid."""
+    runs = _SearchRuns(query, engine)
+    runs.run(np.repeat(np.linspace(query.low, query.high, FIRST_VALUES), FIRST_RUNS).tolist())
+    while True:
+        curve = runs.fitted()
+        finding = _finding(query, curve, runs)
+        if finding is not None:
+            return _result(query, curve, runs, finding)
+        low, middle, high = (curve.quantile(one) for one in (0.025, 0.5, 0.975))
+        engine.progress.stage = (
+            f"{query.key} {query.rounded(middle):g} "
+            f"({query.rounded(low):g} to {query.rounded(high):g})"
+        )
+        batch = min(max(LEAST_BATCH, int(GROWTH * runs.count)), query.max_runs - runs.count)
+        places = [curve.quantile(one) for one in QUANTILES]
+        runs.run(places[number % len(places)] for number in range(batch))
 
 
-def _run_samples(
-    query: BoundaryQuery, engine: Engine, samples: Sequence[Sample]
-) -> dict[Sample, bool]:
-    values, jobs = query.values, list[Job]()
-    for number, seed in samples:
-        variant = query.at(values[number], seed)
-        key, work = f"{values[number]:.12g}/{seed}", partial(variant.breaks, query.limit)
-        jobs.append(Job(key=key, work=work, command=variant.command))
-    outcomes = dict(zip(samples, engine.results(jobs), strict=True))
-    for number in sorted({number for number, _ in samples}):
-        broken = [broke for (at, _), broke in outcomes.items() if at == number]
-        of_value = f"{query.key}={values[number]:g}"
-        counts = f"{sum(broken)} of {len(broken)} runs break the limit"
-        engine.progress.note(f"{engine.progress.done:3d} runs  {of_value}: {counts}")
-    return outcomes
+def _finding(query: BoundaryQuery, curve: ShareCurve, runs: _SearchRuns) -> Finding | None:
+    """Return why the search ends, or None."""
+    if curve.held > CERTAIN:
+        return "held"
+    if curve.broken > CERTAIN:
+        return "broken"
+    if deviance(runs.points(curve)) > MISFIT:
+        return "misfit"
+    tail = 0.5 - 0.5 * CONFIDENCE
+    width = curve.quantile(1.0 - tail) - curve.quantile(tail)
+    is_precise = width <= 2.0 * query.half_width and runs.count >= query.least_runs
+    return "found" if is_precise or runs.count >= query.max_runs else None
 
 
-def _result(query: BoundaryQuery, curve: ShareCurve, bracketed: Bracket) -> BoundaryResult:
-    values = curve.values
-    low, high = values[bracketed.low], values[bracketed.high]
-    commands = {}
-    for end, number in (("low", bracketed.low), ("high", bracketed.high)):
-        broken = curve.broken_seeds(number)
-        seed = broken[0] if broken else 1
-        verdict = "breaks" if broken else "keeps"
-        commands[f"{end} end, {verdict} {query.limit}"] = query.at(values[number], seed).command
+def _result(
+    query: BoundaryQuery, curve: ShareCurve, runs: _SearchRuns, finding: Finding
+) -> BoundaryResult:
+    is_found = finding == "found"
+    tail = 0.5 - 0.5 * CONFIDENCE
+    low, middle, high = (_digits(curve.quantile(one)) for one in (tail, 0.5, 1.0 - tail))
     return BoundaryResult(
-        boundary=float(f"{0.5 * (low + high):.12g}"),
-        low=low,
-        high=high,
-        confidence_low=bracketed.confident[0] if isfinite(bracketed.confident[0]) else None,
-        confidence_high=bracketed.confident[1] if isfinite(bracketed.confident[1]) else None,
-        crossings=len(list(curve.changes())),
-        points=tuple(curve.point(number) for number in curve.evaluated),
-        non_monotone_seeds=tuple(curve.non_monotone_seeds()),
-        runs=curve.runs,
-        commands=commands,
+        finding=finding,
+        boundary=min(max(middle, query.low), query.high) if is_found else None,
+        low=low if is_found and low >= query.low else None,
+        high=high if is_found and high <= query.high else None,
+        rises=curve.rises if is_found else None,
+        runs=runs.count,
+        points=runs.points(curve),
+        commands=_commands(query, middle, runs),
     )
 
 
-def _no_boundary(query: BoundaryQuery, curve: ShareCurve) -> str:
-    points = [curve.point(number) for number in curve.evaluated]
-    counts = ", ".join(f"{point.broken} of {point.runs} at {point.value:g}" for point in points)
-    side = "broken" if curve.reaches_share(0) else "kept"
-    return (
-        f"{query.key}: {query.limit} is {side} at both ends of --range "
-        f"{query.low:g}:{query.high:g} and between, so there is no boundary; {counts} break it"
+def _digits(value: float) -> float:
+    return float(f"{value:.6g}")
+
+
+def _commands(query: BoundaryQuery, boundary: float, runs: _SearchRuns) -> dict[str, str]:
+    """Commands of the runs nearest to the boundary that broke and that kept the limit."""
+    commands = {}
+    nearest = sorted(runs.broke, key=lambda value: abs(value - boundary))
+    for verdict, wanted in (("breaks", True), ("keeps", False)):
+        for value in nearest:
+            seed = next((one for one, broke in runs.broke[value].items() if broke == wanted), None)
+            if seed is not None:
+                commands[f"{verdict} {query.limit} at {value:g}"] = query.at(value, seed).command
+                break
+    return commands
+
+
+def grouped(points: Sequence[SharePoint], groups: int = GROUPS) -> list[SharePoint]:
+    """Join neighbouring values into groups of about equal numbers of runs."""
+    least = ceil(sum(point.runs for point in points) / groups)
+    joined, waiting = list[SharePoint](), list[SharePoint]()
+    for point in points:
+        waiting.append(point)
+        if sum(one.runs for one in waiting) >= least or point is points[-1]:
+            joined.append(_joined(waiting))
+            waiting.clear()
+    return joined
+
+
+def _joined(points: Sequence[SharePoint]) -> SharePoint:
+    runs = sum(point.runs for point in points)
+    return SharePoint(
+        low=points[0].low,
+        high=points[-1].high,
+        runs=runs,
+        broken=sum(point.broken for point in points),
+        fitted=sum(point.runs * point.fitted for point in points) / runs,
     )
+
+
+def deviance(points: Sequence[SharePoint]) -> float:
+    """Deviance (G²) of the grouped counts from the curve."""
+    total = 0.0
+    for group in grouped(points):
+        for count, fitted in (
+            (group.broken, group.fitted),
+            (group.runs - group.broken, 1.0 - group.fitted),
+        ):
+            if count:
+                total += 2.0 * count * log(count / (group.runs * max(fitted, 1e-12)))
+    return total
 
 
 def _value_at(text: str, key: str) -> object:

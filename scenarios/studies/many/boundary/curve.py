@@ -1,191 +1,183 @@
-"""Share of seeds that break a limit over the value of a key, and bisection of it.
+"""Posterior of an S-shaped curve: the share of runs that break a limit over the value of a key.
 
-The bisection uses the counts of all seeds, because single seeds need not be monotone: a follower
-that receives too little stops in its lane and then keeps the limit again.
+The share at a value x is
+
+    p(x) = G(G⁻¹(share) ± (x - boundary) / width),
+
+so that the requested share is reached at `boundary`. G is the logistic function, the complementary
+log-log function, or its mirror image. The prior is uniform in the three functions, both directions,
+the boundary (half a range beyond both ends) and the logarithm of the width. Where the requested
+share is rare, the tails of the three differ: the posterior averages over them.
+
+Kuss, Jäkel and Wichmann, Bayesian inference for psychometric functions, Journal of Vision 5, 2005.
 """
 
-from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from math import ceil, inf
+from math import exp, log, log1p
+from typing import Literal, get_args
 
-from scenarios.results.channel.estimates import CONFIDENCE
-from scenarios.studies.many.statistics import wilson
+import numpy as np
+from numpy.typing import NDArray
 
-FIRST_SEEDS = 8
-"""Seeds simulated first: if all agree, the Wilson interval excludes one half."""
-COARSE_PARTS = 4
-"""Parts of the range of the first pass; the second pass has twice as many."""
-
-Sample = tuple[int, int]
-"""Index of a value, and a seed."""
-RunSamples = Callable[[Sequence[Sample]], Mapping[Sample, bool]]
-"""Returns for each sample whether its run breaks the limit."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SharePoint:
-    """Share of runs that broke the limit at a value, with its 95 % Wilson interval."""
-
-    value: float
-    runs: int
-    broken: int
-    share: float
-    low: float
-    high: float
-
-
-class ShareCurve:
-    """Outcomes at ascending values, by index, with the same seeds 1, 2, … at each value.
-
-    A value reaches the `share` if at least that share of its seeds break the limit. A share of 0
-    needs one seed.
-    """
-
-    def __init__(
-        self, values: Sequence[float], share: float, seeds: int, run_samples: RunSamples
-    ) -> None:
-        self.values, self.share, self.seeds = values, share, range(1, seeds + 1)
-        self._run_samples = run_samples
-        self._broke: defaultdict[int, dict[int, bool]] = defaultdict(dict)
-
-    def run_seeds(self, numbers: Sequence[int], seeds: int | None = None) -> None:
-        """Simulate values with the first `seeds` seeds (default: all), each sample once."""
-        samples = [
-            (number, seed)
-            for number in numbers
-            for seed in self.seeds[:seeds]
-            if seed not in self._broke[number]
-        ]
-        if samples:
-            for (number, seed), broke in sorted(self._run_samples(samples).items()):
-                self._broke[number][seed] = broke
-
-    @property
-    def evaluated(self) -> list[int]:
-        """Indices of the simulated values, ascending."""
-        return sorted(self._broke)
-
-    @property
-    def runs(self) -> int:
-        return sum(map(len, self._broke.values()))
-
-    def point(self, number: int) -> SharePoint:
-        broke = self._broke[number]
-        runs, broken = len(broke), sum(broke.values())
-        low, high = wilson(broken, runs)
-        return SharePoint(
-            value=self.values[number],
-            runs=runs,
-            broken=broken,
-            share=broken / runs,
-            low=low,
-            high=high,
-        )
-
-    def broken_seeds(self, number: int) -> list[int]:
-        return sorted(seed for seed, broke in self._broke[number].items() if broke)
-
-    def reaches_share(self, number: int) -> bool:
-        point = self.point(number)
-        return point.broken >= max(1, ceil(self.share * point.runs - 1e-9))
-
-    def is_settled(self, number: int) -> bool:
-        """Whether more seeds are unlikely to change `reaches_share`."""
-        point = self.point(number)
-        if self.is_complete(number):
-            return True
-        if self.share == 0.0:
-            return point.broken > 0
-        return point.high < self.share or point.low > self.share
-
-    def is_complete(self, number: int) -> bool:
-        return len(self._broke[number]) == len(self.seeds)
-
-    def changes(self) -> Iterator[tuple[int, int]]:
-        """Yield neighbouring values of which only one reaches the share."""
-        for low, high in pairwise(self.evaluated):
-            if self.reaches_share(low) != self.reaches_share(high):
-                yield low, high
-
-    def non_monotone_seeds(self) -> list[int]:
-        """Seeds that switch more than once between broken and kept as the value grows."""
-        turning = []
-        for seed in self.seeds:
-            broke = [
-                self._broke[number][seed]
-                for number in self.evaluated
-                if seed in self._broke[number]
-            ]
-            if sum(before != after for before, after in pairwise(broke)) > 1:
-                turning.append(seed)
-        return turning
-
-
-class NoBoundaryError(Exception):
-    """No simulated value, or every one, reaches the share."""
+Floats = NDArray[np.float64]
+Shape = Literal["logistic", "cloglog", "loglog"]
+SHAPES: tuple[Shape, ...] = get_args(Shape)
+NODES, WIDTHS = 41, 17
+"""Nodes of the grid over the boundary and over the logarithm of the width."""
+BEYOND = 0.5
+"""Part of the range by which the prior of the boundary exceeds both ends."""
+WIDEST = 0.5
+"""Largest width, as a part of the range."""
+PASSES = 5
+"""Evaluations at most; each one confines the grid to the nodes that matter."""
+NEGLIGIBLE = 1e-4
+"""Marginal probability of a node, relative to the largest, below which the grid may end."""
+STEEPEST = 40.0
+"""Bound on the argument of exponentials."""
 
 
 @dataclass(frozen=True, slots=True)
-class Bracket:
-    """Indices of the neighbouring values between which the share is reached.
+class RunCounts:
+    """Numbers of runs and of broken runs (n) at values (n)."""
 
-    `confident` are the values between which this happens with 95 % confidence; -inf or inf without
-    such a value, or for a share of 0.
+    values: Floats
+    runs: Floats
+    broken: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class ShareModel:
+    """Shape and direction (rising 1, falling -1), with weights (m, w) of boundaries and widths."""
+
+    shape: Shape
+    direction: int
+    weights: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class ShareCurve:
+    """Posterior over `boundaries` (m) and `widths` (w), both in the unit of the values.
+
+    `held` and `broken` are the probabilities that the share is below, or above, the requested one
+    everywhere in the range.
     """
 
-    low: int
-    high: int
-    confident: tuple[float, float]
+    share: float
+    boundaries: Floats
+    widths: Floats
+    models: tuple[ShareModel, ...]
+    held: float
+    broken: float
+
+    def quantile(self, probability: float) -> float:
+        """Quantile of the boundary, interpolated between the nodes."""
+        weights = np.sum([model.weights.sum(axis=1) for model in self.models], axis=0)
+        steps = 0.5 * (weights[1:] + weights[:-1])
+        cumulative = np.concatenate(([0.0], np.cumsum(steps))) / steps.sum()
+        return float(np.interp(probability, cumulative, self.boundaries))
+
+    def shares_at(self, values: Sequence[float] | Floats) -> Floats:
+        """Mean share of broken runs at the values (n)."""
+        distance = _distance(np.asarray(values, dtype=float), self.boundaries, self.widths)
+        shares = np.zeros(len(values))
+        for model in self.models:
+            log_broken, _ = _log_shares(model.shape, model.direction, self.share, distance)
+            shares += np.tensordot(np.exp(log_broken), model.weights, 2)
+        return shares
+
+    @property
+    def rises(self) -> bool:
+        rising = sum(float(model.weights.sum()) for model in self.models if model.direction > 0)
+        return rising >= 0.5
 
 
-def bracket(curve: ShareCurve) -> Bracket:
-    """Bracket the lowest crossing between two neighbours, each simulated with all seeds.
+def fit_curve(
+    counts: RunCounts, share: float, span: tuple[float, float], narrowest: float
+) -> ShareCurve:
+    """Fit counts of runs; `span` is the range of the search.
 
-    Raises NoBoundaryError.
+    `narrowest` is the smallest width of the prior.
     """
-    last = len(curve.values) - 1
-    for parts in (COARSE_PARTS, 2 * COARSE_PARTS):
-        curve.run_seeds(sorted({last * part // parts for part in range(parts + 1)}), FIRST_SEEDS)
-        while (pair := next(curve.changes(), None)) is not None:
-            low, high = pair
-            adjacent = high - low == 1
-            undecided = [
-                number
-                for number in pair
-                if not (curve.is_complete(number) if adjacent else curve.is_settled(number))
-            ]
-            if undecided:
-                curve.run_seeds(undecided)
-            elif adjacent:
-                return Bracket(low, high, _confident_values(curve, low, high))
-            else:
-                curve.run_seeds([(low + high) // 2], FIRST_SEEDS)
-    curve.run_seeds([0, last])
-    if next(curve.changes(), None) is not None:
-        return bracket(curve)
-    raise NoBoundaryError
-
-
-def _confident_values(curve: ShareCurve, low: int, high: int) -> tuple[float, float]:
-    """Nearest simulated values on either side whose interval excludes the share.
-
-    The joint confidence of all intervals is 95 % (Bonferroni).
-    """
-    if curve.share == 0.0:
-        return -inf, inf
-    rising = curve.reaches_share(high)
-    confidence = 1.0 - (1.0 - CONFIDENCE) / len(curve.evaluated)
-
-    def excludes(number: int, *, reached: bool) -> bool:
-        point = curve.point(number)
-        lower, upper = wilson(point.broken, point.runs, confidence)
-        return lower > curve.share if reached else upper < curve.share
-
-    below = [k for k in curve.evaluated if k <= low and excludes(k, reached=not rising)]
-    above = [k for k in curve.evaluated if k >= high and excludes(k, reached=rising)]
-    return (
-        curve.values[below[-1]] if below else -inf,
-        curve.values[above[0]] if above else inf,
+    low, high = span
+    extent = high - low
+    nodes = low - BEYOND * extent, high + BEYOND * extent
+    scales = log(narrowest), log(WIDEST * extent)
+    directions: Sequence[int] = (1, -1)
+    for _ in range(PASSES):
+        boundaries = np.linspace(*nodes, NODES)
+        widths = np.exp(np.linspace(*scales, WIDTHS))
+        models = _weighted(counts, share, boundaries, widths, directions)
+        joint = np.sum([model.weights for model in models], axis=0)
+        directions = sorted({m.direction for m in models if m.weights.sum() > NEGLIGIBLE**2})
+        narrower = _support(boundaries, joint.sum(axis=1))
+        scales = _support(np.log(widths), joint.sum(axis=0))
+        if narrower[1] - narrower[0] > 0.6 * (nodes[1] - nodes[0]):
+            break
+        nodes = narrower
+    beyond = {1: boundaries > high, -1: boundaries < low}
+    before = {1: boundaries < low, -1: boundaries > high}
+    return ShareCurve(
+        share=share,
+        boundaries=boundaries,
+        widths=widths,
+        models=models,
+        held=float(sum(m.weights[beyond[m.direction]].sum() for m in models)),
+        broken=float(sum(m.weights[before[m.direction]].sum() for m in models)),
     )
+
+
+def _weighted(
+    counts: RunCounts,
+    share: float,
+    boundaries: Floats,
+    widths: Floats,
+    directions: Sequence[int],
+) -> tuple[ShareModel, ...]:
+    """Return the models with their posterior weights, which sum to 1."""
+    distance = _distance(counts.values, boundaries, widths)
+    kept = counts.runs - counts.broken
+    likelihoods: dict[tuple[Shape, int], Floats] = {}
+    for direction in directions:
+        for shape in SHAPES:
+            log_broken, log_kept = _log_shares(shape, direction, share, distance)
+            likelihoods[shape, direction] = np.tensordot(
+                counts.broken, log_broken, 1
+            ) + np.tensordot(kept, log_kept, 1)
+    largest = max(float(one.max()) for one in likelihoods.values())
+    weights = {key: np.exp(one - largest) for key, one in likelihoods.items()}
+    total = sum(float(one.sum()) for one in weights.values())
+    return tuple(ShareModel(*key, one / total) for key, one in weights.items())
+
+
+def _distance(values: Floats, boundaries: Floats, widths: Floats) -> Floats:
+    """Distance of values (n) from boundaries (m) in widths (w), of shape (n, m, w)."""
+    distance: Floats = (values[:, None, None] - boundaries[:, None]) / widths
+    return distance
+
+
+def _log_shares(
+    shape: Shape, direction: int, share: float, distance: Floats
+) -> tuple[Floats, Floats]:
+    """Logarithms of the shares of broken and of kept runs at a distance."""
+    if shape == "logistic":
+        z = log(share / (1.0 - share)) + direction * distance
+        log_broken = np.minimum(z, 0.0) - np.log1p(np.exp(-np.abs(z)))
+        return log_broken, log_broken - z
+    if shape == "cloglog":
+        log_kept, log_broken = _double_exponential(log(-log1p(-share)) + direction * distance)
+        return log_broken, log_kept
+    return _double_exponential(log(-log(share)) - direction * distance)
+
+
+def _double_exponential(z: Floats) -> tuple[Floats, Floats]:
+    """Logarithms of exp(-exp(z)) and of 1 - exp(-exp(z))."""
+    hazard = np.exp(np.clip(z, -STEEPEST, STEEPEST))
+    return -hazard, np.log(np.maximum(-np.expm1(-hazard), exp(-STEEPEST)))
+
+
+def _support(nodes: Floats, weights: Floats) -> tuple[float, float]:
+    """Ends of the nodes that matter, with one more on either side."""
+    (matter,) = np.nonzero(weights > NEGLIGIBLE * weights.max())
+    first, last = max(matter[0] - 1, 0), min(matter[-1] + 1, len(nodes) - 1)
+    return float(nodes[first]), float(nodes[last])

@@ -8,7 +8,7 @@ import numpy as np
 
 from scenarios.definition.run_limits import Limit
 from scenarios.studies.engine.results import Row
-from scenarios.studies.many.statistics import wilson
+from scenarios.studies.many.statistics import agresti_coull
 from scenarios.studies.many.sweeps.figure import SweepFigure
 from scenarios.studies.many.sweeps.plan import SweepPlan, run_key
 
@@ -43,7 +43,7 @@ class FigureSpread:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitShare:
-    """Number and share of runs that broke a limit, with the 95 % Wilson interval."""
+    """Number and share of runs that broke a limit, with the 95 % Agresti-Coull interval."""
 
     broken: int
     ratio: float | None
@@ -187,7 +187,7 @@ def _spread(values: Sequence[float | None]) -> FigureSpread:
 
 def _share(broken: Sequence[bool]) -> LimitShare:
     count = sum(broken)
-    low, high = wilson(count, len(broken))
+    low, high = agresti_coull(count, len(broken))
     ratio = count / len(broken) if broken else None
     return LimitShare(broken=count, ratio=ratio, low=low, high=high)
 

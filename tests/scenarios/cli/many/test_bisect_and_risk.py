@@ -17,34 +17,33 @@ def convoy(*words: str) -> Result:
     return CliRunner().invoke(cli, list(words))
 
 
-def test_a_boundary_is_bracketed_and_written(tmp_path: Path) -> None:
-    options = [
-        "--limit=error_m=1",
-        "--precision=0.1",
-        "--seeds=8",
-        "--workers=0",
-        f"--out={tmp_path}",
-    ]
+def test_a_boundary_is_estimated_and_written(tmp_path: Path) -> None:
+    options = ["--limit=v2.error_m=1", "--precision=0.1", "--workers=0", f"--out={tmp_path}"]
     done = convoy("bisect", NAME, "links.loss_ratio", *options, *SMALL)
     assert done.exit_code == 0, done.output
     result = json.loads((tmp_path / "bisect.json").read_text())
-    assert result["schema"] == "convoy.bisect/1"
-    assert result["high"] - result["low"] == pytest.approx(0.2)
+    assert (result["schema"], result["limit"]) == ("convoy.bisect/2", "v2.error_m=1")
     assert (tmp_path / "boundary.png").stat().st_size > 10_000
-    shares = {one["value"]: (one["broken"], one["runs"]) for one in result["points"]}
-    assert shares[result["low"]][0] < 4 <= shares[result["high"]][0]
-    known = KnownRuns(result["high"], 1.0)
-    broken = sum(known.run(seed).severity > 0.0 for seed in range(1, 9))
-    assert shares[result["high"]] == (broken, 8)
-    assert f"links.loss_ratio = {result['boundary']:g} ± 0.1" in done.output
+    assert 0.0 < result["low"] < result["boundary"] < result["high"] < result["low"] + 0.2
+    assert result["runs"] == sum(one["runs"] for one in result["points"]) >= 40
+    assert f"links.loss_ratio = {result['boundary']:.4g}, 95 % interval" in done.output
+    assert "at least 50 % of the runs break v2.error_m=1" in done.output
     again = convoy("bisect", NAME, "links.loss_ratio", *options, *SMALL)
     assert again.exit_code == 2
     assert "exists; give another folder by --out" in again.output
 
 
+def test_a_limit_that_is_held_everywhere_fails_at_once(tmp_path: Path) -> None:
+    options = ["--limit=error_m=90", "--workers=0", f"--out={tmp_path}"]
+    done = convoy("bisect", NAME, "links.loss_ratio", *options, *SMALL)
+    assert done.exit_code == 1, done.output
+    assert "fewer than 50 % of the runs break error_m=90, everywhere from 0 to 1" in done.output
+    assert json.loads((tmp_path / "bisect.json").read_text())["finding"] == "held"
+
+
 def test_a_risk_is_counted_and_written(tmp_path: Path) -> None:
     options = [
-        "--limit=error_m=1",
+        "--limit=v2.cross_track_error_m_max=1",
         "--set=links.loss_ratio=0.5",
         "--workers=0",
         f"--out={tmp_path}",
@@ -100,11 +99,14 @@ REFUSED = {
         ["risk", NAME, "--method=splitting", "--runs=100"],
         "--runs: given 100, allowed at least",
     ),
-    "kept at both ends": (
-        ["bisect", NAME, "links.loss_ratio", "--limit=error_m=90", "--precision=0.25", "--seeds=2",
-         "--workers=0", *SMALL],
-        "error_m=90 is kept at both ends of --range 0:1",
+    "too few runs for a share": (
+        ["bisect", NAME, "links.loss_ratio", "--share=0.05", "--runs=399"],
+        "--runs: given 399, allowed at least 400 for a share of 0.05",
     ),
+    "a limit of no vehicle": (
+        ["bisect", NAME, "links.loss_ratio", "--limit=v9.error_m=1"], "no such vehicle",
+    ),
+    "a limit of the lead": (["risk", NAME, "--limit=v1.error_m=1"], "v1 is the lead"),
 }  # fmt: skip
 
 

@@ -32,7 +32,7 @@ BURST = ["--burst=500ms", "--from=1s", "--to=2s", "--step=500ms", "--finest=250m
 STUDIES = {
     "sweep": ["sweep", "lane_change", *SHORT, "--vary=links.loss_ratio=0,0.8", "--seeds=3",
               "--no-pictures", "--out=out"],
-    "bisect": [*BISECT, "--precision=0.1", "--seeds=8", "--out=out"],
+    "bisect": [*BISECT, "--precision=0.1", "--runs=40", "--out=out"],
     "risk, counted": ["risk", *LOSSY, "--method=counting", "--runs=20", "--out=out"],
     "risk, split": ["risk", *LOSSY, "--method=splitting", "--paths=4", "--runs=40", "--out=out"],
     "drill": ["drill", "drill.toml", "--seeds=4", "--out=out"],

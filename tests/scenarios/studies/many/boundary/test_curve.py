@@ -1,90 +1,146 @@
-"""Brackets of a known share: position, confidence, and number of runs."""
+"""Searches on curves with known answers: coverage of intervals, findings, and numbers of runs."""
 
-from collections.abc import Callable, Mapping, Sequence
-from math import inf
+from collections.abc import Callable
+from math import log, log1p
+from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.stats import norm
 
-from scenarios.studies.many.boundary.curve import NoBoundaryError, Sample, ShareCurve, bracket
+from scenarios.definition.run_limits import Limit
+from scenarios.studies.many.boundary.boundary_search import (
+    BoundaryQuery,
+    BoundaryResult,
+    find_boundary,
+)
+from scenarios.studies.many.variant import Variant
+from tests.made.many.engines import SyntheticEngine
 
-VALUES = [number / 50 for number in range(51)]
+Curve = Callable[[NDArray[np.float64] | float], Any]
+"""Share of broken runs at a value."""
+SHAPES: dict[str, Callable[[float], Curve]] = {
+    # Boundary at 0 in units of the width, for a requested share.
+    "logistic": lambda share: lambda z: 1 / (1 + np.exp(-z) * (1 - share) / share),
+    "probit": lambda share: lambda z: norm.cdf(norm.ppf(share) + z / 1.7),
+    "cloglog": lambda share: lambda z: 1 - np.exp(-np.exp(log(-log1p(-share)) + z)),
+    "loglog": lambda share: lambda z: np.exp(log(share) * np.exp(-z)),
+    "weibull": lambda share: lambda z: 1 - (1 - share) ** (np.maximum(1 + z / 4, 0) ** 4),
+    "step": lambda _: lambda z: 1.0 * (z >= 0),
+}
+"""Known curves. The Weibull curve is 0 below four widths before its boundary."""
+REQUIRED = [("logistic", width, 0.5) for width in (0.005, 0.05, 0.15)]
+CASES = [
+    REQUIRED[0],
+    REQUIRED[2],
+    *(
+        (shape, width, share)
+        for shape in SHAPES
+        for share in (0.05, 0.5, 0.95)
+        for width in (0.005, 0.05, 0.15)
+        if (shape, width, share) not in REQUIRED
+        and not (shape == "step" and (width > 0.005 or share != 0.5))
+    ),
+    REQUIRED[1],
+]
+LIMIT = Limit("cross_track_error_m_max", 1.0)
+VARIANT = Variant(text="", name="known")
 
 
-def curve_of(broken: Callable[[float, int], bool], share: float = 0.5) -> ShareCurve:
-    def attempt(samples: Sequence[Sample]) -> Mapping[Sample, bool]:
-        assert len(set(samples)) == len(samples)
-        return {(number, seed): broken(VALUES[number], seed) for number, seed in samples}
-
-    return ShareCurve(VALUES, share, 20, attempt)
-
-
-def thresholds(middle: float, spread: float, seed: int = 1) -> list[float]:
-    draws = np.random.Generator(np.random.PCG64(seed)).normal(middle, spread, 20)
-    return sorted(draws.tolist())
-
-
-@settings(max_examples=30)
-@given(st.floats(0.05, 0.95), st.floats(0.0, 0.1), st.integers(1, 5), st.booleans())
-def test_the_median_threshold_of_all_seeds_is_bracketed(
-    middle: float, spread: float, seed: int, falls: bool
-) -> None:
-    own = thresholds(middle, spread, seed)
-    curve = curve_of(lambda value, number: (value >= own[number - 1]) != falls)
-    found = bracket(curve)
-    low, high = VALUES[found.low], VALUES[found.high]
-    assert found.high - found.low == 1
-    # Ten of twenty break the limit from the tenth threshold on, or hold it up to the eleventh.
-    assert low < own[10] if falls else low < own[9] <= high
-    assert curve.is_complete(found.low)
-    assert curve.is_complete(found.high)
-    assert curve.runs <= 220
-    assert not curve.non_monotone_seeds()
-
-
-@settings(max_examples=30)
-@given(st.integers(0, 49), st.integers(1, 20))
-def test_a_share_of_0_brackets_the_first_broken_seed(first: int, early: int) -> None:
-    """One seed breaks the limit long before all others."""
-    curve = curve_of(
-        lambda value, seed: value > (VALUES[first] if seed == early else max(VALUES[first], 0.97)),
-        share=0.0,
+def searched(
+    curve: Curve, seed: int, share: float = 0.5, *, scale: float = 1.0, **options: Any
+) -> BoundaryResult:
+    """Search in 0 to `scale` with random outcomes of a known curve over 0 to 1."""
+    draws = np.random.default_rng(seed)
+    engine = SyntheticEngine(
+        lambda job: bool(draws.random() < curve(float(job.key.partition("/")[0]) / scale))
     )
-    found = bracket(curve)
-    assert (found.low, found.high) == (first, first + 1)
-    assert found.confident == (-inf, inf)
+    query = BoundaryQuery(
+        variant=VARIANT, key="a.b", limit=LIMIT, high=scale, share=share, **options
+    )
+    return find_boundary(query, engine)
 
 
-def test_the_confident_values_contain_the_boundary_often_enough() -> None:
-    """Outcomes are independent and not monotone."""
-    contained, count = 0, 200
-    for trial in range(count):
-        draws = np.random.Generator(np.random.PCG64(trial)).random((51, 20))
+@pytest.mark.spread(2)
+@pytest.mark.campaign(6, 400)
+@pytest.mark.parametrize(("shape", "width", "share"), CASES)
+def test_intervals_contain_the_known_boundary(
+    shape: str, width: float, share: float, campaign: int
+) -> None:
+    """Prints its row of the coverage table."""
+    contained, runs, widths = 0, list[int](), list[float]()
+    relative = SHAPES[shape](share)
+    for seed in range(campaign):
+        truth = np.random.default_rng([seed, 7]).uniform(0.2, 0.8)
 
-        def broken(value: float, seed: int, draws: np.ndarray = draws) -> bool:
-            number = VALUES.index(value)
-            return bool(draws[number, seed - 1] < value)
+        def curve(value: Any, truth: float = truth) -> Any:
+            return relative((value - truth) / width)
 
-        found = bracket(curve_of(broken))
-        contained += found.confident[0] < 0.5 < found.confident[1]
-    assert contained >= 0.95 * count
+        result = searched(curve, seed, share)
+        low = -1.0 if result.low is None else result.low
+        high = 2.0 if result.high is None else result.high
+        contained += result.finding == "found" and low <= truth <= high
+        runs.append(result.runs)
+        widths.append(0.5 * (min(high, 1.0) - max(low, 0.0)))
+    print(
+        f"{shape:9} width {width:<5} share {share:<4}: {100 * contained / campaign:5.1f} %, "
+        f"half-width {np.mean(widths):.4f}, {np.mean(runs):.0f} runs"
+    )
+    if campaign < 100:
+        assert contained >= campaign - 1
+    else:
+        assert contained >= 0.88 * campaign
+        if (shape, width, share) in REQUIRED:
+            assert 0.9 * campaign <= contained <= 0.98 * campaign
 
 
-def test_a_peak_inside_the_range_is_found() -> None:
-    found = bracket(curve_of(lambda value, _: 0.8 < value < 0.95))
-    assert (VALUES[found.low], VALUES[found.high]) == (0.8, 0.82)
+@pytest.mark.parametrize(
+    ("ratio", "share", "finding", "most"),
+    [
+        (1.0, 0.5, "broken", 40), (0.0, 0.5, "held", 40), (0.0, 0.05, "held", 200),
+        (0.3, 0.05, "broken", 80), (0.5, 0.95, "held", 60),
+    ],
+)  # fmt: skip
+def test_a_range_without_a_boundary_is_found_at_once(
+    ratio: float, share: float, finding: str, most: int
+) -> None:
+    result = searched(lambda _: ratio, 1, share)
+    assert (result.finding, result.boundary, result.low, result.high) == (finding, *[None] * 3)
+    assert result.runs <= most
 
 
-def test_seeds_that_are_not_monotone_are_listed() -> None:
-    curve = curve_of(lambda value, seed: value > 0.9 or (seed == 3 and 0.4 < value < 0.6))
-    found = bracket(curve)
-    assert (VALUES[found.low], VALUES[found.high]) == (0.9, 0.92)
-    assert curve.non_monotone_seeds() == [3]
+def test_a_rare_share_is_not_judged_by_few_runs() -> None:
+    """Twenty broken runs are expected among 400 at a share of 5 %."""
+    step: Curve = lambda value: 1.0 * (value > 0.4)  # noqa: E731
+    assert searched(step, 1, 0.05).runs >= 400
+    assert searched(step, 1, 0.5).runs < 100
 
 
-@pytest.mark.parametrize("broken", [True, False])
-def test_without_a_crossing_there_is_no_boundary(broken: bool) -> None:
-    with pytest.raises(NoBoundaryError):
-        bracket(curve_of(lambda *_: broken))
+def test_a_rise_and_fall_is_no_boundary() -> None:
+    result = searched(lambda value: 0.95 * (0.3 < value < 0.7), 1)
+    assert (result.finding, result.boundary) == ("misfit", None)
+    assert result.runs < 200
+
+
+def test_a_falling_curve_mirrors_a_rising_one() -> None:
+    falling = searched(lambda value: 1 / (1 + np.exp((value - 0.6) / 0.03)), 3)
+    assert falling.rises is False
+    assert falling.low is not None
+    assert falling.high is not None
+    assert falling.low < 0.6 < falling.high
+
+
+def test_the_unit_of_the_key_does_not_matter() -> None:
+    curve: Curve = lambda value: 1 / (1 + np.exp(-(value - 0.3) / 0.05))  # noqa: E731
+    one, other = searched(curve, 5), searched(curve, 5, scale=100.0)
+    assert one.boundary is not None
+    assert other.boundary == pytest.approx(100.0 * one.boundary, rel=1e-5)
+    assert one.runs == other.runs
+
+
+def test_a_boundary_near_the_end_has_an_open_interval() -> None:
+    result = searched(lambda value: 1 / (1 + np.exp(-(value - 0.95) / 0.1)), 0, max_runs=100)
+    assert (result.finding, result.high) == ("found", None)
+    assert result.low is not None
+    assert result.low < 0.95
