@@ -241,6 +241,7 @@ def along_the_convoy(findings: Findings) -> Figure:
         left.plot(cars, 100.0 * np.array(expected), linestyle=":", **style)
     left.set_ylabel("largest error off the lead's path, cm")
     left.set_title("A lane change")
+    left.set_ylim(top=50.0)  # cars that have lost their path are beyond
     for key, colour in ((NOISE_WITHOUT, RED), (NOISE_WITH, BLUE)):
         rms = noise_rms(findings.noisy(key))
         label = f"{key.variant} the lead's data"

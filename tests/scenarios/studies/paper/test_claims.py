@@ -396,6 +396,14 @@ def test_a_contraction_in_l2_is_one_in_the_largest_value() -> None:
     assert sums[0] < 1.0 < float(np.abs(np.fft.irfft(factor)).sum())
 
 
+def test_cars_that_slow_down_do_not_hold_a_claim_on_errors() -> None:
+    findings = findings_with_all_claims_true()
+    lead, first, last = trial_of((0.0, 0.0)).drives
+    stands = replace(last, speed=np.zeros(len(last.speed)))
+    findings.trials[RunKey("loss", value=90.0)] = Trial((lead, first, stands))
+    assert judgements(findings)["loss_varied"] == "undecided"
+
+
 def test_noise_is_pooled_over_seeds_once_it_is_stationary() -> None:
     first, second = trial_of((0.0, 0.0)), trial_of((0.0, 0.0))
     for trial, errors in ((first, (0.03, 0.05)), (second, (0.04, 0.12))):
