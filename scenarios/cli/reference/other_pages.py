@@ -42,7 +42,7 @@ INTERVALS: Mapping[str, tuple[str, Mapping[str, str]]] = {
             "5 %, width 0.15": "94.2 %, half-width 0.051, 1000 runs",
             "95 %, width 0.05": "93.5 %, half-width 0.019, 746 runs",
             "step, 50 %": "97.2 %, half-width 0.005, 50 runs",
-            "other curves": "92 to 99 %: probit, complementary log-log, log-log and Weibull",
+            "other curves": "89 to 99 %: probit, complementary log-log, log-log and Weibull",
         },
     ),
     "risk, 95 %": (

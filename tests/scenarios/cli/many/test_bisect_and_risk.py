@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
+from scenarios import api
 from scenarios.cli.main import cli
+from scenarios.definition.overrides import parse_override
 from tests.made.many.known_runs import SETTINGS, KnownRuns
 
 SMALL = [f"--set={one}" for one in SETTINGS]
@@ -15,6 +17,12 @@ NAME = "lossy_lane_change"
 
 def convoy(*words: str) -> Result:
     return CliRunner().invoke(cli, list(words))
+
+
+def settings(*more: str) -> dict[str, object]:
+    """Settings of the small convoy as Python has them."""
+    parsed = map(parse_override, (*SETTINGS, *more))
+    return {".".join(keys): value for keys, value in parsed}
 
 
 def test_a_boundary_is_estimated_and_written(tmp_path: Path) -> None:
@@ -38,7 +46,10 @@ def test_a_limit_that_is_held_everywhere_fails_at_once(tmp_path: Path) -> None:
     done = convoy("bisect", NAME, "links.loss_ratio", *options, *SMALL)
     assert done.exit_code == 1, done.output
     assert "fewer than 50 % of the runs break error_m=90, everywhere from 0 to 1" in done.output
-    assert json.loads((tmp_path / "bisect.json").read_text())["finding"] == "held"
+    result = json.loads((tmp_path / "bisect.json").read_text())
+    assert result["finding"] == "held"
+    same = api.bisect(NAME, "links.loss_ratio", "error_m=90", set=settings(), workers=0)
+    assert (same.finding, same.runs) == ("held", result["runs"])
 
 
 def test_a_risk_is_counted_and_written(tmp_path: Path) -> None:
@@ -56,6 +67,9 @@ def test_a_risk_is_counted_and_written(tmp_path: Path) -> None:
     assert result["broken_seeds"] == broken
     assert result["low"] < result["probability"] == len(broken) / 30 < result["high"]
     assert f"--seed {broken[0]} " in result["command"]
+    own = settings("links.loss_ratio=0.5")
+    same = api.risk(NAME, "v2.error_m=1", method="counting", runs=30, set=own, workers=0)
+    assert same.broken == tuple(broken)
 
 
 def test_a_risk_is_split_and_written(tmp_path: Path) -> None:

@@ -221,6 +221,17 @@ def test_the_time_left_excludes_the_first_run(
     ]
 
 
+def test_a_silent_study_reports_every_five_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    lines: list[str] = []
+    progress = JobProgress(lines.append)
+    for at in range(13):
+        now[0] = float(at)
+        progress.report_if_silent()
+    assert lines == ["   5.0 s  0 runs", "  10.0 s  0 runs"]
+
+
 def test_no_more_jobs_run_after_the_caller_stops(tmp_path: Path) -> None:
     jobs = jobs_of({k: (tmp_path / str(k)).touch for k in range(100)})
     with open_workers(0) as workers, suppress(StopIteration):
