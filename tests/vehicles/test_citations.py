@@ -35,7 +35,8 @@ PAPER = re.compile(
 NAMED = (
     "Bernstein", "BFGS", "Brent's method", "Cauchy product", "Cleveland, 1979", "companion matri",
     "Cook and Weisberg, 1982", "Coulter", "CUSUM", "elementary algebra", "EPSG method",
-    "Fiala, 1954", "Gauss-Legendre", "Hermite", "Hindiyeh and Gerdes, 2014", "Hoffmann",
+    "Fiala, 1954", "first-order lag", "Gauss-Legendre", "Hermite", "Hindiyeh and Gerdes, 2014",
+    "Hoffmann",
     "Horner's scheme", "Hurwitz's criterion", "IEEE 754", "Kalman", "linear interpolation",
     "linear regression", "local regression", "Lyapunov", "Newton's method", "quotient rule",
     "Rayleigh's quotient", "Routh-Hurwitz", "Runge–Kutta", "spectral factorisation",

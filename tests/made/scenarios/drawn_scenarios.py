@@ -19,6 +19,7 @@ from scenarios.definition.schema.gnss_table import GnssTable
 from scenarios.definition.schema.limit_tables import LimitsTable
 from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
 from scenarios.definition.schema.plug_ins.steering import LATERAL
+from scenarios.definition.schema.plug_ins.table import PlugInTable
 from scenarios.definition.schema.scenario_tables import (
     EPOCH,
     LATEST,
@@ -132,7 +133,7 @@ def drawn_table(
 
 
 def _value(chance: Random, kind: Any, rules: Sequence[object], usual: object) -> object:
-    """Draw a value of an annotation; None if it has neither numbers nor words."""
+    """Draw a value of an annotation; None for a class, or without numbers and words."""
     origin = get_origin(kind)
     if origin is Annotated:
         inner, *more = get_args(kind)
@@ -145,7 +146,7 @@ def _value(chance: Random, kind: Any, rules: Sequence[object], usual: object) ->
     if kind in {int, float}:
         drawn = number(chance, *limits_of(rules, whole=kind is int), usual)
         return round(drawn) if kind is int else float(drawn)
-    if isinstance(kind, type) and issubclass(kind, Table):
+    if isinstance(kind, type) and issubclass(kind, Table) and not issubclass(kind, PlugInTable):
         return drawn_table(chance, kind)
     return None
 
