@@ -32,7 +32,7 @@ from transport.panels import PANELS, ROWS, Panel, Row
 from transport.picture.axes import WIDEST_LABEL_PX, ValueAxis, whole_run
 from transport.picture.detail import Detail
 
-Shape = Literal["Asterisk", "Circle", "Cross", "Diamond", "Down", "Plus", "Square", "Up"]
+Shape = Literal["Asterisk", "Circle", "Cross", "Diamond", "Down", "Plus", "Right", "Square", "Up"]
 Road = tuple[Sequence[float], Sequence[float]]
 """East and north of the lead's path, m."""
 TIMELINE = "run_time"
@@ -54,7 +54,7 @@ LANE_EDGE = (0x58, 0x58, 0x58)
 WORST = (0x00, 0xB4, 0xC8)
 
 EVENTS: dict[str, tuple[Colour, Shape, float]] = {
-    "own": ((0x2E, 0x7D, 0x32), "Square", 5.0),
+    "own": ((0xF0, 0x30, 0x90), "Right", 5.0),
     "distrust": ((0x69, 0x00, 0xF0), "Plus", 6.0),
     "slide": ((0x00, 0xC3, 0xFF), "Down", 5.0),
     "stop": ((0xC3, 0x00, 0x4B), "Cross", 6.0),

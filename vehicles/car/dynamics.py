@@ -102,8 +102,8 @@ class Actuation:
 def achieved_acceleration(before: float, command: float, span: float, lag: float) -> float:
     """Acceleration (m/s²) at the end of `span` (s) with a constant command, from that before.
 
-    The exact solution of lag da/dt + a = command, the drive model of Plexe; with a lag of 0 s the
-    command.
+    The exact solution of the first-order lag, lag da/dt + a = command, which is the drive model of
+    Plexe; with a lag of 0 s the command.
     """
     if lag == 0.0:
         return command
@@ -111,7 +111,7 @@ def achieved_acceleration(before: float, command: float, span: float, lag: float
 
 
 class DriveTrain:
-    """The acceleration that follows commands with a lag (s); a standing car has none."""
+    """The acceleration that follows commands with a first-order lag (s); 0 of a standing car."""
 
     def __init__(self, lag: float) -> None:
         self._lag = lag
