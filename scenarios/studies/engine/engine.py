@@ -16,9 +16,7 @@ from transport.log.records import LogError
 
 ABANDONED = "given_up"
 """Journal key of a job that killed its workers. It is retried when the study resumes."""
-REPORT_EVERY_S = 2.0
-LONGEST_SILENCE_S = 5.0
-"""Progress is reported after this time even if no job has finished."""
+REPORT_EVERY_S = 5.0
 
 
 class JobProgress:
@@ -40,23 +38,19 @@ class JobProgress:
         return time.monotonic() - self._began
 
     def count_job(self) -> None:
-        """Count a finished job, and report at most every `REPORT_EVERY_S` and at the end.
+        """Count a finished job.
 
         The estimate of the time left excludes the first job, which includes starting the workers.
         """
         self.done += 1
+        self._first = self._first or (self.done, time.monotonic())
+        self.report_if_due()
+
+    def report_if_due(self) -> None:
+        """Report at most every `REPORT_EVERY_S`, and at the end."""
         now = time.monotonic()
-        self._first = self._first or (self.done, now)
         if now - self._reported_at < REPORT_EVERY_S and self.done != self.total:
             return
-        self._report_count(now)
-
-    def report_if_silent(self) -> None:
-        now = time.monotonic()
-        if now - self._reported_at >= LONGEST_SILENCE_S:
-            self._report_count(now)
-
-    def _report_count(self, now: float) -> None:
         self._reported_at = now
         first, first_at = self._first or (self.done, now)
         text = (
@@ -136,7 +130,7 @@ class Engine:
         if self._workers is None:
             self._workers = self._exit_stack.enter_context(self._open_workers())
         dispatcher = JobDispatcher(
-            left, self._workers, self._sizer, self._plug_ins, self.progress.report_if_silent
+            left, self._workers, self._sizer, self._plug_ins, self.progress.report_if_due
         )
         for outcome in dispatcher.outcomes():
             if self._journal is not None and (record_errors or not outcome.error):

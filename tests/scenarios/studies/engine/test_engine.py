@@ -209,15 +209,14 @@ def test_the_time_left_excludes_the_first_run(
     lines: list[str] = []
     progress = JobProgress(lines.append)
     progress.total, progress.done = 10, 4
-    for at in (30.0, 32.0, 33.0, 36.0, 38.0, 40.0):
+    for at in (30.0, 35.0, 36.0, 41.0, 43.0, 44.0):
         now[0] = at
         progress.count_job()
     assert lines == [
         "  30.0 s  5 of 10 runs",
-        "  32.0 s  6 of 10 runs, 8 s left",
-        "  36.0 s  8 of 10 runs, 4 s left",
-        "  38.0 s  9 of 10 runs, 2 s left",
-        "  40.0 s  10 of 10 runs",
+        "  35.0 s  6 of 10 runs, 20 s left",
+        "  41.0 s  8 of 10 runs, 7 s left",
+        "  44.0 s  10 of 10 runs",
     ]
 
 
@@ -228,7 +227,7 @@ def test_a_silent_study_reports_every_five_seconds(monkeypatch: pytest.MonkeyPat
     progress = JobProgress(lines.append)
     for at in range(13):
         now[0] = float(at)
-        progress.report_if_silent()
+        progress.report_if_due()
     assert lines == ["   5.0 s  0 runs", "  10.0 s  0 runs"]
 
 
