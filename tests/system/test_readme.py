@@ -28,7 +28,6 @@ SHORTER = {
     "run my.gpx": "run my.gpx --duration 5",
     "--out runs/cut": "--out runs/cut --duration 12",
     "--out runs/perfect": "--out runs/perfect --duration 5",
-    "lookahead_s=1.2}'": "lookahead_s=1.2}' --duration 5",
     "=mine.PurePursuit": "=mine.PurePursuit --duration 5",
     "0,0.5 --seeds 5": "0,0.5 --seeds 1 --duration 3 --workers 0 --no-pictures",
     "0.9 --precision 0.05": "1 --precision 0.17 --duration 12 --workers 0",
