@@ -199,8 +199,15 @@ def only_disturbed_vehicles_are_blamed(run: Aftermath) -> Iterator[str]:
             process.name in run.world.network.disturbed
             or run.was_disturbed(process)
             or run.world.network.states["query lost"]
+            or _recorder_was_lost(run)
         ):
             yield f"nothing happened to {process.name}: {run.world.printed}"
+
+
+def _recorder_was_lost(run: Aftermath) -> bool:
+    """Whether the recorder was cut off beyond its lease, so that it has left for all vehicles."""
+    spans = [fault[3] for fault in run.plan.faults if fault[0] in CUTS and fault[2] == RECORDER]
+    return any(span >= run.plan.network.lease for span in spans)
 
 
 SURVIVED_NS = 4 * SECOND
