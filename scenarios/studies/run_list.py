@@ -129,7 +129,7 @@ def _column(name: str, option: str) -> str:
 
 
 def _lost_logs(folder: Path) -> Iterator[Path]:
-    """Yield the logs that are missing beside the summary of a run."""
+    """Yield the logs that are missing next to the summary of a run."""
     for file in folder.rglob(SUMMARY_NAME):
         log = file.with_name(LOG_NAME)
         if not log.exists():

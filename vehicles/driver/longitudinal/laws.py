@@ -83,19 +83,9 @@ class _RadioLaw:
     def _cooperative(self, speed: float, ahead: VehiclesAhead) -> float:
         raise NotImplementedError
 
-    def _gap_error(self, gap: float, speed: float) -> float:
+    def _gap_error(self, speed: float, ahead: VehiclesAhead) -> float:
         """Gap error (m), positive if the gap is too wide: g - d - h v."""
-        return gap + self._setup.least_spacing - self._setup.policy.desired(speed)
-
-    def _measured_acceleration(self, ahead: VehiclesAhead, wanted: float, gain: float) -> float:
-        """Solve u = wanted - gain a for u, with the a at the end of the control period.
-
-        Without a drive lag, a = u; with one, a approaches u with that time constant. Taken at the
-        start of the period, a gain above 1 would make commands alternate.
-        """
-        lag = self._setup.parameters.drive_lag
-        left = math.exp(-self._setup.period / lag) if lag > 0.0 else 0.0
-        return (wanted - gain * left * ahead.own.achieved) / (1.0 + gain * (1.0 - left))
+        return ahead.spacing - self._setup.policy.desired(speed)
 
 
 @dataclass(frozen=True)
@@ -131,13 +121,12 @@ class Cacc(_RadioLaw):
         omega = settings.bandwidth
         to_predecessor = (2.0 * settings.damping - share * self._root) * omega
         to_lead = self._root * omega * share
-        gap = ahead.spacing - self._setup.least_spacing
         return (
             (1.0 - share) * ahead.predecessor_acceleration
             + share * lead_acceleration
             - to_predecessor * (speed - ahead.predecessor_speed)
             - to_lead * (speed - lead_speed)
-            + omega * omega * self._gap_error(gap, speed)
+            + omega * omega * self._gap_error(speed, ahead)
         )
 
 
@@ -166,7 +155,7 @@ class Ploeg(_RadioLaw):
 
     def _cooperative(self, speed: float, ahead: VehiclesAhead) -> float:
         settings, headway, own = self._settings, self._setup.policy.headway, ahead.own
-        error = self._gap_error(ahead.spacing - self._setup.least_spacing, speed)
+        error = self._gap_error(speed, ahead)
         rate = ahead.predecessor_speed - speed - headway * own.achieved
         target = (
             settings.gap_gain * error + settings.rate_gain * rate + ahead.predecessor_acceleration
@@ -203,11 +192,21 @@ class Flatbed(_RadioLaw):
     def _cooperative(self, speed: float, ahead: VehiclesAhead) -> float:
         settings = self._settings
         lead_speed = ahead.predecessor_speed if math.isnan(ahead.lead_speed) else ahead.lead_speed
-        error = self._gap_error(ahead.spacing - self._setup.least_spacing, speed)
+        error = self._gap_error(speed, ahead)
         wanted = settings.speed_gain * (ahead.predecessor_speed - speed) + settings.gap_gain * (
             error - settings.lead_headway * (speed - lead_speed)
         )
-        return self._measured_acceleration(ahead, wanted, settings.acceleration_gain)
+        return self._solved(wanted, ahead)
+
+    def _solved(self, wanted: float, ahead: VehiclesAhead) -> float:
+        """Solve u = wanted - k_a a for u, with the a at the end of the control period.
+
+        Without a drive lag, a = u; with one, a approaches u with that time constant. Taken at the
+        start of the period, a k_a above 1 would make commands alternate.
+        """
+        gain, lag = self._settings.acceleration_gain, self._setup.parameters.drive_lag
+        left = math.exp(-self._setup.period / lag) if lag > 0.0 else 0.0
+        return (wanted - gain * left * ahead.own.achieved) / (1.0 + gain * (1.0 - left))
 
 
 @dataclass(frozen=True)

@@ -165,10 +165,10 @@ def test_settings_that_change_the_inputs_are_refused(lossy: Path, text: str) -> 
 def test_the_command_prints_a_table_and_draws(lossy: Path, tmp_path: Path) -> None:
     picture = tmp_path / "v2.svg"
     line = ["recompute", str(lossy), "--vehicle", "v2", "--controller", "stanley"]
-    told = CliRunner().invoke(cli, [*line, "-o", str(picture)])
-    assert told.exit_code == 0
-    assert "steering_rad" in told.output
-    assert "v2: decisions differ from 0.000 s on" in told.output
+    printed = CliRunner().invoke(cli, [*line, "-o", str(picture)])
+    assert printed.exit_code == 0
+    assert "steering_rad" in printed.output
+    assert "v2: decisions differ from 0.000 s on" in printed.output
     assert "<svg" in picture.read_text(encoding="utf-8")
     content = json.loads(CliRunner().invoke(cli, [*line, "--json"]).stdout)
     assert content["settings"] == ["vehicle.v2.control.controller=stanley"]
