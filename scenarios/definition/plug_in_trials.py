@@ -110,8 +110,19 @@ def _laws(tables: ScenarioTables) -> Iterator[tuple[str, Trial]]:
 
 def _measures(tables: ScenarioTables) -> Iterator[tuple[str, Trial]]:
     for key, entries in (("event", tables.event), ("figure", tables.figure)):
+        names = [table.class_name for table in entries]
         for index, table in enumerate(entries):
-            yield f"{key}[{index}]", partial(_try_built, table)
+            if table.class_name in names[:index]:
+                yield f"{key}[{index}]", partial(_refuse_name, table)
+            else:
+                yield f"{key}[{index}]", partial(_try_built, table)
+
+
+def _refuse_name(table: PlugInTable) -> None:
+    raise PlugInError(
+        f"{table.point.name} {table.use!r}: given {table.class_name} twice, allowed one class of a "
+        "name; inherit from it under another name"
+    )
 
 
 def _streams(purpose: str) -> np.random.Generator:

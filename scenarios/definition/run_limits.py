@@ -7,7 +7,15 @@ from typing import Any
 
 from scenarios.definition.errors import Problem, ScenarioError
 from scenarios.definition.road.route import vehicle_names
-from scenarios.definition.schema.limit_rows import LIMITS, WORDS, LimitRow, words_with_examples
+from scenarios.definition.schema.limit_rows import (
+    LIMITS,
+    OWN_FIGURES,
+    WORDS,
+    LimitRow,
+    own_row,
+    row_of,
+    words_with_examples,
+)
 from scenarios.definition.schema.limit_tables import (
     DEADLINES,
     DeadlineTable,
@@ -19,13 +27,15 @@ from scenarios.definition.schema.scenario_tables import ScenarioTables
 from scenarios.definition.validation.wording import did_you_mean, toml_repr
 
 SLACK_S = 1e-9
+SIDES = ("_max", "_min")
+"""Ends of the bounds on figures of the user's classes."""
 OF_TWO = {"composite", "predecessor"}
 """Modes of a follower that receives from its predecessor as well as the lead."""
 
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """The bound of a limit, for the convoy or for one vehicle."""
+    """The bound of a limit, for the convoy or for one vehicle; `key` is that of [limits]."""
 
     key: str
     bound: float
@@ -37,7 +47,7 @@ class Limit:
 
     @property
     def row(self) -> LimitRow:
-        return LIMITS[self.key]
+        return row_of(self.key) or LIMITS[self.key]
 
     @property
     def name(self) -> str:
@@ -47,6 +57,8 @@ class Limit:
     def table(self) -> LimitsTable:
         bound = int(self.bound) if self.row.event else self.bound
         keys: dict[str, Any] = {self.key: bound}
+        if self.row.own_figure:
+            keys = {OWN_FIGURES: {self.row.word: bound}}
         return LimitsTable.model_validate({self.vehicle: keys} if self.vehicle else keys)
 
     def is_beyond(self, figure: float) -> bool:
@@ -64,25 +76,29 @@ def limits_of(table: LimitsTable) -> Iterator[Limit]:
             bound = getattr(bounds, key)
             if bound is not None:
                 yield Limit(key, bound, vehicle)
+    for vehicle, bounds in (("", table), *table.of_vehicles.items()):
+        for name, bound in (bounds.own_figures or {}).items():
+            yield Limit(own_row(name).key, bound, vehicle)
 
 
-def parsed_limit(text: str, vehicles: Sequence[str]) -> Limit:
+def parsed_limit(text: str, vehicles: Sequence[str], own_figures: Sequence[str] = ()) -> Limit:
     """Parse a limit of the command line, such as "lane" or "v5.error_m=0.5"; raises ScenarioError.
 
-    `vehicles` are the names that a limit may have.
+    `vehicles` are the names that a limit may have; `own_figures` those of the user's figures.
     """
     name, equals, number = text.partition("=")
     vehicle, dot, word = name.rpartition(".")
-    row, bound = _row_of(word), _number(number)
+    row, bound = _row_of(word, own_figures), _number(number)
     if row is not None and dot and (problem := problem_of(row, vehicle, vehicles)):
         raise ScenarioError([f"--limit: given {text!r}, {problem}"])
     if row is not None and row.event and not equals:
         return Limit(row.key, 0, vehicle)
-    if row is not None and row.figure and isfinite(bound) and 0.0 <= bound <= row.most:
+    if row is not None and not row.event and isfinite(bound) and row.least <= bound <= row.most:
         return Limit(row.key, bound, vehicle)
     hint = f", did you mean {vehicle}{dot}{row.word}?" if row is not None and row.event else ""
     of_one = f"{vehicles[-1]}.error_m=0.5"
-    allowed = f"{words_with_examples()}, or of one vehicle, such as {of_one}"
+    own = "".join([f", {figure}_max=1" for figure in own_figures])
+    allowed = f"{words_with_examples()}{own}, or of one vehicle, such as {of_one}"
     raise ScenarioError([f"--limit: given {text!r}, allowed {allowed}{hint}"])
 
 
@@ -100,10 +116,10 @@ def no_vehicle(name: str, vehicles: Sequence[str]) -> str:
     return "no such vehicle" + (did_you_mean(name, vehicles) or f", allowed {', '.join(vehicles)}")
 
 
-def _row_of(word: str) -> LimitRow | None:
-    """Return the limit of a word, or of a key of `[limits]` that has a word."""
-    row = WORDS.get(word) or LIMITS.get(word)
-    return row if row is not None and row.word else None
+def _row_of(word: str, own_figures: Sequence[str]) -> LimitRow | None:
+    """Return the limit of a word, of a key of `[limits]`, or on one of the user's figures."""
+    is_own = word.endswith(SIDES) and word.rpartition("_")[0] in own_figures
+    return own_row(word) if is_own else WORDS.get(word) or LIMITS.get(word)
 
 
 def _number(text: str) -> float:
@@ -120,9 +136,10 @@ def limit_problems(tables: ScenarioTables, duration_s: float) -> Iterator[Proble
         if name not in names:
             yield f"limits.{name}", no_vehicle(name, names)
             continue
-        for key in own.model_fields_set:
+        for key in own.model_fields_set & LIMITS.keys():
             if problem := problem_of(LIMITS[key], name, names):
                 yield f"limits.{name}.{key}", problem
+    yield from _about_own_figures(tables)
     for name in DEADLINES:
         for index, limit in enumerate(getattr(limits, name)):
             key = f"limits.{name}[{index}]"
@@ -133,6 +150,20 @@ def limit_problems(tables: ScenarioTables, duration_s: float) -> Iterator[Proble
                     f"given {limit.within_s:g} after {limit.after_s:g} s, allowed together at most "
                     f"the run's {duration_s:g}",
                 )
+
+
+def _about_own_figures(tables: ScenarioTables) -> Iterator[Problem]:
+    """Yield bounds on figures that are not in [[figure]]."""
+    known = [table.class_name for table in tables.figure]
+    allowed = [f"{figure}{side}" for figure in known for side in SIDES]
+    for vehicle, bounds in (("", tables.limits), *tables.limits.of_vehicles.items()):
+        for name in bounds.own_figures or ():
+            if name not in allowed:
+                key = ".".join(filter(None, ("limits", vehicle, OWN_FIGURES, name)))
+                hint = did_you_mean(name, allowed) or (
+                    f", allowed {', '.join(allowed) or 'one of [[figure]]; there is none'}"
+                )
+                yield key, f"no such figure{hint}"
 
 
 def _about(tables: ScenarioTables, key: str, limit: DeadlineTable) -> Iterator[Problem]:

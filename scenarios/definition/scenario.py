@@ -372,6 +372,11 @@ class Scenario:
             policies[self.vehicle_names[ahead - 1]] = SpacingPolicy(standstill, headway)
         return policies
 
+    @property
+    def own_figures(self) -> tuple[str, ...]:
+        """Names of the figures of the user's classes."""
+        return tuple(table.class_name for table in self.tables.figure)
+
     @cached_property
     def plug_ins(self) -> list[str]:
         """Dotted names of the user's classes."""

@@ -42,6 +42,8 @@ TakeError = Callable[[CrossTrack], None]
 TakeRoadError = Callable[[RoadError], None]
 TakeGap = Callable[[TrueGap], None]
 TakeEvent = Callable[[Episode], None]
+TakeTruth = Callable[[TruePose], None]
+TakeTracking = Callable[[Tracking], None]
 
 
 class FigureStream:
@@ -86,6 +88,8 @@ class FigureStream:
         self._on_road_error: list[TakeRoadError] = []
         self._on_gap: list[TakeGap] = []
         self._on_excess: list[TakeExcess] = []
+        self._on_truth: list[TakeTruth] = []
+        self._on_tracking: list[TakeTracking] = []
         self._on_event: dict[EventKind, list[TakeEvent]] = {kind: [] for kind in ALL_EVENTS}
         self.gaps: Mapping[str, TrueGap] = {}
         self._gaps_of: dict[str, list[TrueGap]] = {name: [] for name in sizes}
@@ -123,6 +127,14 @@ class FigureStream:
         """Subscribe to the excess (m) of followers beyond the edge of the lane."""
         self._watch_lane()
         self._on_excess.append(take)
+
+    def on_truth(self, take: TakeTruth) -> None:
+        """Subscribe to the true poses of each vehicle, each passed on after its figures."""
+        self._on_truth.append(take)
+
+    def on_tracking(self, take: TakeTracking) -> None:
+        """Subscribe to the decisions of each vehicle."""
+        self._on_tracking.append(take)
 
     def on_event(self, take: TakeEvent, kinds: Sequence[EventKind] = ALL_EVENTS) -> None:
         """Subscribe to events of some kinds; figures of a continuing event still grow."""
@@ -168,10 +180,8 @@ class FigureStream:
             self._first_at = at
         self._places[name] = (pose.east_m, pose.north_m)
         lane, encounters = self._lane, self._encounters
-        if self._on_road_error and (road := self._roads.get(name)) is not None:
-            offset = road.offset(pose.east_m, pose.north_m, pose.distance_m)
-            for take in self._on_road_error:
-                take(RoadError(name, at, offset))
+        if self._on_road_error:
+            self._pass_road_error(pose)
         feet: list[CrossTrack] = []
         if self._on_error or (lane is not None and name == self._lead):
             feet = self._path.add(pose)
@@ -187,6 +197,14 @@ class FigureStream:
         if self._on_gap:
             self._pass_gaps(name, at)
         self._pass_on(self.own.add(pose))
+        for take_truth in self._on_truth:
+            take_truth(pose)
+
+    def _pass_road_error(self, pose: TruePose) -> None:
+        if (road := self._roads.get(pose.vehicle)) is not None:
+            offset = road.offset(pose.east_m, pose.north_m, pose.distance_m)
+            for take in self._on_road_error:
+                take(RoadError(pose.vehicle, pose.true_at_ns, offset))
 
     def add_place(self, follower: str, at: int, east: float, north: float) -> None:
         """Take only the place (m) of a follower's true pose: enough for its true error."""
@@ -212,6 +230,8 @@ class FigureStream:
 
     def add_tracking(self, tracking: Tracking) -> None:
         place = self._places.get(tracking.vehicle, (0.0, 0.0))
+        for take in self._on_tracking:
+            take(tracking)
         for watch in self._of_lead if tracking.vehicle == self._lead else self._watches:
             if began := watch.add(tracking, place):
                 self._pass_on(began)

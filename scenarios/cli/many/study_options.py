@@ -15,11 +15,12 @@ if TYPE_CHECKING:
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
+SEARCHED = ("cross_track_error_m_max", "true_gap_m_min")
 LIMIT_WORDS = (
     f"{words_with_examples()}. The prefix VEHICLE. limits it to one vehicle: v2.error_m=0.5"
 )
-FIGURES = {row.figure: word for word, row in WORDS.items() if row.figure}
-"""Words of `--limit` by the summary field of their figure."""
+FIGURES = {row.figure: word for word, row in WORDS.items() if row.key in SEARCHED}
+"""Words of `--limit` by the summary field of figures that commands search for."""
 OLD_FIGURES = {"error": "error_m", "gap": "gap_m"} | {word: word for word in FIGURES.values()}
 
 

@@ -113,7 +113,8 @@ def degradation_page() -> None:
 def limits_page() -> None:
     print_text(
         "A run that breaks a limit fails with exit code 1. [limits.NAME] has the same keys for one "
-        "vehicle. Commands with --limit use the words in brackets."
+        "vehicle. Commands with --limit take the words in brackets, and figures of your own: "
+        "--limit SteeringEffort_max=0.02."
     )
     print_section("bounds in [limits]", limit_texts())
     for table in tables_at("limits"):

@@ -6,11 +6,19 @@ follow it.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from math import inf
 from typing import Literal
 
-Live = Literal["", "lane_excess", "gap", "silence", "error"]
+# fmt: off
+Live = Literal[
+    "", "lane_excess", "gap", "silence", "error", "road_error", "self_estimate", "blind",
+    "friction", "own",
+]
+# fmt: on
 """Figure of a running simulation that approaches a limit as it grows (a gap: shrinks)."""
+OWN_FIGURES = "own_figures"
+"""Table of bounds on figures of the user's classes, and the field of their summary."""
 Witness = Literal["own", "lead", "predecessor", "all"]
 """Vehicles whose messages a limit needs in addition to those of its own vehicle."""
 
@@ -20,22 +28,25 @@ class LimitRow:
     """One limit; its key ends in `_max` or `_min`.
 
     It bounds the number of events of the kind `event`, or `figure`, a field of the summary of each
-    follower. `of_lead` limits apply to the lead as well. `word` is the name for `--limit`, if there
-    is one. A breach is reported as `breach`, where `at` is the field with its instant. `most` is
-    the largest bound that makes sense. `live` is the figure by which studies watch a running
-    simulation; a limit with a `word` needs it. `witness`, `by_truth` and `by_decisions` tell which
-    messages the limit judges. `doc` and `example` are for the template.
+    follower, or `own_figure`, that of a class of the user. `of_lead` limits apply to the lead as
+    well. `word` is the name for `--limit`. A breach is reported as `breach`, where `at` is the
+    field with its instant. `least` and `most` are the bounds that make sense. `live` is the figure
+    by which splitting finds the runs nearest to the limit, if there is one. `witness`, `by_truth`
+    and `by_decisions` tell which messages the limit judges. `doc` and `example` are for the
+    template.
     """
 
     key: str
     doc: str
     example: float
-    word: str = ""
+    word: str
     event: str = ""
     figure: str = ""
+    own_figure: str = ""
     of_lead: bool = False
     breach: str = ""
     at: str = ""
+    least: float = 0.0
     most: float = inf
     live: Live = ""
     witness: Witness = "own"
@@ -64,10 +75,10 @@ _ROWS = (
              example=0, word="path_lost", event="path_lost", live="silence",
              by_truth=False, by_decisions=True),
     LimitRow(key="stops_max", doc="times that a follower begins to stop for lack of data",
-             example=0, event="stop",
+             example=0, word="stop", event="stop", live="silence",
              by_truth=False, by_decisions=True),
     LimitRow(key="distrusts_max", doc="times that a follower rejects a source as implausible",
-             example=0, event="distrust",
+             example=0, word="distrust", event="distrust",
              by_truth=False, by_decisions=True),
     LimitRow(key="cross_track_error_m_max",
              doc="largest true distance of a follower from the path the lead drove",
@@ -77,7 +88,8 @@ _ROWS = (
              witness="lead"),
     LimitRow(key="road_error_m_max",
              doc="largest true distance of a vehicle from the road",
-             example=0.5, figure="road_error_m_max", at="road_error_max_at_s", of_lead=True,
+             example=0.5, word="road_error_m", live="road_error",
+             figure="road_error_m_max", at="road_error_max_at_s", of_lead=True,
              breach="was {figure:.2f} m off the road, {at:.2f} s after the start"),
     LimitRow(key="true_gap_m_min",
              doc="smallest true gap to the predecessor",
@@ -87,20 +99,45 @@ _ROWS = (
              witness="predecessor"),
     LimitRow(key="self_estimate_error_m_max",
              doc="largest error of a follower's self-estimate of its error",
-             example=0.3, figure="self_estimate_error_m_max",
+             example=0.3, word="self_estimate_error_m", live="self_estimate",
+             figure="self_estimate_error_m_max",
              breach="was {figure:.2f} m wrong about its error",
              witness="lead", by_decisions=True),
     LimitRow(key="blind_m_max", doc="distance that a follower drives beyond its known path",
-             example=5.0, figure="reaction.blind_m",
+             example=5.0, word="blind_m", live="blind", figure="reaction.blind_m",
              breach="drove {figure:.2f} m beyond its known path",
              by_decisions=True),
     LimitRow(key="friction_ratio_max", doc="largest share of the friction that a vehicle uses",
-             example=0.8, figure="friction_ratio_max", of_lead=True, most=1,
+             example=0.8, word="friction_ratio", live="friction",
+             figure="friction_ratio_max", of_lead=True, most=1,
              breach="used {figure:.2f} of the friction"),
 )
 # fmt: on
 LIMITS: Mapping[str, LimitRow] = {row.key: row for row in _ROWS}
-WORDS: Mapping[str, LimitRow] = {row.word: row for row in _ROWS if row.word}
+WORDS: Mapping[str, LimitRow] = {row.word: row for row in _ROWS}
+
+
+@cache
+def own_row(name: str) -> LimitRow:
+    """Return the limit of a bound in [limits.own_figures], such as "SteeringEffort_max"."""
+    figure = name.rpartition("_")[0]
+    return LimitRow(
+        key=f"{OWN_FIGURES}.{name}",
+        doc="figure of a class of yours",
+        example=1.0,
+        word=name,
+        own_figure=figure,
+        of_lead=True,
+        breach=f"had {figure} {{figure:.4g}}",
+        least=-inf,
+        live="own",
+    )
+
+
+def row_of(key: str) -> LimitRow | None:
+    """Return the limit of a key of [limits], which may be "own_figures.NAME"; None without one."""
+    table, dot, name = key.partition(".")
+    return own_row(name) if dot and table == OWN_FIGURES else LIMITS.get(key)
 
 
 def words_with_examples() -> str:

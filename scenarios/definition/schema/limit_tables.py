@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, create_model
 from pydantic_core import PydanticCustomError
 
 from scenarios.definition.schema.base_table import Name, NotNegative, Table
-from scenarios.definition.schema.limit_rows import LIMITS, LimitRow
+from scenarios.definition.schema.limit_rows import LIMITS, OWN_FIGURES, LimitRow
 
 Count = Annotated[int, Field(ge=0)]
 Span = Annotated[float, Field(gt=0, le=86_400)]
@@ -68,14 +68,19 @@ def _bound(row: LimitRow) -> Any:
 if TYPE_CHECKING:
 
     class VehicleLimits(Table):
-        """Bounds of one vehicle; its keys are those of `LIMITS`."""
+        """Bounds of one vehicle; its keys are those of `LIMITS`, and `own_figures`."""
+
+        own_figures: Mapping[str, float] | None = None
 
         def __init__(self, **bounds: Any) -> None: ...
         def __getattr__(self, key: str) -> Any: ...
 
 else:
     VehicleLimits = create_model(
-        "VehicleLimits", __base__=Table, **{key: _bound(row) for key, row in LIMITS.items()}
+        "VehicleLimits",
+        __base__=Table,
+        **{key: _bound(row) for key, row in LIMITS.items()},
+        **{OWN_FIGURES: (dict[str, float] | None, None)},
     )
 
 
@@ -99,6 +104,8 @@ class LimitsTable(VehicleLimits):
     A table with the name of a vehicle, such as [limits.v3], has the same bounds: they replace those
     of the convoy for that vehicle, and count the events that involve it.
 
+    own_figures      bounds on figures of your own by their names (convoy reference plug-ins):
+                     SteeringEffort_max = 0.02
     modes            deadlines for modes of followers
     sources          deadlines for the status of sources
     recovery         deadlines for recovery after a failure

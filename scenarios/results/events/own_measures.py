@@ -24,10 +24,10 @@ class OwnMeasures:
         figures: Sequence[PlugInTable] = (),
     ) -> None:
         self._detectors: dict[str, dict[str, EventDetector]] = {
-            name: {_name(table): table.build() for table in events} for name in vehicles
+            name: {table.class_name: table.build() for table in events} for name in vehicles
         }
         self._figures: dict[str, dict[str, RunFigure]] = {
-            name: {_name(table): table.build() for table in figures} for name in vehicles
+            name: {table.class_name: table.build() for table in figures} for name in vehicles
         }
         self._has_any = bool(events or figures)
         self._open: dict[tuple[str, str], Episode] = {}
@@ -74,14 +74,14 @@ class OwnMeasures:
             episode.most("duration_s", (at - episode.at_ns) / SECOND)
 
     def values(self, vehicle: str) -> dict[str, float | None]:
-        """Figures of a vehicle by the names of their classes."""
+        """Figures of a vehicle by the names of their classes, without those that failed."""
+        figures = self._figures.get(vehicle, {})
         result: dict[str, float | None] = {}
-        for name, figure in self._figures.get(vehicle, {}).items():
+        for name, figure in list(figures.items()):
             try:
                 result[name] = figure.value()
             except PlugInError as error:
-                result[name] = None
-                self.faults.append(f"{vehicle}: {error}")
+                self._leave_out(figures, vehicle, name, error)
         return result
 
     def _leave_out(
@@ -93,7 +93,3 @@ class OwnMeasures:
     ) -> None:
         del measures[name]
         self.faults.append(f"{vehicle}: {error}; left out from then on")
-
-
-def _name(table: PlugInTable) -> str:
-    return table.use.rpartition(".")[2]

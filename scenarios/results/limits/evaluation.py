@@ -7,6 +7,7 @@ from operator import attrgetter
 from scenarios.definition.run_limits import Limit, limits_of
 from scenarios.definition.schema.limit_rows import LimitRow
 from scenarios.definition.schema.limit_tables import LimitsTable
+from scenarios.definition.schema.plug_ins.guards import PlugInError
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.holes import UnseenSpan
 from scenarios.results.limits.deadlines import DeadlineFigure
@@ -45,7 +46,7 @@ def limit_figures(
     figures = [
         result
         for limit in known
-        if limit.row.figure
+        if not limit.row.event
         for result in _figures(limit, known, vehicles, incomplete)
     ]
     every = (*counts, *figures, *map(_deadline, deadlines))
@@ -77,11 +78,14 @@ def broken_by(limit: Limit, summary: RunSummary) -> bool:
 def severity(limit: Limit, summary: RunSummary) -> float:
     """How far a run is beyond the bound: 0 at it, negative while it holds.
 
-    Of a figure that no vehicle has: -inf for a smallest one, else as if it were 0.
+    Of a figure that no vehicle has: -inf for a smallest one, else as if it were 0. Raises
+    PlugInError if a class of the user failed to measure it.
     """
     if limit.row.event:
         return float(len(_counted(limit, summary.events)) > limit.bound)
     rows = [row for row in summary.vehicles if limit.vehicle in {"", row.name}]
+    if without := [row.name for row in rows if _is_unmeasured(limit.row, row)]:
+        raise PlugInError(f"{limit}: {unmeasured(limit.row.own_figure, without[0])}")
     known = [value for row in rows if (value := _figure(limit.row, row)) is not None]
     return max(map(limit.excess, known), default=-inf if limit.row.is_least else -limit.bound)
 
@@ -132,19 +136,41 @@ def _figures(
             limit=limit.name, bound=limit.bound, value=figure, vehicle=row.name, message=line
         )
     judged = [row for row in rows if row.role == "follower" or limit.row.of_lead]
-    names = [row.name for row, _ in known]
+    failed = [row.name for row in judged if _is_unmeasured(limit.row, row)]
+    for name in failed:
+        line = f"limits.{limit.name} = {limit.bound:g}: not judged: "
+        yield LimitFigure(
+            limit=limit.name,
+            bound=limit.bound,
+            value=None,
+            vehicle=name,
+            message=line + unmeasured(limit.row.own_figure, name),
+            judged=False,
+        )
+    names = [*(row.name for row, _ in known), *failed]
     lacking = [row.name for row in judged if row.name in incomplete and row.name not in names]
     for name in lacking:
         yield LimitFigure(limit=limit.name, bound=limit.bound, value=None, vehicle=name)
-    if not known and not lacking and (judged or limit.vehicle or not own):
+    if not names and not lacking and (judged or limit.vehicle or not own):
         yield LimitFigure(limit=limit.name, bound=limit.bound, value=None, vehicle=limit.vehicle)
 
 
 def _figure(row: LimitRow, vehicle: VehicleSummary) -> float | None:
     if vehicle.role == "lead" and not row.of_lead:
         return None
+    if row.own_figure:
+        return vehicle.own_figures.get(row.own_figure)
     figure: float | None = attrgetter(row.figure)(vehicle)
     return figure
+
+
+def _is_unmeasured(row: LimitRow, vehicle: VehicleSummary) -> bool:
+    """Whether a class of the user failed to measure its figure, or is not here."""
+    return bool(row.own_figure) and row.own_figure not in vehicle.own_figures
+
+
+def unmeasured(figure: str, vehicle: str) -> str:
+    return f"{vehicle} has no figure {figure}, because its class failed or is missing"
 
 
 def _breach(limit: Limit, vehicle: VehicleSummary, figure: float) -> str:

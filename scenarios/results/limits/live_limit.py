@@ -4,16 +4,23 @@ from collections.abc import Sequence
 from math import inf
 
 from scenarios.definition.run_limits import Limit
+from scenarios.definition.schema.plug_ins.guards import PlugInError
 from scenarios.results.events.encounters import Episode, TrueGap
-from scenarios.results.stream import ALL_EVENTS, FigureStream
+from scenarios.results.limits.evaluation import unmeasured
+from scenarios.results.stream import ALL_EVENTS, FigureStream, RoadError
+from scenarios.results.vehicles.vehicle_figures import VehicleFigures
 from vehicles.geometry.driven_path import CrossTrack
+from vehicles.messages import Tracking, TruePose
+from vehicles.schedule import SECOND
 
 
 class LiveLimit:
     """Subscribes to the figure of a limit: is it `broken` by now, and how near did the run come.
 
     A limit is broken in the same runs as by `broken_by` of their summaries. The stream computes
-    nothing but what the limit depends on, unless others subscribe to it.
+    nothing but what the limit depends on, unless others subscribe to it. A limit on a figure of the
+    user's class is judged at the end of the run, as that figure may become smaller again; its
+    excess is taken every second.
     """
 
     def __init__(
@@ -35,14 +42,43 @@ class LiveLimit:
         place = vehicles.index(limit.vehicle) if limit.vehicle else 0
         both_gaps = vehicles[place : place + 2] if limit.row.event else (limit.vehicle,)
         self._gaps_of = both_gaps if limit.vehicle else vehicles
+        self._stream = stream
+        self._vehicles = {
+            name: VehicleFigures(name, is_lead=name == vehicles[0])
+            for name in ([limit.vehicle] if limit.vehicle else vehicles)
+        }
+        self._next_at = 0
         stream.on_event(self._take_event, [kind for kind in ALL_EVENTS if kind == limit.row.event])
-        match limit.row.live if limit.row.figure or with_excess else "":
+        match limit.row.live if with_excess or not limit.row.event else "":
             case "lane_excess":
                 stream.on_lane_excess(self._take_lane_excess)
             case "error":
                 stream.on_error(self._take_error)
             case "gap":
                 stream.on_gap(self._take_gap)
+            case "road_error":
+                stream.on_road_error(self._take_road_error)
+            case "friction":
+                stream.on_truth(self._take_friction)
+            case "blind":
+                stream.on_truth(self._take_truth)
+                stream.on_tracking(self._take_tracking)
+            case "self_estimate":
+                stream.on_error(self._take_true_error)
+                stream.on_tracking(self._take_tracking)
+            case "own" if with_excess:
+                stream.on_truth(self._take_instant)
+
+    def finish(self) -> None:
+        """Judge a figure of the user's class; raises PlugInError if the class failed."""
+        name = self.limit.row.own_figure
+        for vehicle in self._vehicles if name else ():
+            figures = self._stream.own.values(vehicle)
+            if name not in figures:
+                faults = self._stream.own.faults or [unmeasured(name, vehicle)]
+                raise PlugInError(f"{self.limit}: {faults[0]}")
+            figure = figures[name]
+            self.broken |= figure is not None and self.limit.is_beyond(figure)
 
     def latest_excess(self) -> float:
         """Largest excess since the last call; negative while the limit held, -inf without any."""
@@ -69,6 +105,44 @@ class LiveLimit:
             self._excess = max(self._excess, -gap.now_m)
         else:
             self._judge(gap.now_m)
+
+    def _take_road_error(self, error: RoadError) -> None:
+        if error.vehicle in self._vehicles:
+            self._judge(abs(error.lateral))
+
+    def _take_friction(self, pose: TruePose) -> None:
+        if pose.vehicle in self._vehicles:
+            self._judge(pose.friction_ratio)
+
+    def _take_truth(self, pose: TruePose) -> None:
+        if (figures := self._vehicles.get(pose.vehicle)) is not None:
+            figures.add_truth(pose)
+            self._judge(figures.reaction.blind_m)
+
+    def _take_true_error(self, foot: CrossTrack) -> None:
+        if (figures := self._vehicles.get(foot.vehicle)) is not None:
+            figures.add_error(foot)
+            self._judge(figures.self_estimate.difference.largest)
+
+    def _take_tracking(self, tracking: Tracking) -> None:
+        figures = self._vehicles.get(tracking.vehicle)
+        if figures is None or figures.is_lead:
+            return
+        figures.add_tracking(tracking)
+        if self.limit.row.live == "blind":
+            self._judge(figures.reaction.blind_m)
+        else:
+            self._judge(figures.self_estimate.difference.largest)
+
+    def _take_instant(self, pose: TruePose) -> None:
+        """Take the excess of the user's figure every second."""
+        if pose.true_at_ns < self._next_at:
+            return
+        self._next_at = pose.true_at_ns + SECOND
+        for vehicle in self._vehicles:
+            figure = self._stream.own.values(vehicle).get(self.limit.row.own_figure)
+            if figure is not None:
+                self._excess = max(self._excess, self.limit.excess(figure))
 
     def _judge(self, figure: float) -> None:
         excess = self.limit.excess(figure)

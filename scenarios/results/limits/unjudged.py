@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from scenarios.definition.schema.limit_rows import LIMITS, LimitRow
+from scenarios.definition.schema.limit_rows import LIMITS, LimitRow, row_of
 from scenarios.results.holes import RecordKind, UnseenSpan
 from scenarios.results.summary import LimitFigure
 
@@ -72,9 +72,9 @@ def _holes(spans: Mapping[Needed, Sequence[UnseenSpan]], allowed: float) -> Limi
 
 def _needed(figure: LimitFigure, names: Sequence[str]) -> Iterator[Needed]:
     """Yield the messages that a limit judges."""
-    key = figure.limit.rpartition(".")[2]
-    if key in LIMITS or key == "after_collision":
-        row = LIMITS.get(key, LIMITS["collisions_max"])
+    key = figure.limit.removeprefix(f"{figure.vehicle}.")
+    row = LIMITS["collisions_max"] if key == "after_collision" else row_of(key)
+    if row is not None:
         for name in _own(figure, row, names):
             if row.by_decisions:
                 yield name, "decision"

@@ -128,6 +128,11 @@ class Reaction:
             self._blind += min(max(driven - before, 0), beyond)
 
     @property
+    def blind_m(self) -> float:
+        """Distance driven beyond the known path (m)."""
+        return self._blind / MICROMETRES
+
+    @property
     def summary(self) -> ReactionSummary:
         durations = self._recoveries
         return ReactionSummary(
@@ -136,7 +141,7 @@ class Reaction:
             recovery_s_mean=sum(durations) / len(durations) / SECOND if durations else None,
             recovery_s_max=max(durations) / SECOND if durations else None,
             stops=self._stops,
-            blind_m=self._blind / MICROMETRES,
+            blind_m=self.blind_m,
             predicted_blind_m_max=max(self._predicted, default=None),
             hazards=self._hazards,
         )

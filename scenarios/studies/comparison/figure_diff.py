@@ -6,6 +6,7 @@ from math import isclose, isfinite, sqrt
 from statistics import fmean, variance
 from typing import get_args
 
+from scenarios.definition.schema.limit_rows import OWN_FIGURES
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.summary import RunSummary
 from scenarios.studies.many.sweeps.figure import LINK_FIELDS, VEHICLE_FIELDS, SweepFigure
@@ -59,7 +60,8 @@ class FigureDifference:
     @property
     def is_main(self) -> bool:
         scope, _, rest = self.name.partition(".")
-        return scope == "events" or rest in MAIN_FIGURES
+        is_own = rest.startswith(f"{OWN_FIGURES}.")
+        return scope == "events" or is_own or rest in MAIN_FIGURES
 
     @property
     def difference(self) -> float | None:
@@ -94,6 +96,7 @@ def _names(summary: RunSummary) -> Iterator[str]:
     yield from (f"events.{kind}" for kind in get_args(EventKind))
     for row in summary.vehicles:
         yield from (f"{row.name}.{path}" for path in VEHICLE_FIELDS if _is_compared(path))
+        yield from (f"{row.name}.{OWN_FIGURES}.{name}" for name in row.own_figures)
     for link in summary.links:
         scope = f"{link.sender}:{link.receiver}"
         yield from (f"{scope}.{path}" for path in LINK_FIELDS if _is_compared(path))

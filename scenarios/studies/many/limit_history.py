@@ -103,6 +103,7 @@ class LimitObserver:
     def finish(self, at: int) -> LimitHistory:
         """Return the history of the run, which ended at instant `at` (ns)."""
         self._stream.finish()
+        self._live.finish()
         if self._live.broken:
             self._record(at, inf)
         return LimitHistory(tuple(self._records))
@@ -122,7 +123,7 @@ def watch_limit(
     """Run `scenario` in virtual time until it breaks `limit`, or to its end.
 
     After the instants of the `branches`, random numbers come from other seeds. A failed vehicle
-    ends the run.
+    ends the run. Raises PlugInError if the limit is on a figure of the user's class that fails.
     """
     observer = LimitObserver(scenario, limit, measure)
     outcome = drive(scenario, [observer], until=lambda: observer.is_finished, branches=branches)

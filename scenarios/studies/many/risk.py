@@ -97,12 +97,17 @@ def run_risk(
 
 
 def estimate_risk(query: RiskQuery, engine: Engine) -> Risk:
+    can_split = bool(query.limit.row.live) or query.measure == "silence"
     if query.method == "splitting":
+        if not can_split:
+            wrong = f"given splitting, but no figure approaches the limit {query.limit}"
+            raise ScenarioError([f"--method: {wrong}; use counting or --measure silence"])
         return _split(query, 0, engine)
     most = query.max_runs
-    counted_runs = min(FIRST_RUNS, most) if query.method == "auto" else most
+    counts_only = query.method == "counting" or not can_split
+    counted_runs = most if counts_only else min(FIRST_RUNS, most)
     risk = _count(query, counted_runs, engine)
-    if query.method == "counting" or counted_runs == most:
+    if counted_runs == most:
         return risk
     if len(risk.broken) >= ENOUGH_BROKEN:
         return _count(query, most, engine, risk)

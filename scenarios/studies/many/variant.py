@@ -58,7 +58,8 @@ def variant_of(name: str, overrides: Sequence[str] = (), seed: int = 1) -> Varia
 def limited_variant(name: str, overrides: Sequence[str], limit: str) -> tuple[Variant, Limit]:
     """Read a scenario and a limit of its convoy, such as "v4.error_m=0.5"; raises ScenarioError."""
     variant = variant_of(name, overrides)
-    return variant, parsed_limit(limit, variant.scenario.vehicle_names)
+    scenario = variant.scenario
+    return variant, parsed_limit(limit, scenario.vehicle_names, scenario.own_figures)
 
 
 def identity_of(

@@ -30,7 +30,10 @@ class RunFigure(Protocol):
 
     Each vehicle has its own instance, constructed as `Class()`, with its `settings` if it has any.
     `add` is called with each true pose of the vehicle, in order. The value is in the summary, in
-    `own_figures` of the vehicle, under the name of the class.
+    `own_figures` of the vehicle, under the name of the class. For a class SteeringEffort,
+    [limits.own_figures] has the keys SteeringEffort_max and SteeringEffort_min, `--limit` takes
+    SteeringEffort_max=0.02, and `convoy sweep --figure` takes own_figures.SteeringEffort. Limits
+    judge the value at the end of the run.
     """
 
     def add(self, pose: TruePose) -> None:

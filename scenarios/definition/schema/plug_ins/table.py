@@ -51,6 +51,11 @@ class PlugInTable(Table):
         """Whether the class is the user's."""
         return self.use not in self.point.shipped
 
+    @property
+    def class_name(self) -> str:
+        """Name of the class without its module, by which events and figures are listed."""
+        return self.use.rpartition(".")[2]
+
     def constructor_settings(self) -> tuple[Any, ...]:
         """Parameters as the last argument of the constructor; empty for a class without any."""
         return ()

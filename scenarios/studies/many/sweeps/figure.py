@@ -8,6 +8,7 @@ from types import NoneType
 from typing import Any, get_args
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.definition.schema.limit_rows import OWN_FIGURES
 from scenarios.definition.topology import directed_links
 from scenarios.results.channel.link_summary import SAFE_AGES_MS, LinkSummary
 from scenarios.results.events.encounters import EventKind
@@ -33,6 +34,7 @@ class SweepFigure:
     `FIELD` is the value of the worst follower: the largest, or for `*_min` and `safe_time_ratio`
     the smallest. `v3.FIELD` is the value of one vehicle, `links.FIELD` of the worst link,
     `v1:v2.FIELD` of one link. `events.KIND` is a count. Dots separate nested fields.
+    `own_figures.NAME`, a figure of the user's class, is the largest of all vehicles.
     """
 
     name: str
@@ -62,6 +64,8 @@ class SweepFigure:
         if ":" in scope:
             ends = tuple(scope.split(":"))
             return [row for row in summary.links if (row.sender, row.receiver) == ends], rest
+        if scope == OWN_FIGURES:
+            return summary.vehicles, self.name
         if scope in VEHICLE_FIELD_HEADS:
             return [row for row in summary.vehicles if row.role == "follower"], self.name
         return [row for row in summary.vehicles if row.name == scope], rest
@@ -70,8 +74,8 @@ class SweepFigure:
 def _value(row: Any, path: Sequence[str]) -> float | None:
     for part in path:
         if isinstance(row, Mapping):
-            # A missing count is 0; a share without commands is unknown.
-            row = row.get(part, None if "safe_time_ratio" in path else 0)
+            # A missing count is 0; a share without commands and a figure that failed are unknown.
+            row = row.get(part, None if path[0] in {"safe_time_ratio", OWN_FIGURES} else 0)
         else:
             row = getattr(row, part)
     return None if row is None else float(row)
@@ -97,16 +101,27 @@ RENAMED_FIGURES = {old: new for names in RENAMED.values() for old, new in names.
 VEHICLE_FIELD_HEADS = frozenset(path.split(".")[0] for path in VEHICLE_FIELDS)
 
 
-def parsed_figure(text: str, vehicles: Sequence[str]) -> SweepFigure:
-    """Parse the name of a figure; raises ScenarioError with similar names."""
+def parsed_figure(
+    text: str, vehicles: Sequence[str], own_figures: Sequence[str] = ()
+) -> SweepFigure:
+    """Parse the name of a figure; raises ScenarioError with similar names.
+
+    `own_figures` are the names of those of the user's classes.
+    """
+    own = [f"{OWN_FIGURES}.{name}" for name in own_figures]
     links = ("links", *(f"{sender}:{receiver}" for sender, receiver in directed_links(vehicles)))
     scope, dot, _ = text.partition(".")
     if scope in vehicles and dot:
-        known = [f"{scope}.{path}" for path in VEHICLE_FIELDS]
+        known = [f"{scope}.{path}" for path in (*VEHICLE_FIELDS, *own)]
     elif scope in links and dot:
         known = [f"{scope}.{path}" for path in LINK_FIELDS]
     else:
-        known = [*VEHICLE_FIELDS, *RUN_FIELDS, *(f"events.{kind}" for kind in get_args(EventKind))]
+        known = [
+            *VEHICLE_FIELDS,
+            *own,
+            *RUN_FIELDS,
+            *(f"events.{kind}" for kind in get_args(EventKind)),
+        ]
         known += [f"links.{path}" for path in LINK_FIELDS]
     if text in known:
         return SweepFigure(text)

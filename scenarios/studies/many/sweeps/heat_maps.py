@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from scenarios.definition.run_limits import Limit
+from scenarios.definition.schema.limit_rows import OWN_FIGURES
 from scenarios.studies.axis_labels import axis_label
 from scenarios.studies.many.sweeps.axis import SweepAxis
 from scenarios.studies.many.sweeps.cell_table import SweepTable
@@ -95,7 +96,8 @@ def _bound_of(figure: str, limits: Sequence[Limit]) -> float | None:
     """Return the bound of the limit on a figure, named as in `--figure`; None without one."""
     for limit in limits:
         vehicle = f"{limit.vehicle}." if limit.vehicle else ""
-        if f"{vehicle}{limit.row.figure}" == figure:
+        own = limit.row.own_figure
+        if f"{vehicle}{f'{OWN_FIGURES}.{own}' if own else limit.row.figure}" == figure:
             return limit.bound
     return None
 

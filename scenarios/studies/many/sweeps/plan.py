@@ -121,14 +121,15 @@ def planned(
         raise ScenarioError([f"{name}: given {plan.runs} runs, allowed {MAX_RUNS}"])
     scenarios = list(_scenarios(plan))
     vehicles = max((scenario.vehicle_names for scenario in scenarios), key=len)
+    own = tuple(dict.fromkeys(name for scenario in scenarios for name in scenario.own_figures))
     digests = " ".join(scenario.digest for scenario in scenarios)
     names = dict.fromkeys(figures or [DEFAULT_FIGURE])
     return replace(
         plan,
         plug_ins=tuple(sorted({name for one in scenarios for name in one.plug_ins})),
         contents=sha256(digests.encode()).hexdigest()[:12],
-        figures=tuple(parsed_figure(text, vehicles) for text in names),
-        limits=tuple(dict.fromkeys(parsed_limit(text, vehicles) for text in limits)),
+        figures=tuple(parsed_figure(text, vehicles, own) for text in names),
+        limits=tuple(dict.fromkeys(parsed_limit(text, vehicles, own) for text in limits)),
     )
 
 

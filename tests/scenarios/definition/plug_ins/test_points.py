@@ -1,10 +1,9 @@
 """Classes that a scenario selects: the printed examples, parameters, and planted mistakes."""
 
 import importlib
-import itertools
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
@@ -23,25 +22,8 @@ from transport.links.laws.effect import TransmissionContext
 from transport.links.link import Link
 from vehicles.driver.tracking import TrackingErrors
 
-NUMBERS = itertools.count()
 TWO = ["convoy.vehicles=2", "duration_s=1"]
 Module = Callable[[str], str]
-
-
-@pytest.fixture
-def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Module]:
-    """Writes a module of a name of its own, which it returns."""
-    monkeypatch.syspath_prepend(tmp_path)
-    made: list[str] = []
-
-    def write(code: str) -> str:
-        made.append(f"own_{next(NUMBERS)}")
-        (tmp_path / f"{made[-1]}.py").write_text(code, encoding="utf-8")
-        return made[-1]
-
-    yield write
-    for name in made:
-        sys.modules.pop(name, None)
 
 
 def with_example(key: str, name: str, *, of: str = "lane_change") -> Scenario:

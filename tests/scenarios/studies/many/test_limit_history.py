@@ -24,7 +24,10 @@ RUNS = {
 LIMITS = (
     "lane", "error_m=0.3", "gap_m=2.5", "collision", "near_miss", "path_lost",
     "v2.lane", "v3.lane", "v2.error_m=0.3", "v3.error_m=0.3", "v2.gap_m=2.5", "v3.gap_m=2.5",
-    "v1.collision", "v3.collision", "v3.path_lost",
+    "v1.collision", "v3.collision", "v3.path_lost", "stop", "v2.stop", "distrust",
+    "road_error_m=0.3", "v1.road_error_m=0.001", "self_estimate_error_m=0.1",
+    "v3.self_estimate_error_m=0.1", "blind_m=0.5", "v2.blind_m=0.5", "friction_ratio=0.1",
+    "v1.friction_ratio=0.1",
 )  # fmt: skip
 
 
