@@ -32,9 +32,10 @@ MODULES = {
     "vehicles/preview": "curve_fit fit_arc fit_clothoid fit_joined local_curves outliers"
     " trajectory",
     "vehicles/preview/received": "holes known_path polyline samples trace",
-    "vehicles/car": "brush_motion clock_error dead_reckoning dynamics gnss imu integration"
+    "vehicles/car": "brush_motion clock_error dead_reckoning dynamics gnss integration"
     " outline path_keeping tyres",
     "vehicles/car/positioning": "noise",
+    "vehicles/car/sensors": "imu",
     "vehicles/car/sending": "path_history sender",
     "vehicles/driver": "command_limit decision follower leader position_limit speed",
     "vehicles/driver/convoy": "stations watch",

@@ -214,8 +214,12 @@ ROWS = (
             marked=True, plain_row=4, foxglove=True,
         ),
         Panel(
-            name="gap", title="Gap, estimated", unit="m",
-            kind="plot", series=(Series("tracking", "estimated_gap_m"),),
+            name="gap", title="Gap, estimated bright, measured dark", unit="m",
+            kind="plot",
+            series=(
+                Series("tracking", "estimated_gap_m"),
+                Series("tracking", "measured_gap_m", name="measured", brightness_ratio=0.6),
+            ),
             plain_row=4, foxglove=True,
         ),
         Panel(

@@ -165,6 +165,8 @@ class Tracking:
     the lengths of both cars are those of the scenario. Logs before version 0.2 lack it.
     `lateral_deviation_m` is the estimated standard deviation of the own position across the body of
     the car. Logs before version 0.4 lack it.
+    `measured_gap_m` and `measured_gap_rate_mps` are those of the on-board gap sensor, predicted to
+    the command; NaN without a sensor or a measurement.
     """
 
     vehicle: str
@@ -194,6 +196,8 @@ class Tracking:
     hazard: bool
     estimated_gap_m: FloatOrNan = float("nan")
     lateral_deviation_m: FloatOrNan = float("nan")
+    measured_gap_m: FloatOrNan = float("nan")
+    measured_gap_rate_mps: FloatOrNan = float("nan")
 
 
 @dataclass(slots=True, kw_only=True)

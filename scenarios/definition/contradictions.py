@@ -17,7 +17,7 @@ from scenarios.definition.road.point_path import LONGEST
 from scenarios.definition.road.route import Route, longest_run, vehicle_names
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.path_tables import SegmentTable
-from scenarios.definition.schema.scenario_tables import OriginTable, ScenarioTables
+from scenarios.definition.schema.scenario_tables import OriginTable, ScenarioTables, VehicleTable
 from scenarios.definition.topology import directed_links
 from scenarios.definition.validation.wording import toml_repr
 from scenarios.definition.vehicle_setup import vehicle_setup
@@ -44,6 +44,7 @@ def between_keys(tables: ScenarioTables) -> Iterator[Problem]:
     yield from _speed(tables)
     yield from _path(tables)
     yield from _cars(tables)
+    yield from _gap_sensors(tables)
 
 
 def _names(tables: ScenarioTables) -> Iterator[Problem]:
@@ -219,6 +220,26 @@ def _cars(tables: ScenarioTables) -> Iterator[Problem]:
                 f"{FASTEST_RATE:g}: too stiff for its mass and yaw inertia"
             )
     yield from problems.items()
+
+
+def _gap_sensors(tables: ScenarioTables) -> Iterator[Problem]:
+    names = vehicle_names(tables)
+    common = tables.gap_sensor.model_fields_set
+    some_have_range = any(_has_range(tables.vehicle.get(name)) for name in names[1:])
+    if common and "range_m" not in common and not some_have_range:
+        yield "gap_sensor.range_m", "missing, needed with other keys of the sensor"
+    for name, own in tables.vehicle.items():
+        if own.gap_sensor is None:
+            continue
+        if name == names[0]:
+            yield f"vehicle.{name}.gap_sensor", "given, but the lead has no predecessor to measure"
+        elif not (_has_range(own) or "range_m" in common):
+            yield f"vehicle.{name}.gap_sensor.range_m", "missing, needed with other keys"
+
+
+def _has_range(own: VehicleTable | None) -> bool:
+    sensor = own and own.gap_sensor
+    return bool(sensor and "range_m" in sensor.model_fields_set)
 
 
 def on_the_road(tables: ScenarioTables, route: Route) -> Iterator[Problem]:

@@ -237,6 +237,11 @@ class Scenario:
         """Spacing (m) of each vehicle to its predecessor at which their bumpers touch."""
         return least_spacings(self.tables)
 
+    def is_measured(self, name: str) -> bool:
+        """Whether the gap sensor of the next vehicle measures the true poses of `name`."""
+        behind = self.vehicle_names[self.vehicle_names.index(name) + 1 :]
+        return bool(behind) and self.vehicle(behind[0]).gap_sensor is not None
+
     def spacing_policy(self, place: int) -> SpacingPolicy:
         return spacing_policy(self.tables, self.least_spacings[place])
 

@@ -10,11 +10,12 @@ from scenarios.definition.schema.scenario_tables import (
     SteeringTable,
 )
 from scenarios.definition.topology import senders_to
-from vehicles.car.imu_settings import ImuSettings
 from vehicles.car.parameters import LINCOLN_MKZ, Gains, VehicleParameters, loaded
 from vehicles.car.positioning.gnss_settings import GnssSettings
 from vehicles.car.sending.every_fix import EveryFix
 from vehicles.car.sending.rule import SendingRule
+from vehicles.car.sensors.gap_sensor import GapSensorSettings
+from vehicles.car.sensors.imu_settings import ImuSettings
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.steering import LateralController
 
@@ -26,7 +27,8 @@ class VehicleSetup:
     `parameters` are those of the loaded car; `assumed_parameters` are those of its controller and
     estimator, without the load unless they know it. `senders` are the
     vehicles whose poses it uses: lead and predecessor; for the lead none, or all where it waits.
-    `imu_rate_hz` is the inertial sensor's own rate, or else that of control.
+    `imu_rate_hz` is the inertial sensor's own rate, or else that of control. `gap_sensor` is None
+    for a vehicle without one.
     """
 
     name: str
@@ -43,6 +45,7 @@ class VehicleSetup:
     sending: SendingRule
     imu: ImuSettings
     imu_rate_hz: float
+    gap_sensor: GapSensorSettings | None
 
     @property
     def sends_every_instant(self) -> bool:
@@ -98,6 +101,8 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
     full = loaded(empty, overlay(tables.loading, own and own.loading).value)
     predecessor = names[place - 1] if place else None
     imu = overlay(tables.imu, own and own.imu).value
+    gap_sensor = overlay(tables.gap_sensor, own and own.gap_sensor).value
+    senses_gap = predecessor is not None and gap_sensor.reach > 0.0 and name not in tables.replayed
     sending = own.sending if own and own.sending else tables.sending
     if type(sending) is type(tables.sending):
         sending = overlay(tables.sending, sending)
@@ -116,6 +121,7 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
         sending=sending.value,
         imu=imu,
         imu_rate_hz=imu.rate or tables.control.rate_hz,
+        gap_sensor=gap_sensor if senses_gap else None,
     )
 
 

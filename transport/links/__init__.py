@@ -7,4 +7,5 @@ staged_messages  messages of a link that affect each other
 gate             checks of received poses
 positions        recent positions of the receiver
 inbox            messages of one vehicle, tick by tick
+true_poses       true poses of a vehicle, for an on-board sensor of another
 """

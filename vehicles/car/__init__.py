@@ -10,8 +10,7 @@ path_keeping     heading and steering of a car that exactly follows a path
 gnss             the GNSS receiver, and its fixes as messages
 positioning/     settings of the receiver, errors of its positions
 sending/         rules for sending fixes
-imu              gyroscope and wheel speed, or the exact state of the car
-imu_settings     settings of these sensors
+sensors/         sensors of the own motion and of the gap ahead
 clock_error      error of the vehicle's clock
 dead_reckoning   prediction of the motion from these sensors, and its error
 """

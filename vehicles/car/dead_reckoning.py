@@ -8,8 +8,8 @@ reckoning with fixes.
 import math
 from typing import Final
 
-from vehicles.car.imu import InertialNoise
 from vehicles.car.parameters import VehicleParameters
+from vehicles.car.sensors.imu import InertialNoise
 
 MIN_LAG: Final = 1e-3
 """Lower bound (s) of the slip's time constant, for a car that hardly moves."""

@@ -7,7 +7,8 @@ from typing import Final, Protocol
 
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
-from vehicles.car.imu import Motion
+from vehicles.car.sensors.gap_sensor import GapMeasurement
+from vehicles.car.sensors.imu import Motion
 from vehicles.driver.degradation.situation import OFF_PATH, Situation
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.steering import SteeringCommand
@@ -31,11 +32,12 @@ to follow: a fifth of a lane at three standard deviations."""
 class Decision:
     """Commands for steering and drive, and their inputs (Fig. 1, Sections III-A to III-C).
 
-    Units: target_speed m/s; estimated_gap m, between bumpers; lateral_deviation m, of the own
-    position; own_pose is its estimate at the control instant. `path_offset` (m, left positive) is
-    the offset of the last own fix from the lead's path, NaN if unknown. `fresh` is False between
-    two control instants, where the last decision is held. `fit` is the trajectory if it was
-    refitted. `remarks` are lines for the log.
+    Units: target_speed m/s; estimated_gap m, between bumpers; measured_gap m and its rate m/s, by
+    the gap sensor, predicted to the control instant; lateral_deviation m, of the own position;
+    own_pose is its estimate at the control instant. `path_offset` (m, left positive) is the offset
+    of the last own fix from the lead's path, NaN if unknown. `fresh` is False between two control
+    instants, where the last decision is held. `fit` is the trajectory if it was refitted. `remarks`
+    are lines for the log.
     """
 
     actuation: Actuation
@@ -47,6 +49,8 @@ class Decision:
     target_speed: float = 0.0
     estimated_gap: float = nan
     lateral_deviation: float = nan
+    measured_gap: float = nan
+    measured_gap_rate: float = nan
     own_pose: Pose | None = None
     path_offset: float = nan
     situation: Situation = field(default_factory=Situation)
@@ -65,6 +69,8 @@ class Decision:
         target_speed: float = 0.0,
         estimated_gap: float = nan,
         lateral_deviation: float = nan,
+        measured_gap: float = nan,
+        measured_gap_rate: float = nan,
         own_pose: Pose | None = None,
         path_offset: float = nan,
         situation: Situation | None = None,
@@ -80,6 +86,8 @@ class Decision:
         self.target_speed = target_speed
         self.estimated_gap = estimated_gap
         self.lateral_deviation = lateral_deviation
+        self.measured_gap = measured_gap
+        self.measured_gap_rate = measured_gap_rate
         self.own_pose = own_pose
         self.path_offset = path_offset
         self.situation = Situation() if situation is None else situation
@@ -108,6 +116,8 @@ class Decision:
             curvature_per_m=self.errors.curvature,
             estimated_gap_m=self.estimated_gap,
             lateral_deviation_m=self.lateral_deviation,
+            measured_gap_m=self.measured_gap,
+            measured_gap_rate_mps=self.measured_gap_rate,
             lead_age_s=lead.age,
             predecessor_age_s=ahead.age,
             lead_period_s=lead.period,
@@ -151,6 +161,8 @@ class Decision:
             target_speed=self.target_speed,
             estimated_gap=self.estimated_gap,
             lateral_deviation=self.lateral_deviation,
+            measured_gap=self.measured_gap,
+            measured_gap_rate=self.measured_gap_rate,
             situation=self.situation,
             remarks=self.remarks,
             fresh=False,
@@ -208,10 +220,11 @@ class Driver(Protocol):
         fix: Fix | None,
         motion: Motion | Body | None,
         received: Sequence[ReceivedPose],
+        gap: GapMeasurement | None = None,
     ) -> Decision:
         """Decide at `now` (ns) from the own measurements and the received poses.
 
-        `fix` and `motion` are None if not measured at this instant; an exact sensor returns the
-        true state of the car.
+        `fix`, `motion` and `gap` are None if no measurement has become available at this instant;
+        an exact sensor returns the true state of the car.
         """
         ...

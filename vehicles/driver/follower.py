@@ -13,7 +13,8 @@ from typing import Final
 
 from vehicles.car.dynamics import Actuation, Body, achieved_acceleration
 from vehicles.car.gnss import Fix
-from vehicles.car.imu import Motion
+from vehicles.car.sensors.gap_sensor import GapMeasurement
+from vehicles.car.sensors.imu import Motion
 from vehicles.driver.bends import BendsAhead
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
@@ -142,6 +143,7 @@ class Follower:
         self._spacings: dict[str, float] = {}
         self._spacings_at = 0
         self._own = OwnMotion()
+        self._measured: GapMeasurement | None = None
         self._decided_at = 0
         self._decision: Decision | None = None
 
@@ -151,10 +153,13 @@ class Follower:
         fix: Fix | None,
         motion: Motion | Body | None,
         received: Sequence[ReceivedPose],
+        gap: GapMeasurement | None = None,
     ) -> Decision:
         """Decide at `now` (ns), Sections III-A to III-E; between control instants hold."""
         self._load.observe(now, motion)
         self._own_state.update(now, fix, motion)
+        if gap is not None:
+            self._measured = gap
         for pose in received:
             trace = self._sources.receive(pose)
             bends = self._bends.get(pose.message.vehicle)
@@ -226,6 +231,8 @@ class Follower:
             target_speed=speed.target_speed,
             estimated_gap=ahead.spacing + margin - self._least_spacing,
             lateral_deviation=self._own_state.lateral_deviation,
+            measured_gap=ahead.measured_gap,
+            measured_gap_rate=ahead.measured_gap_rate,
             own_pose=pose,
             situation=situation,
             remarks=remarks,
@@ -315,8 +322,17 @@ class Follower:
         The spacing is reduced by a `margin` (m).
         """
         lead, predecessor = self._sources.lead.freshness, self._sources.predecessor.freshness
+        gap = gap_rate = gap_age = nan
+        if self._measured is not None:
+            gap, gap_rate, gap_age = self._measured.at(now)
         if isnan(predecessor.age):
-            return VehiclesAhead(curvature_ahead=errors.curvature_ahead, bend=self._bend(pose))
+            return VehiclesAhead(
+                curvature_ahead=errors.curvature_ahead,
+                bend=self._bend(pose),
+                measured_gap=gap,
+                measured_gap_rate=gap_rate,
+                measured_gap_age=gap_age,
+            )
         driven, speed, acceleration = predecessor.predicted_motion()
         closed = pose.speed * (now - self._spacings_at) / SECOND
         lead_speed = lead_acceleration = nan
@@ -336,6 +352,9 @@ class Follower:
                 for name, source in self._sources.all.items()
                 if name in self._spacings
             },
+            gap,
+            gap_rate,
+            gap_age,
         )
 
     def _advance_own(self, now: int, pose: Pose) -> None:

@@ -9,7 +9,8 @@ from typing import Final
 
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
-from vehicles.car.imu import Motion
+from vehicles.car.sensors.gap_sensor import GapMeasurement
+from vehicles.car.sensors.imu import Motion
 from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.convoy.ahead import ConvoyAhead
 from vehicles.driver.convoy.watch import ConvoyWatch
@@ -154,6 +155,7 @@ class Leader:
         fix: Fix | None,
         motion: Motion | Body | None,
         received: Sequence[ReceivedPose],
+        gap: GapMeasurement | None = None,  # noqa: ARG002 - it has no predecessor
     ) -> Decision:
         """Decide at `now` (ns); between control instants hold the last decision.
 

@@ -99,6 +99,7 @@ def _drivers(report: CheckReport) -> Iterator[Row]:
     yield from _grouped_rows("GNSS", report.gnss, _receiver)
     yield from _grouped_rows("sending", report.sending, _sending)
     yield from _grouped_rows("own state", report.imu, _own_state)
+    yield from _grouped_rows("gap sensor", report.gap_sensor, _gap_sensor, all_named=True)
     yield from _grouped_rows("tyres", report.tyres, _tyres)
     yield from _grouped_rows(
         "mass", report.masses_kg, lambda mass: f"{mass:g} kg with driver and load"
@@ -162,6 +163,14 @@ def _own_state(settings: Mapping[str, float] | None) -> str:
         f"estimated from GNSS and an inertial sensor at {settings['rate_hz']:g} Hz, noise "
         f"{settings['speed_noise_mps']:g} m/s, {settings['yaw_rate_noise_radps']:g} rad/s, bias "
         f"{settings['speed_bias_mps']:g} m/s, {settings['yaw_rate_bias_radps']:g} rad/s"
+    )
+
+
+def _gap_sensor(settings: Mapping[str, float]) -> str:
+    return (
+        f"up to {settings['range_m']:g} m within {settings['field_of_view_deg']:g}°, "
+        f"{settings['rate_hz']:g} Hz, latency {settings['latency_ms']:g} ms, noise "
+        f"{settings['gap_noise_m']:g} m, {settings['gap_rate_noise_mps']:g} m/s"
     )
 
 

@@ -58,10 +58,10 @@ class CheckReport:
     """Settings of a valid scenario, and figures of the lead's planned run.
 
     By vehicle: `control`, `largest_alpha` of followers with lead data, `gnss`, `sending`, `imu`
-    (None with exact own state), `tyres`, `masses_kg` (with driver and load), `offsets` from the
-    path at the start, and `replays` of recorded drives. `laws` describes each link except latency,
-    jitter, independent loss and rate. `gap_policy` is None if followers drive the lead's speed,
-    `radius_m_min` on a straight road.
+    (None with exact own state), `gap_sensor` of those that have one, `tyres`, `masses_kg` (with
+    driver and load), `offsets` from the path at the start, and `replays` of recorded drives. `laws`
+    describes each link except latency, jitter, independent loss and rate. `gap_policy` is None if
+    followers drive the lead's speed, `radius_m_min` on a straight road.
     `held_braking_mps2` is the hardest braking of the lead from its highest speed that followers
     hold without contact, None unless they keep a gap. From `points` to `deviation_m_max` the fields
     are about a recorded drive, and None for a path of segments: omitted points, holes, noise, the
@@ -84,6 +84,7 @@ class CheckReport:
     gnss: dict[str, dict[str, Any]]
     sending: dict[str, dict[str, Any]]
     imu: dict[str, dict[str, float] | None]
+    gap_sensor: dict[str, dict[str, float]]
     masses_kg: dict[str, float]
     tyres: dict[str, dict[str, Any]]
     offsets: dict[str, dict[str, float]]
@@ -194,6 +195,11 @@ def report_of(scenario: Scenario) -> CheckReport:
         gnss={name: table_with(car.gnss).model_dump() for name, car in cars.items()},
         sending={name: table_with(car.sending, RULES).model_dump() for name, car in cars.items()},
         imu={name: _imu(car) for name, car in cars.items()},
+        gap_sensor={
+            name: table_with(car.gap_sensor).model_dump()
+            for name, car in cars.items()
+            if car.gap_sensor is not None
+        },
         masses_kg={name: car.parameters.mass for name, car in cars.items()},
         tyres={name: _tyres(car.parameters) for name, car in cars.items()},
         offsets=_offsets(tables),

@@ -25,11 +25,12 @@ from scenarios.definition.schema.plug_ins.table import PlugInTable, default_of, 
 from scenarios.definition.schema.replay_table import ReplayTable
 from scenarios.definition.schema.settings_table import SettingsTable, one_of, table_with
 from transport.links.laws.outages.by_time import ReceiverOff, TransmitterOff
-from vehicles.car.imu_settings import ImuSettings
 from vehicles.car.parameters import NOMINAL_GAINS, Loading
 from vehicles.car.sending.every_fix import EveryFix
 from vehicles.car.sending.rule import SendingRule
 from vehicles.car.sending.sending_rules import RULES
+from vehicles.car.sensors.gap_sensor import GapSensorSettings
+from vehicles.car.sensors.imu_settings import ImuSettings
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.longitudinal.spacing import GapLimits
 from vehicles.preview.curve_fit import FitSettings
@@ -333,6 +334,7 @@ class VehicleTable(Table):
     gnss                keys of [gnss]
     sending             keys of [sending]
     imu                 keys of [imu]
+    gap_sensor          keys of [gap_sensor]
     parameters          keys of [parameters]
     loading             keys of [loading]
     """
@@ -354,6 +356,7 @@ class VehicleTable(Table):
     gnss: GnssTable | None = None
     sending: SendingTable | None = None
     imu: SettingsTable[ImuSettings] | None = None
+    gap_sensor: SettingsTable[GapSensorSettings] | None = None
     parameters: ParametersTable | None = None
     loading: SettingsTable[Loading] | None = None
 
@@ -383,6 +386,7 @@ class ScenarioTables(Table):
     gnss         receivers
     sending      rule of sending
     imu          inertial sensors
+    gap_sensor   on-board sensors of the gap ahead, such as radars; none by default
     speed        speed of lead and followers
     path         path of the lead
     links        all links
@@ -412,6 +416,7 @@ class ScenarioTables(Table):
     gnss: GnssTable = GnssTable()
     sending: Annotated[SendingTable, BeforeValidator(_with_rule)] = table_with(EveryFix(), RULES)
     imu: SettingsTable[ImuSettings] = SettingsTable[ImuSettings]()
+    gap_sensor: SettingsTable[GapSensorSettings] = SettingsTable[GapSensorSettings]()
     speed: SpeedTable = SpeedTable()
     path: PathTable
     links: LinkTable = LinkTable()

@@ -19,7 +19,13 @@ TRUE_COLUMNS = {
     "gap_m": "true_gap_m",
 }
 """Columns of the table of vehicles from true poses, by their names there."""
-OWN_COLUMNS = ("lateral_error_m", "heading_error_rad", "estimated_gap_m", "mode")
+OWN_COLUMNS = (
+    "lateral_error_m",
+    "heading_error_rad",
+    "estimated_gap_m",
+    "measured_gap_m",
+    "mode",
+)
 """Columns from the vehicle's decisions: what it estimates and does."""
 
 

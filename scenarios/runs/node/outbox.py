@@ -9,6 +9,7 @@ from scenarios.runs.node.pending_changes import DueChange
 from scenarios.runs.node.probe import Probe
 from scenarios.runs.node.sink import Sink
 from transport.links.inbox import Inbox
+from transport.links.true_poses import TruePoses
 from vehicles import messages
 from vehicles.car.clock_error import VehicleClock
 from vehicles.car.dynamics import Actuation, Body
@@ -48,11 +49,13 @@ class Outbox:
         start_at: int,
         clock: VehicleClock | None = None,
         state: OutboxState | None = None,
+        target: TruePoses | None = None,
     ) -> None:
         """`probe` measures the process; health is sent once a second from `start_at` (ns) on.
 
         Measurements are stamped by the vehicle's own `clock`; messages for the log have the true
-        time. A `state` continues an earlier outbox.
+        time. A `state` continues an earlier outbox. `target` has the true poses that the vehicle's
+        gap sensor measures.
         """
         state = state or OutboxState()
         self._vehicle = vehicle
@@ -60,6 +63,7 @@ class Outbox:
         self._plane = plane
         self._parameters, self._loads = parameters, axle_loads(parameters)
         self._inbox = inbox
+        self._target, self._late_targets = target, 0
         self._probe = probe
         self._clock = clock or VehicleClock(start_at)
         # Steady, because not every schedule has a tick at each whole second.
@@ -185,6 +189,12 @@ class Outbox:
             worst = usage.lateness_ms_max
             self._add_text(now, f"{late} late ticks, by up to {worst:.1f} ms so far", "warning")
             self._late_ticks = usage.late_ticks
+        late_targets = 0 if self._target is None else self._target.late
+        if self._target is not None and late_targets > self._late_targets:
+            late, name = late_targets - self._late_targets, self._target.vehicle
+            text = f"{late} true poses of {name} arrived too late for the gap sensor"
+            self._add_text(now, f"{text}: raise gap_sensor.latency_ms", "warning")
+            self._late_targets = late_targets
         waiting = self._inbox.waiting(now) if final else ""
         self._add(
             messages.Health(
@@ -196,7 +206,7 @@ class Outbox:
                 lateness_ms_max=usage.lateness_ms_max,
                 received=self._inbox.delivered,
                 dropped=self._inbox.dropped,
-                late_messages=self._inbox.late,
+                late_messages=self._inbox.late + late_targets,
                 rejected_messages=self._inbox.rejected.total(),
                 published=sum(self._next.values()),
                 memory_bytes=usage.memory_bytes,

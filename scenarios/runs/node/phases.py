@@ -12,12 +12,14 @@ from scenarios.definition.road.set_speed import SpeedPlan
 from scenarios.runs.node.outbox import Outbox
 from transport.links.inbox import Inbox, IncomingLink
 from transport.links.laws.effect import Position
+from transport.links.true_poses import TruePoses
 from vehicles.car.clock_error import VehicleClock
 from vehicles.car.dynamics import Actuation, Body, CarMotion, DriveTrain
 from vehicles.car.gnss import Fix, GnssReceiver
-from vehicles.car.imu import ExactSensor, InertialSensor, Motion
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.sending.sender import Sender
+from vehicles.car.sensors.gap_sensor import GapMeasurement, GapSensor
+from vehicles.car.sensors.imu import ExactSensor, InertialSensor, Motion
 from vehicles.driver.decision import Driver
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.speed import ProfileSpeed
@@ -36,6 +38,7 @@ class Car:
     gnss: GnssReceiver
     imu: InertialSensor | ExactSensor
     command: Actuation
+    gap_sensor: GapSensor | None = None
     _motion: CarMotion = field(init=False)
     _drive: DriveTrain = field(init=False)
 
@@ -91,7 +94,10 @@ class VehicleFactory(Protocol):
 
 @dataclass(slots=True, kw_only=True)
 class VehicleContext:
-    """Parts shared by all phases of a vehicle; instants (ns) count from `start_at`."""
+    """Parts shared by all phases of a vehicle; instants (ns) count from `start_at`.
+
+    `target` has the true poses that the gap sensor measures.
+    """
 
     start_at: int
     car: Car
@@ -101,6 +107,7 @@ class VehicleContext:
     inbox: Inbox
     outbox: Outbox
     factory: VehicleFactory
+    target: TruePoses | None
 
     def apply_speed_plan(self, now: int, law: ProfileSpeed | None, *, alone: bool) -> None:
         """Apply the planned speed to `law`; `alone`, from the position of the car."""
@@ -112,9 +119,17 @@ class VehicleContext:
         seconds, body = (now - self.start_at) / SECOND, self.car.body
         law.follow(self.plan.setting_off(seconds, self.factory.station(body), body.speed))
 
+    def measure_gap(self, now: int) -> GapMeasurement | None:
+        """Gap measurement that is available now; call it at every tick."""
+        sensor, target = self.car.gap_sensor, self.target
+        if sensor is None or target is None:
+            return None
+        return sensor.measure(self.car.body, now, target.newest_at)
+
     def idle(self, now: int, command: Actuation) -> Actuation:
         """Keep `command` at `now` (ns) while the software does nothing."""
         self.car.measure(now)
+        self.measure_gap(now)
         self.outbox.publish_idle(now, self.car.body, command, fresh=self.control.due(now))
         return command
 
@@ -172,7 +187,8 @@ class Driving(VehiclePhase):
         context, car = self.context, self.context.car
         received = context.clock.restamped(now, context.inbox.take(now, car.position))
         fix, motion = car.measure(now)
-        decision = self.software.driver.step(now, fix, motion, received)
+        gap = context.measure_gap(now)
+        decision = self.software.driver.step(now, fix, motion, received, gap)
         sender = self.software.sender
         sent = sender.send(now, fix, decision.dead_reckoned, on_path=decision.keeps_to_path)
         context.outbox.publish(now, car.body, sent, decision, sender.path)

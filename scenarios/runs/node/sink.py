@@ -1,6 +1,6 @@
 """Sinks for the messages of one vehicle."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from typing import Protocol
 from zlib import crc32
 
@@ -80,10 +80,12 @@ class BatchingSink:
         on_sent: OnSent | None = None,
         *,
         logged_hz: Mapping[str, float] | None = None,
+        unbatched: Container[str] = (),
     ) -> None:
         """`now` is the clock (ns); `on_sent` is called for each message that is sent alone.
 
         Topics in `logged_hz` that only the log reads are thinned to the rates of the log.
+        `unbatched` topics are sent at once, because other vehicles wait for them.
         """
         self._vehicle = vehicle
         rates_hz = (logged_hz or {}).items()
@@ -92,13 +94,14 @@ class BatchingSink:
         self._bus = bus
         self._key = records_key(vehicle)
         self._now = now
+        self._unbatched = unbatched
         self._waiting: list[Message] = []
         self._turn = crc32(vehicle.encode()) % BATCH_NS  # vehicles of a convoy take turns
         self._span = self._present_span()
 
     def send(self, message: Message) -> None:
         topic = TOPIC_OF[type(message)]
-        if not topic.batched:
+        if not topic.batched or topic.name in self._unbatched:
             self._alone.send(message)
         elif self._thinning.keeps(topic.name, self._vehicle, getattr(message, topic.instant)):
             self._waiting.append(message)

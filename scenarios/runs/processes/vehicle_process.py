@@ -37,6 +37,7 @@ from transport.clock import (
 from transport.codec import RefusedMessageError, decode
 from transport.links.gate import GPS
 from transport.links.inbox import QUEUE, Inbox, IncomingLink
+from transport.links.true_poses import KEPT, TRUTH
 from transport.topics import RUN_SENDER, TOPICS, Topic, key
 from vehicles.messages import Change, Health, Message, RunEnd, RunStart
 from vehicles.schedule import SECOND, Timer
@@ -290,12 +291,14 @@ class VehicleProcess:
             before.lateness if before else None,
             lambda: (self._clock_sync.offset, self._clock_sync.uncertainty),
         )
+        is_measured = self._builder.scenario.is_measured(self._builder.name)
         sink = BatchingSink(
             self._builder.name,
             self._bus,
             self._clock.now,
             self._keep_if_repeated,
             logged_hz=self._builder.scenario.tables.log.rates_hz,
+            unbatched={TRUTH.name} if is_measured else (),
         )
         node = self._builder.node(start_at, sink, probe, before.node if before else None)
         self._fetches = [
@@ -304,6 +307,9 @@ class VehicleProcess:
             )
             for sender, link in node.inbox.links.items()
         ]
+        if (target := self._builder.target) is not None:
+            collect = self._bus.collect
+            self._fetches.append(collect(target.key, target.on_bytes, KEPT, self._clock.now))
         self._control.begin(start_at, node.pending_changes)
         report(f"{self._builder.name}: {self._run} {'continues' if before else 'starts'}")
         self._drive(node, start_at, probe, sink)

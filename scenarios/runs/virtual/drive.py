@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.node import VehicleFaultError
 from scenarios.runs.node.sink import BusSink
-from scenarios.runs.observer import Listen, Observer, listeners_by_kind
+from scenarios.runs.observer import Kinds, Listen, Observer, listeners_by_kind
 from scenarios.runs.virtual.virtual_convoy import Branch, VirtualConvoy, never
 from transport.bus.bus import Bus
 from transport.topics import RUN_SENDER
-from vehicles.messages import GpsPose, Message, RunStart
+from vehicles.messages import GpsPose, Message, RunStart, TruePose
 
 if TYPE_CHECKING:  # only runs with replayed vehicles read logs
     from scenarios.runs.node.recorded_vehicle import Replay
@@ -32,7 +32,7 @@ class DriveOutcome:
 class ObservedSink:
     """Publishes the poses of one vehicle and passes all its messages to listeners.
 
-    Only poses are encoded; `flush` publishes them.
+    Only `published` messages, which other vehicles receive, are encoded; `flush` publishes them.
     """
 
     def __init__(
@@ -41,22 +41,24 @@ class ObservedSink:
         bus: Bus,
         now: Callable[[], int],
         listeners: Mapping[type[Message], Sequence[Listen]],
+        published: Kinds = frozenset({GpsPose}),
     ) -> None:
-        poses = BusSink(vehicle, bus)
-        self.flush = poses.flush
-        self._publish = poses.send
+        on_bus = BusSink(vehicle, bus)
+        self.flush = on_bus.flush
+        self._publish = on_bus.send
+        self._published = published
         self._now = now
         self._listeners = listeners
 
     def send(self, message: Message) -> None:
         kind = type(message)
-        if kind is GpsPose:
+        if kind in self._published:
             self._publish(message)
         for listen in self._listeners[kind]:
             listen(self._now(), message)
 
     def reads(self, kind: type[Message]) -> bool:
-        return kind is GpsPose or bool(self._listeners[kind])
+        return kind in self._published or bool(self._listeners[kind])
 
 
 def drive(
@@ -90,7 +92,12 @@ def drive(
     start = RunStart(vehicle=RUN_SENDER, seq=0, start_at_ns=now(), run_id=scenario.virtual_run_id)
     for listen in listeners[RunStart]:
         listen(now(), start)
-    nodes = convoy.build(lambda vehicle: ObservedSink(vehicle, bus, now, listeners), replays)
+
+    def sink_of(vehicle: str) -> ObservedSink:
+        measured = {TruePose} if scenario.is_measured(vehicle) else set()
+        return ObservedSink(vehicle, bus, now, listeners, frozenset({GpsPose, *measured}))
+
+    nodes = convoy.build(sink_of, replays)
     fault = None
     try:
         convoy.run(until)

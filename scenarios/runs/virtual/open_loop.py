@@ -20,7 +20,7 @@ from scenarios.runs.node.probe import NoProbe
 from transport.codec import decode
 from transport.log.reader import LogReader
 from transport.log.records import LogError
-from transport.topics import RUN_SENDER, key
+from transport.topics import RUN_SENDER, key, valid_at
 from vehicles.car.dynamics import Actuation, OutOfModelError
 from vehicles.messages import Command, LinkVerdict, Message, RunStart, Tracking, TruePose
 from vehicles.schedule import SECOND
@@ -58,7 +58,8 @@ class RecordedInputs:
     """What a vehicle received and decided in a run from `start_at` (ns).
 
     `arrivals` are the messages with a verdict, as the instant from which they are available, their
-    key and their bytes, in that order.
+    key and their bytes, in that order. With a gap sensor they include the true poses that it
+    measured.
     """
 
     start_at: int
@@ -66,9 +67,14 @@ class RecordedInputs:
     decisions: Decisions
 
 
-def read_inputs(reader: LogReader, vehicle: str, senders: Sequence[str]) -> RecordedInputs:
-    """Read the inputs of a vehicle; raises LogError if the log lacks topics or the vehicle."""
-    reader.require_all("verdict", "command")
+def read_inputs(
+    reader: LogReader, vehicle: str, senders: Sequence[str], measured: str = ""
+) -> RecordedInputs:
+    """Read the inputs of a vehicle; raises LogError if the log lacks topics or the vehicle.
+
+    `measured` is the vehicle whose true poses its gap sensor measures, if it has one.
+    """
+    reader.require_all("verdict", "command", *(["truth"] if measured else []))
     if not reader.counts.get((vehicle, "command")):
         known = sorted({name for name, topic in reader.counts if topic == "command"})
         raise LogError(
@@ -89,6 +95,10 @@ def read_inputs(reader: LogReader, vehicle: str, senders: Sequence[str]) -> Reco
             # A late message was first available at the tick that judged it.
             at = verdict.received_at_ns if verdict.late else verdict.sent_at_ns
             arrivals.append((at, key(sender, topic), number, data))
+    if measured:
+        for _, _, topic, data in reader.encoded_messages(("truth",), (measured,)):
+            truth = decode(topic, data)
+            arrivals.append((valid_at(truth), key(measured, topic), truth.seq, data))
     arrivals.sort()
     inputs = [(at, sender_key, data) for at, sender_key, _, data in arrivals]
     return RecordedInputs(start_at, inputs, decisions)
@@ -111,7 +121,10 @@ def decide_again(scenario: Scenario, vehicle: str, inputs: RecordedInputs) -> De
             break
         while arrivals and arrivals[0][0] <= tick.at:
             _, sender_key, data = arrivals.popleft()
-            node.inbox.on_bytes(sender_key, data)
+            if builder.target is not None and sender_key == builder.target.key:
+                builder.target.on_bytes(sender_key, data)
+            else:
+                node.inbox.on_bytes(sender_key, data)
         try:
             decided = node.decide(tick.at)
             if (given := recorded.get(tick.at)) is not None:

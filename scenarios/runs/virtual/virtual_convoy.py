@@ -121,6 +121,8 @@ class VirtualConvoy:
             self._live.append((builder, node))
             for sender_key in node.inbox.keys:
                 self.bus.subscribe(sender_key, node.inbox.on_bytes)
+            if builder.target is not None:
+                self.bus.subscribe(builder.target.key, builder.target.on_bytes)
             ticks = partial(builder.ticks, start_at)
             step = step_with_faults(node, name, start_at)
             if self._scenario.continues_without_failed:

@@ -172,7 +172,9 @@ def recompute(
     settings = settings_of(vehicle, controller, overrides)
     scenario = _with_settings(session, settings, log)
     senders = senders_to(names, vehicle, lead_receives=session.tables.speed.lead_receives)
-    inputs = read_inputs(reader, vehicle, senders)
+    setup = scenario.vehicle(vehicle)
+    measured = setup.predecessor if setup.gap_sensor else None
+    inputs = read_inputs(reader, vehicle, senders, measured or "")
     again = decide_again(scenario, vehicle, inputs)
     subject = _Subject(log, vehicle, settings, reader.faults_in(TOPICS))
     return _compared(subject, inputs, again)

@@ -34,11 +34,12 @@ from scenarios.definition.schema.scenario_tables import (
 from scenarios.definition.schema.settings_table import SettingsTable
 from tests.made.channels.drawn_channels import LAWS, drawn_channel, drawn_spans
 from tests.made.channels.drawn_laws import inline
-from vehicles.car.imu_settings import ImuSettings
 from vehicles.car.parameters import LINCOLN_MKZ, Loading
 from vehicles.car.positioning.drift import Drift
 from vehicles.car.positioning.gnss_settings import StateErrors
 from vehicles.car.sending.intervals import CAM_SHARES
+from vehicles.car.sensors.gap_sensor import GapSensorSettings
+from vehicles.car.sensors.imu_settings import ImuSettings
 
 Raw = dict[str, Any]
 VEHICLES_MAX = 8
@@ -99,6 +100,7 @@ def drawn_scenario(chance: Random) -> DrawnScenario:
     _put(tables, "gnss", _receiver(chance))
     _put(tables, "sending", _sending(chance))
     _put(tables, "imu", drawn_table(chance, SettingsTable[ImuSettings]))
+    _put(tables, "gap_sensor", _gap_sensor(chance))
     if "rate_hz" in repr((tables.get("links"), tables.get("link"))):  # for even sending only
         for table in (tables, *tables.get("vehicle", {}).values()):
             table.pop("sending", None)
@@ -224,8 +226,17 @@ def _vehicle(chance: Random, *, lead: bool) -> Raw:
         table["heading_offset_deg"] = chance.choice([-90.0, 90.0, chance.uniform(-5.0, 5.0)])
     if chance.random() < 0.3:
         table[chance.choice(["transmitter_off", "receiver_off"])] = drawn_spans(chance)
+    if not lead:
+        _put(table, "gap_sensor", _gap_sensor(chance))
     if not lead and chance.random() < 0.3:
         table["gap_m"] = chance.choice([51.0, 1000.0])
+    return table
+
+
+def _gap_sensor(chance: Random) -> Raw:
+    table = drawn_table(chance, SettingsTable[GapSensorSettings], ("range_m",))
+    if table:
+        table["range_m"] = chance.choice([0.0, 1000.0, chance.uniform(0.0, 100.0)])
     return table
 
 
@@ -322,6 +333,10 @@ def _duration_s(chance: Random, tables: Raw, names: Sequence[str]) -> float:
     """From 1 to 3 s, less if that would exceed `STEPS`."""
     rates = tables["control"].get("rate_hz", 50.0) + tables.get("gnss", {}).get("rate_hz", 20.0)
     rates += tables.get("imu", {}).get("rate_hz", 0.0)
+    rates += max(
+        own.get("gap_sensor", {}).get("rate_hz", 0.0)
+        for own in (tables, *tables.get("vehicle", {}).values())
+    )
     affordable: float = STEPS / (rates * len(names))
     return round(max(min(chance.choice([1.0, 2.0, 3.0]), affordable), 0.02), 3)
 

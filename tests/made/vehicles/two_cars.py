@@ -15,6 +15,8 @@ from vehicles.schedule import MILLISECOND, SECOND
 TICK, PERIOD, LATENCY = 20 * MILLISECOND, 50 * MILLISECOND, 20 * MILLISECOND
 LENGTH, LIMITS = 4.93, GapLimits(2.0, 6.0)
 POLICY = SpacingPolicy(8.0, 0.5)
+SENSED_AFTER = 4
+"""Ticks after which a measurement of the gap sensor is available."""
 EMERGENCY = DegradationSettings().emergency
 
 
@@ -22,7 +24,8 @@ class Road:
     """Two cars on a straight; the follower receives some exact, delayed messages.
 
     `ahead` and `place` (m) are the positions of predecessor and follower, `known` is the newest
-    received sample, `least` the smallest gap (m) so far.
+    received sample, `least` the smallest gap (m) so far. An exact gap sensor with a latency of
+    `SENSED_AFTER` measures if `has_sensor`.
     """
 
     def __init__(
@@ -34,6 +37,7 @@ class Road:
         reaction: Reaction = "degrade",
         friction: float = 0.9,
         policy: SpacingPolicy = POLICY,
+        has_sensor: bool = False,
     ) -> None:
         self.spacing = policy.desired(speed) if spacing is None else spacing
         car = GuardedCar(
@@ -46,6 +50,8 @@ class Road:
         )
         self.guard = SpeedGuard(law, DegradationSettings(reaction=reaction), car)
         self.law = law
+        self.has_sensor = has_sensor
+        self.sensed: list[tuple[float, float]] = []
         self.ahead, self.place = self.spacing, 0.0
         self.ahead_speed = self.speed = speed
         self.ahead_acceleration = 0.0
@@ -86,7 +92,15 @@ class Road:
         )
         driven, speed, acceleration = predecessor.predicted_motion()
         spacing = place + driven - self.place
-        return VehiclesAhead(spacing, speed, speed, acceleration, acceleration), situation
+        ahead = VehiclesAhead(spacing, speed, speed, acceleration, acceleration)
+        if self.has_sensor:
+            predecessor.status = "lost" if age > 0.5 else "late" if age > 0.2 else "fresh"
+            self.sensed.append((self.ahead - self.place - LENGTH, self.ahead_speed - self.speed))
+            ticks = min(SENSED_AFTER, len(self.sensed) - 1)
+            gap, rate = self.sensed[-1 - ticks]
+            ahead.measured_gap_age = ticks * TICK / SECOND
+            ahead.measured_gap, ahead.measured_gap_rate = gap + rate * ahead.measured_gap_age, rate
+        return ahead, situation
 
     def _move(self, acceleration: float) -> None:
         span = TICK / SECOND

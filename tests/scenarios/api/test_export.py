@@ -20,7 +20,7 @@ from tests.made import second_reader
 from tests.made.second_reader import DEVIATION, SecondReading
 
 TRUE = ("east_m", "north_m", "yaw_rad", "speed_mps")
-OWN = ("lateral_error_m", "heading_error_rad", "estimated_gap_m", "mode")
+OWN = ("lateral_error_m", "heading_error_rad", "estimated_gap_m", "measured_gap_m", "mode")
 
 
 def command(*arguments: object) -> Result:

@@ -37,6 +37,8 @@ DECISION = Decision(
     target_speed=29.5,
     estimated_gap=14.8,
     lateral_deviation=0.04,
+    measured_gap=14.6,
+    measured_gap_rate=0.3,
     path_offset=-0.12,
     situation=Situation(
         lead=SourceFreshness(
@@ -69,6 +71,8 @@ def test_a_decision_logs_tracking_and_command() -> None:
         curvature_per_m=0.004,
         estimated_gap_m=14.8,
         lateral_deviation_m=0.04,
+        measured_gap_m=14.6,
+        measured_gap_rate_mps=0.3,
         lead_age_s=0.07,
         predecessor_age_s=0.02,
         lead_period_s=0.05,

@@ -30,8 +30,9 @@ from tests.made.vehicles.followers import (
 from tests.made.vehicles.fusions import FUSIONS
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
-from vehicles.car.imu import Motion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.car.sensors.gap_sensor import GapMeasurement
+from vehicles.car.sensors.imu import Motion
 from vehicles.driver.decision import Decision
 from vehicles.driver.degradation.modes import NOTHING_RECEIVED
 from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
@@ -201,6 +202,7 @@ def test_a_blend_steers_by_the_weighted_mean_of_both_commands(alpha: float) -> N
             fix: Fix | None,
             motion: Motion | Body | None,
             received: Sequence[ReceivedPose],
+            gap: GapMeasurement | None = None,  # noqa: ARG002
         ) -> Decision:
             nonlocal compared
             decision, lead, predecessor = (

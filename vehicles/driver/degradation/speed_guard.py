@@ -142,7 +142,7 @@ class SpeedGuard:
             return usual
         self.stops_behind = False
         predecessor, emergency = situation.predecessor, self._available_braking(pose)
-        sample = self._sample(now, ahead, predecessor)
+        sample = self._sample(now, pose, ahead, predecessor)
         tick = _Instant(now, span, pose, ahead, situation, usual, emergency, *sample)
         self._ages.observe(now, tick.age, predecessor)
         warned = _warns(predecessor, now)
@@ -188,13 +188,18 @@ class SpeedGuard:
         return span
 
     def _sample(
-        self, now: int, ahead: VehiclesAhead, predecessor: SourceFreshness
+        self, now: int, pose: Pose, ahead: VehiclesAhead, predecessor: SourceFreshness
     ) -> tuple[float, float, float]:
         """Spacing (m), speed (m/s) and age (s) of the predecessor's newest sample.
 
-        Before the first message it is assumed at its initial position, as fast as the car itself.
+        While its messages are not fresh, the gap sensor's measurement is that sample, if there is
+        one. Before the first message the predecessor is assumed at its initial position, as fast as
+        the car itself.
         """
         age, speed = predecessor.age, predecessor.speed
+        if predecessor.status != "fresh" and isfinite(ahead.measured_gap):
+            speed, age = max(pose.speed + ahead.measured_gap_rate, 0.0), ahead.measured_gap_age
+            return ahead.measured_gap + self._car.least_spacing - speed * age, speed, age
         if isnan(ahead.spacing) or isnan(age):
             age = (now - (self._first_at or 0)) / SECOND
             return self._car.initial_spacing - self._driven, self._first_speed, age
@@ -292,7 +297,8 @@ class SpeedGuard:
 
     def _stop_behind(self, tick: _Instant) -> float:
         """Mildest acceleration (m/s²) that stops behind a predecessor that stops as announced."""
-        distance = self._announced.distance(tick.now, tick.speed, tick.situation.predecessor)
+        predecessor = tick.situation.predecessor
+        distance = self._announced.distance(tick.now, tick.speed, tick.age, predecessor)
         left = tick.spacing + distance - self._car.least_spacing - GUARD_MARGIN
         left -= self._car.drive_lag * tick.pose.speed
         emergency = tick.emergency

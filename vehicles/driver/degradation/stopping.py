@@ -139,12 +139,12 @@ class AnnouncedStop:
         emergency = self._emergency
         return now - self._received_at <= emergency.deceleration / emergency.jerk * SECOND
 
-    def distance(self, now: int, speed: float, predecessor: SourceFreshness) -> float:
-        """Stopping distance (m) from the predecessor's newest sample, at `speed` (m/s) there.
+    def distance(self, now: int, speed: float, age: float, predecessor: SourceFreshness) -> float:
+        """Stopping distance (m) from a sample of the predecessor, `age` (s) old, at `speed` (m/s).
 
         It keeps that speed until the announced instant, or is already braking.
         """
-        free = (predecessor.stops_at - now) / SECOND + predecessor.age
+        free = (predecessor.stops_at - now) / SECOND + age
         if free > 0.0:
             return speed * free + stopping_distance(speed, 0.0, self._emergency)
         braked = min(max(predecessor.acceleration, -self._emergency.deceleration), 0.0)

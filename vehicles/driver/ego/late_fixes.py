@@ -10,8 +10,8 @@ from collections import deque
 
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
-from vehicles.car.imu import Motion
 from vehicles.car.parameters import VehicleParameters
+from vehicles.car.sensors.imu import Motion
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.ego.pose_estimator import PoseEstimator
 

@@ -5,7 +5,7 @@ from typing import Protocol
 
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
-from vehicles.car.imu import Motion
+from vehicles.car.sensors.imu import Motion
 from vehicles.geometry.geodesy import wrap_angle
 
 

@@ -11,9 +11,9 @@ from typing import Final
 
 from vehicles.car.dead_reckoning import DriftModel, SlipModel
 from vehicles.car.gnss import Fix
-from vehicles.car.imu import InertialNoise, Motion
 from vehicles.car.positioning.noise import GnssNoise
 from vehicles.car.positioning.stated_errors import StatedErrors
+from vehicles.car.sensors.imu import InertialNoise, Motion
 from vehicles.driver.ego.covariance import AcrossCovariance, AlongCovariance
 from vehicles.driver.ego.joint_covariance import (
     GYRO_BIAS,

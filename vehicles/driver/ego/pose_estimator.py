@@ -22,10 +22,10 @@ from typing import Final
 from vehicles.car.dead_reckoning import DriftModel, SlipModel
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
-from vehicles.car.imu import InertialNoise, Motion
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.positioning.noise import GnssNoise
 from vehicles.car.positioning.stated_errors import StatedErrors
+from vehicles.car.sensors.imu import InertialNoise, Motion
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.ego.own_track import OwnTrack, TrackModel
 

@@ -18,9 +18,9 @@ from dataclasses import replace
 from typing import Protocol, runtime_checkable
 
 from vehicles.car.dynamics import Body
-from vehicles.car.imu import Motion
 from vehicles.car.integration import actuator
 from vehicles.car.parameters import VehicleParameters
+from vehicles.car.sensors.imu import Motion
 from vehicles.car.tyres import lateral_coefficients
 from vehicles.schedule import SECOND
 

@@ -61,8 +61,9 @@ class VehiclesAhead:
                               of its bend (m), if any
     own                       `OwnMotion`
     sources                   `SourceMotion` of each received vehicle by its name
-    measured_gap              gap by an on-board sensor (m)
+    measured_gap              gap by the on-board sensor (m), predicted to the present by its rate
     measured_gap_rate         its rate (m/s)
+    measured_gap_age          time since the measurement (s)
     """
 
     spacing: float = nan
@@ -76,6 +77,7 @@ class VehiclesAhead:
     sources: Mapping[str, SourceMotion] = field(default_factory=dict)
     measured_gap: float = nan
     measured_gap_rate: float = nan
+    measured_gap_age: float = nan
 
     def replaced(
         self, spacing: float, lead_speed: float, lead_acceleration: float
@@ -93,6 +95,7 @@ class VehiclesAhead:
             self.sources,
             self.measured_gap,
             self.measured_gap_rate,
+            self.measured_gap_age,
         )
 
 

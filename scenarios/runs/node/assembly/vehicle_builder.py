@@ -47,8 +47,10 @@ from transport.links.gate import PoseGate
 from transport.links.inbox import Inbox, IncomingLink
 from transport.links.laws.vehicles_between import VehiclesBetween
 from transport.links.link import Link
+from transport.links.true_poses import TruePoses
 from vehicles.car.dynamics import Actuation, Body
-from vehicles.car.imu import ExactSensor, InertialSensor
+from vehicles.car.sensors.gap_sensor import GapSensor
+from vehicles.car.sensors.imu import ExactSensor, InertialSensor
 from vehicles.driver.decision import Driver
 from vehicles.driver.speed import ProfileSpeed
 from vehicles.geometry.geodesy import LocalPlane
@@ -56,6 +58,8 @@ from vehicles.schedule import SECOND, Cadence
 
 IMU_STREAM = 1
 """Key of the random stream of an inertial sensor."""
+GAP_STREAM = 3
+"""Key of the random stream of a gap sensor."""
 
 
 class VehicleBuilder:
@@ -81,7 +85,10 @@ class VehicleBuilder:
         rates_hz = [scenario.control_rate_hz, self._setup.gnss.rate]
         if not self._setup.has_exact_state:
             rates_hz.append(self._setup.imu_rate_hz)  # usually that of control
+        if self._setup.gap_sensor is not None:
+            rates_hz.append(self._setup.gap_sensor.rate)
         self.rates_hz = tuple(dict.fromkeys(rates_hz))
+        self.target: TruePoses | None = None
         self._replay = replay
         self._recorded = None if replay else read_replayed_vehicle(scenario.tables.replay, name)
 
@@ -124,7 +131,8 @@ class VehicleBuilder:
     ) -> AnyNode:
         """Build a node that starts at `start_at` (ns) and sends its messages to `sink`.
 
-        A `handover` continues a vehicle whose process was restarted.
+        A `handover` continues a vehicle whose process was restarted. Afterwards `target` takes the
+        true poses that the vehicle's gap sensor measures, if it has one.
         """
         setup, drive = self._setup, self._scenario.replays.get(self.name)
         coming = scheduled_changes(self._scenario.tables.change, start_at, self.concerns)
@@ -137,6 +145,8 @@ class VehicleBuilder:
             start_at=start_at,
             before=handover.inbox if handover else None,
         )
+        if setup.gap_sensor is not None and setup.predecessor is not None:
+            self.target = TruePoses(setup.predecessor)
         outbox = Outbox(
             vehicle=self.name,
             sink=sink,
@@ -147,6 +157,7 @@ class VehicleBuilder:
             start_at=start_at,
             clock=clock,
             state=handover.outbox if handover else None,
+            target=self.target,
         )
         if replay := self._replay_from(start_at):
             return RecordedNode(replay=replay, inbox=inbox, outbox=outbox)
@@ -172,6 +183,7 @@ class VehicleBuilder:
             inbox=inbox,
             outbox=outbox,
             factory=self,
+            target=self.target,
         )
         if handover is not None:
             changes = ChangeExecutor(PendingChanges(handover.pending), self._changed)
@@ -201,6 +213,7 @@ class VehicleBuilder:
             gnss=make_receiver(self._scenario, self._setup, start_at),
             imu=self._imu(start_at),
             command=Actuation(0.0, 0.0),
+            gap_sensor=self._gap_sensor(start_at),
         )
 
     def links(self, start_at: int) -> list[IncomingLink]:
@@ -228,7 +241,9 @@ class VehicleBuilder:
         gnss = node.car.gnss if isinstance(node, Node) else node.gnss
         gnss.redraw(white_noise(seed, self._setup.place))
         if isinstance(node, Node):
-            node.car.imu.redraw(self._inertial_noise(seed))
+            node.car.imu.redraw(self._stream(seed, IMU_STREAM))
+            if node.car.gap_sensor is not None:
+                node.car.gap_sensor.redraw(self._stream(seed, GAP_STREAM))
 
     def _redraw_links(self, seed: int, numbers: Mapping[str, int]) -> None:
         for incoming in self._links:
@@ -305,8 +320,16 @@ class VehicleBuilder:
         if self._setup.has_exact_state:
             return ExactSensor()
         # A separate stream keeps the receiver's noise independent of this sensor.
-        random = self._inertial_noise(self._scenario.seed)
+        random = self._stream(self._scenario.seed, IMU_STREAM)
         return InertialSensor(self._setup.imu.noise, self._setup.imu_rate_hz, start_at, random)
 
-    def _inertial_noise(self, seed: int) -> np.random.Generator:
-        return np.random.Generator(np.random.PCG64([seed, self._setup.place, IMU_STREAM]))
+    def _gap_sensor(self, start_at: int) -> GapSensor | None:
+        setup = self._setup
+        if setup.gap_sensor is None or setup.predecessor is None:
+            return None
+        target = self._scenario.vehicle(setup.predecessor).parameters
+        random = self._stream(self._scenario.seed, GAP_STREAM)
+        return GapSensor(setup.gap_sensor, setup.parameters, target, start_at, random)
+
+    def _stream(self, seed: int, key: int) -> np.random.Generator:
+        return np.random.Generator(np.random.PCG64([seed, self._setup.place, key]))

@@ -41,6 +41,7 @@ SETTINGS = {
     "vehicle.v3.control.own_state=exact": ("own state", "exact: v3"),
     "imu.rate_hz=100": ("own state", "inertial sensor at 100 Hz"),
     "vehicle.v3.imu.yaw_rate_bias_radps=0.5": ("own state", "0.5 rad/s: v3"),
+    "vehicle.v3.gap_sensor={range_m=80,rate_hz=25}": ("gap sensor", "80 m .* 25 Hz, .*: v3"),
     "control.rate_hz=40": ("control", "at 40 Hz"),
     "control.fusion=blend": ("fusion", "blend"),
     "control.trajectory=paper": ("fusion", "paper trajectory"),

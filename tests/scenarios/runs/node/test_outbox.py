@@ -54,6 +54,8 @@ DECISION = Decision(
     reason="v2 never received",
     estimated_gap=14.0,
     lateral_deviation=0.03,
+    measured_gap=13.9,
+    measured_gap_rate=-0.4,
     situation=Situation(
         lead=SourceFreshness(
             status="fresh", age=0.02, silence=0.01, period=0.05, share=1.0, known=28.0

@@ -19,7 +19,7 @@ from transport.codec import decode
 from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.topics import RUN_SENDER, TOPICS, key
-from vehicles.messages import Change, GpsPose, LogText, Message, RunEnd, RunStart, TruePose
+from vehicles.messages import Change, GpsPose, Health, LogText, Message, RunEnd, RunStart, TruePose
 from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
 
 STOPPED_BY_LAUNCHER = {-9, 143}
@@ -87,7 +87,8 @@ class Aftermath:
                     continue
                 rows = self.world.network.published.get(key(name, topic), ())
                 sent[name, topic.name] = [(at, decode(topic, data)) for at, data in rows]
-            truths: list[tuple[int, Message]] = []
+            alone = self.world.network.published.get(key(name, TOPICS["truth"]), ())
+            truths = [(at, decode(TOPICS["truth"], data)) for at, data in alone]
             for at, batch in self.world.network.published.get(records_key(name), ()):
                 for topic_name, _, data in unpacked(batch):
                     if topic_name == "truth":
@@ -353,6 +354,11 @@ def an_undisturbed_run_equals_the_virtual_one(run: Aftermath) -> Iterator[str]:
         any(vehicle.late_ticks for vehicle in summary.vehicles)
         or any(link.late or link.not_arrived or link.unrecorded for link in summary.links)
         or bool(summary.holes)
+        or any(
+            isinstance(health, Health) and health.late_messages
+            for name in run.plan.names
+            for _, health in run.sent[name, "health"]
+        )
         or any(run.was_disturbed(vehicle) for vehicle in run.vehicles)
         or any(_is_known_failed(run, name) for name in run.plan.names)
     )
@@ -392,12 +398,19 @@ def final_places(variant: tuple[str, ...], vehicles: int, duration_s: float) -> 
                 assert isinstance(pose, TruePose)
                 truths[name] = pose
 
+    def note_one(address: str, data: bytes) -> None:
+        pose = decode(TOPICS["truth"], data)
+        assert isinstance(pose, TruePose)
+        truths[address.split("/")[1]] = pose
+
     for name in scenario.vehicle_names:
         convoy.bus.subscribe(records_key(name), note)
+        convoy.bus.subscribe(key(name, TOPICS["truth"]), note_one)
     sinks: list[BatchingSink] = []
 
     def sink(vehicle: str) -> BatchingSink:
-        sinks.append(BatchingSink(vehicle, convoy.bus, convoy.clock.now))
+        alone = ("truth",) if scenario.is_measured(vehicle) else ()
+        sinks.append(BatchingSink(vehicle, convoy.bus, convoy.clock.now, unbatched=alone))
         return sinks[-1]
 
     convoy.build(sink)

@@ -10,6 +10,8 @@ from vehicles.schedule import MILLISECOND, SECOND
 
 Fault = tuple[Any, ...]
 """Kind, instant (ns), and further values: see `World._cause`."""
+MEASURED = ("speed.followers=gap", "control.longitudinal=acc", "gap_sensor.range_m=100")
+"""Overrides of a convoy whose followers measure the gap, and so need true poses in time."""
 FOREVER = 10**18
 ROUTER, RECORDER, LAUNCHER = "router", "recorder", "launcher"
 
@@ -97,7 +99,7 @@ def draw(seed: int) -> Plan:
         duration_s=random.choice((1.0, 1.0, 2.0)),
         gather_s=random.choice((3.0, 10.0)),
         wait_s=random.choice((5.0, 20.0)),
-        variant=tuple(_variant(random)),
+        variant=(*_variant(random), *(MEASURED if seed % 4 == 3 else ())),
     )
     if not launched:
         spread = random.choice((SECOND // 10, SECOND, 4 * SECOND))

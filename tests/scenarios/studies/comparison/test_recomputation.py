@@ -40,6 +40,8 @@ RADIO = (
     "gnss.latency_ms=30",
     "speed.followers=gap",
     "links.content={duplicate_ratio=0.1}",
+    "control.longitudinal=acc",
+    "gap_sensor={range_m=100,rate_hz=30}",
 )
 
 

@@ -14,6 +14,7 @@ from tests.made.vehicles.two_cars import (
     LENGTH,
     LIMITS,
     PERIOD,
+    POLICY,
     TICK,
     RecordingLaw,
     Road,
@@ -24,7 +25,8 @@ from vehicles.driver.degradation.settings import DegradationSettings, Reaction
 from vehicles.driver.degradation.situation import Situation, SourceFreshness
 from vehicles.driver.degradation.stopping import friction_left
 from vehicles.driver.ego.own_state import Pose
-from vehicles.driver.longitudinal.controller import VehiclesAhead
+from vehicles.driver.longitudinal.controller import LongitudinalSetup, VehiclesAhead
+from vehicles.driver.longitudinal.laws import Acc, AccSettings
 from vehicles.driver.longitudinal.spacing import SpacingPolicy
 from vehicles.driver.speed import GapKeeping, SpeedLaw
 from vehicles.schedule import MILLISECOND, SECOND
@@ -73,6 +75,32 @@ def test_no_collision_at_any_loss_and_braking(
         brakes = begins <= step * 0.02 < begins + 8.0
         road.tick(-braking if brakes else 0.0, received=chance.random() >= loss)
     assert road.least > 0.5
+
+
+def acc() -> GapKeeping:
+    policy = SpacingPolicy(POLICY.standstill, 1.2)
+    return GapKeeping(policy, LIMITS, Acc(LongitudinalSetup(policy, LIMITS, LENGTH), AccSettings()))
+
+
+@given(st.floats(0.5, 6.0), st.floats(0.0, 8.0), st.floats(5.0, 35.0))
+def test_a_measured_gap_replaces_lost_messages_and_prevents_a_collision(
+    braking: float, begins: float, speed: float
+) -> None:
+    road = Road(acc(), speed=speed, spacing=8.0 + 1.2 * speed, has_sensor=True)
+    for step in range(700):
+        road.tick(-braking if step * 0.02 >= begins else 0.0, received=step < 50)
+    assert road.least > 0.5
+
+
+def test_with_a_measured_gap_lost_messages_do_not_cause_braking() -> None:
+    hardest = {}
+    for has_sensor in (True, False):
+        road = Road(acc(), spacing=8.0 + 1.2 * 25.0, has_sensor=has_sensor)
+        for step in range(700):
+            road.tick(0.0, received=step < 50)
+        hardest[has_sensor] = -min(road.commands)
+    assert hardest[True] < 0.01
+    assert hardest[False] > 5.0
 
 
 @given(st.floats(0.1, 1.0), st.floats(-0.3, 0.3), st.floats(5.0, 35.0))

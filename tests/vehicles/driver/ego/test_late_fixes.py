@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from tests.made.vehicles.driving import advance
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, GnssReceiver
-from vehicles.car.imu import InertialNoise, InertialSensor, Motion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.positioning.noise import GnssNoise
+from vehicles.car.sensors.imu import InertialNoise, InertialSensor, Motion
 from vehicles.driver.ego.late_fixes import LatePoseEstimator
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.ego.pose_estimator import PoseEstimator

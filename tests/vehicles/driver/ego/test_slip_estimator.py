@@ -8,8 +8,8 @@ import pytest
 
 from tests.made.vehicles.driving import advance
 from vehicles.car.dynamics import Actuation, Body
-from vehicles.car.imu import Motion
 from vehicles.car.parameters import LINCOLN_MKZ, Loading, VehicleParameters, loaded
+from vehicles.car.sensors.imu import Motion
 from vehicles.driver.ego.slip_estimator import (
     PRIOR,
     LoadWatch,

@@ -13,8 +13,8 @@ from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.node.sink import BusSink
 from transport.bus.memory_bus import MemoryBus
 from vehicles.car.gnss import Fix
-from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.car.parameters import LINCOLN_MKZ, Loading, loaded
+from vehicles.car.sensors.imu import ExactSensor, InertialSensor
 from vehicles.driver.decision import Driver
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from vehicles.car.imu import InertialNoise
+from vehicles.car.sensors.imu import InertialNoise
 from vehicles.setting import Setting
 
 NOISE = InertialNoise()

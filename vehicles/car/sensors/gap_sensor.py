@@ -1,0 +1,180 @@
+"""On-board sensor of the gap to the predecessor and of its rate, such as a radar; SI units."""
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated
+
+from numpy.random import Generator
+
+from vehicles.car.dynamics import Body
+from vehicles.car.parameters import VehicleParameters
+from vehicles.messages import TruePose
+from vehicles.schedule import MILLISECOND, SECOND, Cadence
+from vehicles.setting import Setting
+
+MISSED = 2
+"""Number of periods after which a measurement is no longer used: one may be missing."""
+OLDEST_POSE = SECOND // 10
+"""Age (ns) up to which a true pose of the predecessor is predicted to the measured instant."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GapSensorSettings:
+    """An on-board sensor of the gap to the predecessor and of its rate, such as a radar.
+
+    It measures the straight line between the bumpers, from the middle of the own front bumper to
+    the middle of the predecessor's rear bumper, and the rate of its length. It recognises the
+    predecessor without fail, and loses it beyond its range and angle of view. The controllers that
+    use it ("acc", and "cacc", "ploeg", "flatbed" and "consensus" without data of the predecessor)
+    take the newest measurement, predicted to the present by its rate, for up to the latency and two
+    periods. With the reaction "degrade" it also replaces the poses of a predecessor whose messages
+    are late or lost when the safe distance is kept; without a known path the car still stops. 20 Hz
+    is the usual rate of radars in openpilot.
+    """
+
+    reach: Annotated[
+        float, Setting("longest measured gap; 0: there is no sensor", "m", 0, 1000, name="range")
+    ] = 0.0
+    rate: Annotated[float, Setting("rate", "hz", 0.1, 200)] = 20.0
+    latency: Annotated[
+        int,
+        Setting(
+            "time until a measurement is available; more than the transport takes", "ms", 5, 1000
+        ),
+    ] = 50 * MILLISECOND
+    field_of_view: Annotated[
+        float, Setting("full angle of view around the direction of the car", "deg", 1, 180)
+    ] = math.radians(90.0)
+    gap_noise: Annotated[float, Setting("white noise of the gap", "m", 0, 100)] = 0.1
+    gap_rate_noise: Annotated[float, Setting("white noise of its rate", "mps", 0, 100)] = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class GapMeasurement:
+    """Gap (m) and its rate (m/s) at `measured_at` (ns), of use until `valid_until` (ns).
+
+    NaN without a predecessor in view.
+    """
+
+    measured_at: int
+    valid_until: int
+    gap: float = math.nan
+    rate: float = math.nan
+
+    def at(self, now: int) -> tuple[float, float, float]:
+        """Gap (m) predicted to `now` (ns) by its rate, the rate (m/s) and the age (s).
+
+        NaN once it is too old.
+        """
+        if now > self.valid_until:
+            return math.nan, math.nan, math.nan
+        age = (now - self.measured_at) / SECOND
+        return self.gap + self.rate * age, self.rate, age
+
+
+@dataclass(frozen=True, slots=True)
+class _Sample:
+    """Own state at an instant of measurement (ns), and normal numbers for gap and rate."""
+
+    at: int
+    body: Body
+    gap_noise: float
+    rate_noise: float
+
+
+TargetAt = Callable[[int], TruePose | None]
+"""Returns the newest true pose of the predecessor at an instant (ns) or before."""
+
+
+class GapSensor:
+    """Sensor that measures every 1/`rate` s from `start_at` (ns) on.
+
+    `random` belongs to this sensor: it draws two normal numbers per instant of measurement, in
+    order of time, with or without a predecessor in view.
+    """
+
+    def __init__(
+        self,
+        settings: GapSensorSettings,
+        own: VehicleParameters,
+        target: VehicleParameters,
+        start_at: int,
+        random: Generator,
+    ) -> None:
+        """`own` and `target` are this car and its predecessor."""
+        self._settings = settings
+        self._front = own.body_offset + 0.5 * own.length
+        self._rear = target.body_offset - 0.5 * target.length
+        self._cadence = Cadence(start_at, settings.rate)
+        self._valid_for = settings.latency + round(MISSED * SECOND / settings.rate)
+        self._random = random
+        self._pending: deque[_Sample] = deque()
+
+    def redraw(self, random: Generator) -> None:
+        """Draw further noise from another stream."""
+        self._random = random
+
+    def measure(self, body: Body, now: int, target_at: TargetAt) -> GapMeasurement | None:
+        """Measure if `now` (ns) is an instant of measurement; return one that is available now.
+
+        The measurement is that of `latency` ago. Its pose of the predecessor is `target_at` that
+        instant, which arrives in the meantime.
+        """
+        if self._cadence.index(now) is not None:
+            self._pending.append(_Sample(now, body, *self._random.standard_normal(2).tolist()))
+        made: GapMeasurement | None = None
+        while self._pending and self._pending[0].at + self._settings.latency <= now:
+            sample = self._pending.popleft()
+            made = self._measured(sample, target_at(sample.at))
+        return made
+
+    def _measured(self, sample: _Sample, target: TruePose | None) -> GapMeasurement:
+        valid_until = sample.at + self._valid_for
+        nothing = GapMeasurement(sample.at, valid_until)
+        if target is None or sample.at - target.true_at_ns > OLDEST_POSE:
+            return nothing
+        own, ahead = sample.body, _moved(target, sample.at)
+        east, north = _point(ahead, self._rear)
+        from_east, from_north = _point(own, self._front)
+        east, north = east - from_east, north - from_north
+        gap = math.hypot(east, north)
+        bearing = math.remainder(math.atan2(north, east) - own.yaw, 2.0 * math.pi)
+        settings = self._settings
+        if not 0.0 < gap <= settings.reach or abs(bearing) > 0.5 * settings.field_of_view:
+            return nothing
+        ahead_speeds, own_speeds = _velocity(ahead, self._rear), _velocity(own, self._front)
+        closing = [theirs - ours for theirs, ours in zip(ahead_speeds, own_speeds, strict=True)]
+        rate = (east * closing[0] + north * closing[1]) / gap
+        return GapMeasurement(
+            sample.at,
+            valid_until,
+            max(gap + settings.gap_noise * sample.gap_noise, 0.0),
+            rate + settings.gap_rate_noise * sample.rate_noise,
+        )
+
+
+def _moved(pose: TruePose, now: int) -> Body:
+    """Body of `pose`, moved straight to `now` (ns): messages have instants of their own."""
+    driven = pose.speed_mps * (now - pose.true_at_ns) / SECOND
+    return Body(
+        east=pose.east_m + driven * math.cos(pose.yaw_rad),
+        north=pose.north_m + driven * math.sin(pose.yaw_rad),
+        yaw=pose.yaw_rad,
+        speed=pose.speed_mps,
+        lateral_speed=pose.lateral_speed_mps,
+        yaw_rate=pose.yaw_rate_radps,
+    )
+
+
+def _point(body: Body, ahead: float) -> tuple[float, float]:
+    """Position (m) on the long axis, `ahead` (m) of the centre of mass."""
+    return body.east + ahead * math.cos(body.yaw), body.north + ahead * math.sin(body.yaw)
+
+
+def _velocity(body: Body, ahead: float) -> tuple[float, float]:
+    """Velocity (m/s) to the east and north of the point `ahead` (m) of the centre of mass."""
+    along, left = body.speed, body.lateral_speed + body.yaw_rate * ahead
+    ux, uy = math.cos(body.yaw), math.sin(body.yaw)
+    return along * ux - left * uy, along * uy + left * ux
