@@ -16,7 +16,7 @@ from hypothesis import settings
 
 from tests.made.examples import CAMPAIGN
 
-settings.register_profile("deterministic", derandomize=True, deadline=None, max_examples=20)
+settings.register_profile("deterministic", derandomize=True, deadline=None, max_examples=10)
 settings.register_profile(CAMPAIGN, derandomize=True, deadline=None, max_examples=100)
 settings.register_profile("explore", derandomize=False, deadline=None, max_examples=1000)
 settings.load_profile("deterministic")

@@ -35,7 +35,7 @@ any_topic = st.sampled_from(list(TOPICS.values()))
 """Messages whose fields differ only in their names."""
 
 
-@examples(50, 150)
+@examples(16, 150)
 @given(any_message)
 def test_decoding_inverts_encoding(message: Message) -> None:
     decoded = decode(TOPIC_OF[type(message)], encode(message))
@@ -50,14 +50,14 @@ def test_equal_messages_give_equal_bytes(message: Message) -> None:
     assert encode(message) == encode(replace(message))
 
 
-@examples(50, 150)
+@examples(16, 150)
 @given(any_topic, st.binary(max_size=300))
 def test_random_bytes_are_refused(topic: Topic, data: bytes) -> None:
     with pytest.raises(RefusedMessageError):
         decode(topic, data)
 
 
-@examples(66, 200)
+@examples(22, 200)
 @given(data=st.data(), message=any_message, topic=any_topic)
 def test_spoilt_messages_are_decoded_or_refused(
     data: st.DataObject, message: Message, topic: Topic
@@ -137,7 +137,7 @@ def test_fields_of_a_later_version_are_passed_over() -> None:
         decode(TOPICS["start"], encode(start) + later, exact=True)
 
 
-@examples(50, 150)
+@examples(16, 150)
 @given(message=any_message, topic=any_topic)
 def test_off_a_bus_no_message_passes_for_another(message: Message, topic: Topic) -> None:
     data = encode(message)

@@ -13,7 +13,7 @@ from tests.made.examples import examples
 from tests.made.scenarios.messages import STRAIGHT
 
 
-@examples(16, 50)
+@examples(8, 50)
 @given(
     key=st.lists(st.from_regex(r"\A[a-z_]{1,8}\Z"), min_size=1, max_size=4),
     value=st.one_of(
@@ -36,7 +36,7 @@ def test_an_override_sets_just_the_value_that_it_gives(key: list[str], value: An
     assert type(found) is type(value)
 
 
-@examples(16, 50)
+@examples(8, 50)
 @given(alpha=st.floats(0, 1), latency=st.floats(0, 1000), seed=st.integers(0, 2**63 - 1))
 def test_overrides_arrive_in_the_scenario_and_survive_its_text(
     alpha: float, latency: float, seed: int

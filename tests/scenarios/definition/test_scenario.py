@@ -166,7 +166,7 @@ def test_without_a_duration_the_lead_drives_its_whole_path() -> None:
     assert scenario_from_text(text, overrides=["speed.set_mps=25"]).duration_s == 40.0
 
 
-@examples(16, 50)
+@examples(8, 50)
 @given(
     description=st.text(st.characters(exclude_categories=["Cs"])),
     link=st.fixed_dictionaries(

@@ -51,7 +51,7 @@ def link(sender: str, receiver: str, *messages: Message) -> LinkSummary:
 
 
 @given(values=st.lists(st.floats(-1e3, 1e3), max_size=30))
-@examples(16, 50)
+@examples(8, 50)
 def test_extremes_are_those_of_the_values(values: list[float]) -> None:
     extremes = Extremes()
     for value in values:

@@ -178,7 +178,7 @@ def test_a_message_cut_anywhere_is_refused(recorded: Recorded, message: Message)
 
 
 @given(data=st.binary(max_size=200), topic=st.sampled_from(sorted(TOPICS)))
-@examples(33, 100)
+@examples(16, 100)
 def test_no_bytes_do_harm(
     tmp_path_factory: pytest.TempPathFactory, data: bytes, topic: str
 ) -> None:

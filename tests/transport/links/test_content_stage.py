@@ -246,7 +246,7 @@ def test_without_frame_check_the_gate_decides_and_its_reason_is_reported() -> No
     }
 
 
-@examples(100, 300)
+@examples(33, 300)
 @given(
     drawn=st.lists(st.floats(0.0, 1.0, exclude_max=True), min_size=1, max_size=12),
     ratio=st.sampled_from([1e-3, 1e-2, 0.1]),

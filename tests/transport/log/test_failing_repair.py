@@ -14,7 +14,7 @@ from transport.log.repair import repair
 
 def interrupted(path: Path, *, damaged: bool) -> bytes:
     """A log that ends within a chunk, and maybe has another chunk that cannot be read."""
-    write(path, 300)
+    write(path, 100)
     chunks = McapFile(path).chunks
     data = bytearray(path.read_bytes()[: chunks[-1][0].start + 100])
     if damaged:

@@ -134,7 +134,7 @@ def test_braking_reaches_but_does_not_exceed_friction() -> None:
 
 @given(commands=COMMANDS, speed=st.floats(0.0, 40.0), lateral=st.floats(-5.0, 5.0),
        yaw_rate=st.floats(-2.0, 2.0))  # fmt: skip
-@examples(20, 60)
+@examples(10, 60)
 def test_friction_is_never_exceeded(
     commands: list[tuple[float, float]], speed: float, lateral: float, yaw_rate: float
 ) -> None:
@@ -164,7 +164,7 @@ def ground_velocity(body: Body) -> tuple[float, float]:
 
 @given(speed=st.floats(0.0, 40.0), lateral=st.floats(-20.0, 20.0), yaw_rate=st.floats(-4.0, 4.0),
        commands=COMMANDS)  # fmt: skip
-@examples(20, 60)
+@examples(10, 60)
 def test_without_drive_the_energy_never_grows(
     speed: float, lateral: float, yaw_rate: float, commands: list[tuple[float, float]]
 ) -> None:
@@ -183,7 +183,7 @@ def test_a_car_that_spins_comes_to_rest() -> None:
 
 
 @given(commands=COMMANDS, speed=st.floats(0.0, 40.0))
-@examples(15, 40)
+@examples(8, 40)
 def test_left_and_right_are_mirror_images(
     commands: list[tuple[float, float]], speed: float
 ) -> None:

@@ -77,7 +77,7 @@ def test_left_steering_turns_left_in_all_headings(yaw: float, speed: float) -> N
     speed=st.floats(0.0, 35.0), yaw=st.floats(-3.0, 3.0), turned=st.floats(-3.0, 3.0),
     steering=st.floats(-0.5, 0.5), acceleration=st.floats(-4.0, 2.0),
 )  # fmt: skip
-@examples(15, 40)
+@examples(8, 40)
 def test_mirror_symmetry_and_rotation_invariance(
     speed: float, yaw: float, turned: float, steering: float, acceleration: float
 ) -> None:
@@ -176,7 +176,7 @@ def test_a_turning_car_stops_completely() -> None:
     speed=st.floats(0.0, 35.0), steering=st.floats(-0.5, 0.5), acceleration=st.floats(-5.0, 2.0),
     share=st.floats(0.1, 0.9),
 )  # fmt: skip
-@examples(15, 40)
+@examples(8, 40)
 def test_two_successive_spans_equal_one(
     speed: float, steering: float, acceleration: float, share: float
 ) -> None:

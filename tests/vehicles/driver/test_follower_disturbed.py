@@ -199,7 +199,7 @@ pose_inputs = st.tuples(
     speed=st.sampled_from([0.0, 1.0, 10.0, 40.0]),
     keeps_gap=st.booleans(),
 )
-@examples(26, 80)
+@examples(13, 80)
 def test_with_any_input_commands_are_finite_and_within_the_limits(
     ticks: list[list[tuple[str, int, tuple[float, float] | None, float, float]]],
     own: dict[int, tuple[float, float]],

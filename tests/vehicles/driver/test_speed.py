@@ -345,7 +345,7 @@ def test_the_correction_of_large_speed_errors_is_limited() -> None:
     spans=st.lists(st.floats(0.001, 2.0), min_size=1, max_size=8),
     speeds=st.lists(st.floats(0.0, 40.0), min_size=8, max_size=8),
 )
-@examples(16, 50)
+@examples(8, 50)
 def test_a_car_that_follows_commands_exactly_is_on_the_profile(
     spans: list[float], speeds: list[float]
 ) -> None:
@@ -410,7 +410,7 @@ def test_an_unknown_lead_counts_as_fast_as_the_predecessor(headway: float) -> No
     predecessor=st.floats(0.0, 60.0),
     lead=st.floats(0.0, 60.0) | st.just(math.nan),
 )
-@examples(33, 100)
+@examples(16, 100)
 def test_commands_are_within_the_limits(
     spacing: float, own: float, predecessor: float, lead: float
 ) -> None:

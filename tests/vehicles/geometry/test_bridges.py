@@ -48,7 +48,7 @@ def test_a_hole_is_long_and_unusual() -> None:
     assert find_holes(speeding).tolist() == []
 
 
-@examples(20, 60)
+@examples(10, 60)
 @given(
     radius=st.sampled_from([20.0, 40.0, 100.0, 400.0, 1e6]),
     length=st.floats(6.0, 50.0),

@@ -15,7 +15,7 @@ from vehicles.geometry.local_regression import NEIGHBOURS, local_cubic
     reach=st.floats(0.5, 30.0),
     cubic=st.tuples(*[st.floats(-1.0, 1.0)] * 4),
 )
-@examples(20, 60)
+@examples(10, 60)
 def test_cubics_are_reproduced_up_to_the_ends_with_any_spacing(
     seed: int, count: int, reach: float, cubic: tuple[float, ...]
 ) -> None:

@@ -47,7 +47,7 @@ segments_drawn = st.lists(
 
 
 @given(segments=segments_drawn, yaw=st.floats(-3.0, 3.0), share=st.floats(0.0, 1.0))
-@examples(20, 60)
+@examples(10, 60)
 def test_path_follows_straights_and_arcs_exactly(
     segments: list[Segment], yaw: float, share: float
 ) -> None:
@@ -86,7 +86,7 @@ def test_left_is_positive_in_all_four_headings() -> None:
     segments=segments_drawn, share=st.floats(0.0, 1.0), lateral=st.floats(-3.0, 3.0),
     off=st.floats(-4.0, 4.0),
 )  # fmt: skip
-@examples(26, 80)
+@examples(13, 80)
 def test_projection_inverts_the_offset_of_a_point(
     segments: list[Segment], share: float, lateral: float, off: float
 ) -> None:

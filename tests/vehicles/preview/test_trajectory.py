@@ -278,7 +278,7 @@ def test_samples_too_few_or_degenerate_support_no_trajectory() -> None:
 POINTS = st.floats(-1e3, 1e3) | st.sampled_from([0.0, 1.0, 1e7, 1e-300])
 
 
-@examples(100, 300)
+@examples(33, 300)
 @given(
     rows=st.lists(st.tuples(POINTS, POINTS, st.floats(-30.0, 60.0)), max_size=12),
     split=st.integers(0, 12),

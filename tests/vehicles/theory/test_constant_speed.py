@@ -21,7 +21,7 @@ def test_exact_coefficients(car: VehicleParameters, gains: Gains, speed: float) 
     assert np.array(at_speed) == pytest.approx(expected, rel=1e-10, abs=1e-3)
 
 
-@examples(20, 60)
+@examples(10, 60)
 @given(CARS, GAINS, SPEEDS, st.floats(1.01, 3.0), st.floats(0.0, 0.5))
 def test_proof_agrees_with_a_dense_grid(
     car: VehicleParameters, gains: Gains, slowest: float, ratio: float, decay: float

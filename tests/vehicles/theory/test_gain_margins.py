@@ -18,7 +18,7 @@ def _on_sphere(count: int) -> np.ndarray:
     return np.asarray(points / np.linalg.norm(points, axis=1)[:, None])
 
 
-@examples(26, 80)
+@examples(13, 80)
 @given(CARS, GAINS, SPEEDS)
 def test_ball_of_any_car(car: VehicleParameters, gains: Gains, speed: float) -> None:
     """The whole ball is stable, and a root is on the axis where it touches the boundary."""
@@ -80,7 +80,7 @@ def test_common_ball_is_inside_every_set() -> None:
             assert is_stabilising(car, speed, gains).all()
 
 
-@examples(20, 60)
+@examples(10, 60)
 @given(CARS, GAINS, SPEEDS)
 def test_intervals_end_where_stability_does(
     car: VehicleParameters, gains: Gains, speed: float

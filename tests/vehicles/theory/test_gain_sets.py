@@ -43,7 +43,7 @@ def test_membership_against_roots(speed: float) -> None:
     assert 10 < claimed.sum() < 590
 
 
-@examples(50, 150)
+@examples(16, 150)
 @given(CARS, GAINS, SPEEDS)
 def test_membership_of_any_car(car: VehicleParameters, gains: Gains, speed: float) -> None:
     roots = np.roots(characteristic_polynomial(car, gains, speed))
@@ -53,7 +53,7 @@ def test_membership_of_any_car(car: VehicleParameters, gains: Gains, speed: floa
     assert abscissa(car, gains, [speed])[0] == pytest.approx(worst, rel=1e-6, abs=1e-6)
 
 
-@examples(33, 100)
+@examples(16, 100)
 @given(CARS, SPEEDS, st.floats(-0.1, 0.3), st.floats(0.2, 60.0))
 def test_boundary_points_have_a_root_on_the_axis(
     car: VehicleParameters, speed: float, yaw_rate_gain: float, frequency: float

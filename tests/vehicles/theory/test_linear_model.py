@@ -31,7 +31,7 @@ from vehicles.theory.linear_model import (
 Array = np.ndarray
 
 
-@examples(20, 60)
+@examples(10, 60)
 @given(CARS, GAINS, SPEEDS)
 def test_polynomial_is_the_determinant(car: VehicleParameters, gains: Gains, speed: float) -> None:
     polynomial = characteristic_polynomial(car, gains, speed)
@@ -161,7 +161,7 @@ def test_left_is_positive() -> None:
     assert curvature_input(CAR, 20.0)[5] > 0.0  # feedforward into a left bend
 
 
-@examples(15, 40)
+@examples(8, 40)
 @given(CARS, CARS, SPEEDS)
 def test_steady_cornering_is_the_equilibrium(
     car: VehicleParameters, known: VehicleParameters, speed: float

@@ -27,7 +27,7 @@ BOTH: tuple[SteeringModel, ...] = ("instantaneous", "second order")
 FREQUENCIES = np.geomspace(0.05, 60.0, 40)
 
 
-@examples(20, 60)
+@examples(10, 60)
 @given(CARS, GAINS, SPEEDS)
 def test_propagation_is_h_over_one_plus_h(
     car: VehicleParameters, gains: Gains, speed: float
@@ -60,7 +60,7 @@ def test_propagation_is_h_over_one_plus_h(
             assert actual == pytest.approx(loop / (1.0 + loop), rel=1e-8)
 
 
-@examples(20, 60)
+@examples(10, 60)
 @given(CARS, GAINS, SPEEDS)
 def test_predecessor_only_amplifies_at_low_frequency(
     car: VehicleParameters, gains: Gains, speed: float
@@ -81,7 +81,7 @@ def test_predecessor_only_amplifies_at_low_frequency(
         assert excess / frequency**2 == pytest.approx(growth, rel=0.02)
 
 
-@examples(20, 60)
+@examples(10, 60)
 @given(CARS, CARS, GAINS, SPEEDS)
 def test_trace_propagation_from_the_error_model(
     car: VehicleParameters, known: VehicleParameters, gains: Gains, speed: float

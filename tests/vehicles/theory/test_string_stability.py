@@ -137,7 +137,7 @@ def test_figures_of_the_nominal_loop() -> None:
     assert (lagging.magnitude, lagging.frequency) == pytest.approx((2.0044, 19.6333), abs=1e-3)
 
 
-@examples(20, 60)
+@examples(10, 60)
 @given(CARS, GAINS, SPEEDS)
 def test_singular_value_of_the_matrix(car: VehicleParameters, gains: Gains, speed: float) -> None:
     """Second method: the matrix between the states, solved and decomposed numerically."""

@@ -94,7 +94,7 @@ def now(done: Sequence[LinkChange], seconds: float) -> tuple[LinkTable, bool]:
 
 
 @given(st.lists(changes(), max_size=8))
-@examples(50, 150)
+@examples(16, 150)
 def test_each_instant_has_the_link_of_the_latest_changes(done: list[LinkChange]) -> None:
     changed = link(done)
     for seq in range(0, 120, 3):
@@ -105,7 +105,7 @@ def test_each_instant_has_the_link_of_the_latest_changes(done: list[LinkChange])
 
 
 @given(st.lists(changes(), max_size=6), st.permutations(range(60)))
-@examples(16, 50)
+@examples(8, 50)
 def test_a_message_alone_is_judged_as_in_the_stream(
     done: list[LinkChange], order: list[int]
 ) -> None:
@@ -119,7 +119,7 @@ def test_a_message_alone_is_judged_as_in_the_stream(
 
 
 @given(st.lists(changes(), max_size=4), st.lists(changes(), min_size=1, max_size=4))
-@examples(16, 50)
+@examples(8, 50)
 def test_changes_of_other_links_do_not_matter(
     done: list[LinkChange], others: list[LinkChange]
 ) -> None:
@@ -130,7 +130,7 @@ def test_changes_of_other_links_do_not_matter(
 
 
 @given(st.lists(changes(), max_size=6), st.integers(0, 5 * SECOND))
-@examples(16, 50)
+@examples(8, 50)
 def test_what_comes_later_changes_nothing_before(done: list[LinkChange], at: int) -> None:
     before = [one for one in done if round(one.at_s * SECOND) <= at]
     for seq in range(60):
@@ -155,7 +155,7 @@ def test_a_message_that_the_link_does_not_carry_by_its_rate_is_not_cut() -> None
 
 
 @given(st.lists(changes(), max_size=6), st.data())
-@examples(16, 50)
+@examples(8, 50)
 def test_a_queue_behind_a_changed_link_does_not_depend_on_when_bytes_came(
     done: list[LinkChange], data: st.DataObject
 ) -> None:

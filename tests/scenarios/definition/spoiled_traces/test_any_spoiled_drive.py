@@ -50,7 +50,7 @@ def lost_places(case: SpoiledDrive, recording: Recording, spoiled: Driven) -> Fl
     return np.array([(good.fixes[k].east, good.fixes[k].north) for k in sorted(lost)])
 
 
-@examples(12, 300)
+@examples(8, 300)
 @given(case=spoiled_drives())
 def test_a_spoiled_drive_is_the_good_drive(case: SpoiledDrive) -> None:
     recording, data = case.file()

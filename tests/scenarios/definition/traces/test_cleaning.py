@@ -18,7 +18,7 @@ def of(rough: Rough, *, timed: bool = True) -> Cleaned:
     return cleaned(rows[:, 1:3].T.copy(), rows[:, 0].tolist() if timed else ())
 
 
-@examples(26, 80)
+@examples(13, 80)
 @given(
     pieces=st.lists(
         st.tuples(st.sampled_from([6.0, 8.0, 12.0, 20.0, 50.0, 200.0, math.inf]), st.booleans()),
@@ -61,7 +61,7 @@ def test_a_clean_drive_is_left_as_it_is(  # noqa: PLR0917 - what is drawn
     assert found.kept.tolist() == list(range(len(points)))
 
 
-@examples(15, 40)
+@examples(8, 40)
 @given(
     size=st.floats(1.0, 50.0),
     count=st.integers(1, 4),
@@ -110,7 +110,7 @@ def test_a_lasting_offset_stays() -> None:
     assert sum(jump.last - jump.first + 1 for jump in jumps) <= 20
 
 
-@examples(12, 60)
+@examples(8, 60)
 @given(
     speed=st.floats(15.0, 35.0),
     file_hz=st.sampled_from([20.0, 33.0, 50.0]),

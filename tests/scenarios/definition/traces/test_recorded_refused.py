@@ -105,7 +105,7 @@ def written(name: str) -> bytes:
     return WRITERS[name](drive())
 
 
-@examples(20, 60)
+@examples(10, 60)
 @given(
     name=st.sampled_from(sorted(WRITERS)),
     damage=st.lists(

@@ -255,7 +255,7 @@ FAULTS = st.lists(
 
 
 @given(faults=FAULTS, swapped=st.sets(st.integers(10, COUNT // 2 - 10), max_size=20))
-@examples(30, 1000)
+@examples(15, 1000)
 def test_any_few_faults_leave_all_positions_and_nearly_true_times(
     faults: list[tuple[int, float]], swapped: set[int]
 ) -> None:

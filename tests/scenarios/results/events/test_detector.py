@@ -272,7 +272,7 @@ def test_only_the_order_within_a_vehicle_matters(random: Any) -> None:
         max_size=3,
     )
 )
-@examples(33, 100)
+@examples(16, 100)
 def test_no_overlap_passes_unseen_and_none_is_invented(
     paths: list[list[tuple[float, float, float]]],
 ) -> None:

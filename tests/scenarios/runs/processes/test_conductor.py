@@ -489,7 +489,7 @@ anything = st.builds(
 
 
 @given(history=st.lists(anything, max_size=12), continues=st.booleans())
-@examples(20, 60)
+@examples(10, 60)
 def test_every_run_ends(history: list[Event], *, continues: bool) -> None:
     longest = GATHER_S + LEAD_TIME_S + DURATION_S
     patience = (FINAL_COUNTERS_NS + ROUTER_LOST_AFTER_NS) / SECOND + 1.0

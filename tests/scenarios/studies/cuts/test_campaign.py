@@ -5,6 +5,7 @@
 
 import json
 from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -15,14 +16,8 @@ import pytest
 from scenarios.definition.road.route import longest_run
 from scenarios.definition.scenario import scenario_from_text
 from scenarios.definition.schema.change_tables import CutTable
-from scenarios.studies.cuts.campaign import (
-    JSON_FILE,
-    VARIANTS,
-    draw_cuts,
-    failures,
-    run_campaign,
-    run_cuts,
-)
+from scenarios.studies.cuts import campaign
+from scenarios.studies.cuts.campaign import JSON_FILE, VARIANTS, draw_cuts, failures, run_cuts
 from scenarios.studies.cuts.cut import AFTERWARDS_S, LINKS, LinkCut, Variant
 from scenarios.studies.cuts.cut_figures import run_cut
 from scenarios.studies.cuts.roads import ROADS, Road
@@ -39,7 +34,7 @@ CASES = sorted(DRAWN, key=lambda cut: cut.vehicles > 3)
 SHORT = LinkCut(variant="hold", speed_mps=8.0, at_s=1.0, for_s=1.0, seed=1, vehicles=2)
 
 
-@pytest.mark.campaign(4, len(CASES))
+@pytest.mark.campaign(2, len(CASES))
 def test_a_convoy_survives_a_cut(case: int) -> None:
     """No collision, no departure from the lane that was avoidable, no mispredicted blind drive."""
     cut = CASES[case]
@@ -98,13 +93,19 @@ def test_figures_from_a_journal_equal_those_of_the_run(tmp_path: Path) -> None:
         assert engine.progress.done == 2
 
 
-def test_the_campaign_writes_its_figures(tmp_path: Path) -> None:
-    summaries = run_campaign(2, tmp_path, print, roads=["slalom"], workers=0)
+def test_the_campaign_writes_its_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(campaign, "draw_cuts", short_cuts)
+    summaries = campaign.run_campaign(2, tmp_path, print, workers=0)
     assert [summary.variant for summary in summaries] == list(HISTORY)
     assert [summary.runs for summary in summaries] == [2, 2]
     results = json.loads((tmp_path / JSON_FILE).read_text())
     assert {row["cut"]["variant"] for row in results["rows"]} == set(HISTORY)
     assert (tmp_path / "cuts.png").stat().st_size > 10_000
+
+
+def short_cuts(count: int, variant: Variant, _: Sequence[Road]) -> Iterator[LinkCut]:
+    for seed in range(count):
+        yield replace(SHORT, variant=variant, for_s=None, seed=seed)
 
 
 def test_the_scenario_of_a_failed_run_repeats_it() -> None:

@@ -16,6 +16,7 @@ from scenarios.studies.cuts.run_figures import blind_deviation
 
 FEW, ALL = 2, 1000
 INSIDE_M = 0.3
+LANE_CHANGE_AT_S = 6.5
 STEERING_RATE, CONTROL_S = 1.18, 0.02
 PROBATION_S = 1.0
 ROUNDING = 1e-9
@@ -36,7 +37,7 @@ def lane_change_cuts(count: int) -> Iterator[LinkCut]:
 
 HISTORY_M = 150.0
 """At least this much of its path a car sends at these speeds."""
-LANE_CHANGES = list(lane_change_cuts(ALL))
+LANE_CHANGES = sorted(lane_change_cuts(ALL), key=lambda cut: abs(cut.at_s - LANE_CHANGE_AT_S))
 
 
 @pytest.mark.campaign(FEW, ALL)
@@ -68,7 +69,7 @@ def test_followers_stop_within_the_known_path_or_the_predicted_blind_distance(
 
 
 def test_an_extrapolating_follower_leaves_the_road() -> None:
-    cut = LinkCut(variant="extrapolate", speed_mps=20.0, at_s=6.5, for_s=8.0, seed=1)
+    cut = LinkCut(variant="extrapolate", speed_mps=20.0, at_s=6.5, for_s=None, seed=1, vehicles=2)
     (first, *_) = run_cut(cut)
     assert first.error > 3.0
     assert first.departures

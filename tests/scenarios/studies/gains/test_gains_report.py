@@ -1,6 +1,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from scenarios.studies.gains.results import GainsReport, as_json
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, Gains, Loading, loaded
 from vehicles.theory.linear_model import closed_loop_at
 
+SPEEDS = [DEFAULT_SPEEDS[k] for k in (0, 2, 3, -1)]
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -25,7 +28,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def nominal(folder: Path) -> GainsReport:
     before = dict(mpl.rcParams)
-    report = gains_report(LINCOLN_MKZ, NOMINAL_GAINS, out_dir=folder)
+    report = gains_report(LINCOLN_MKZ, NOMINAL_GAINS, SPEEDS, out_dir=folder)
     assert dict(mpl.rcParams) == before
     return report
 
@@ -57,7 +60,7 @@ def test_the_paper_s_gains_have_the_properties_of_section_v(nominal: GainsReport
     assert len(nominal.loadings) == 8
     assert all(row.stable_at_every_speed for row in nominal.loadings)
     assert nominal.verification.disagreements_with_roots == 0
-    assert nominal.verification.random_points == 300 * len(DEFAULT_SPEEDS)
+    assert nominal.verification.random_points == 300 * len(SPEEDS)
 
 
 def test_lowest_rates_agree_with_simulated_convoys(nominal: GainsReport) -> None:
@@ -104,15 +107,20 @@ def test_certificate_exceeds_dry_asphalt(nominal: GainsReport) -> None:
         assert row.unit_q_only.accelerating < row.certified.accelerating
 
 
-def test_gains_that_do_not_stabilise_are_reported(tmp_path: Path) -> None:
-    gains = Gains(0.06, 3.0, 0.0)
-    report = gains_report(LINCOLN_MKZ, gains, [10.0, 30.0], [Loading()], tmp_path)
+@pytest.fixture(scope="module")
+def unstable(tmp_path_factory: pytest.TempPathFactory) -> tuple[GainsReport, Path]:
+    folder = tmp_path_factory.mktemp("unstable")
+    return gains_report(LINCOLN_MKZ, Gains(0.06, 3.0, 0.0), [30.0], [Loading()], folder), folder
+
+
+def test_gains_that_do_not_stabilise_are_reported(unstable: tuple[GainsReport, Path]) -> None:
+    report, folder = unstable
     assert not report.stabilising_set.inside_at_all_speeds
     assert report.stabilising_set.ball_at_reference_speed.radius_in_gain_units == 0.0
     assert report.varying_speed.table == ()
     assert not report.propagation[-1].stable
-    _check_files(tmp_path, report)
-    read = json.loads((tmp_path / "gains.json").read_text(encoding="utf-8"))
+    _check_files(folder, report)
+    read = json.loads((folder / "gains.json").read_text(encoding="utf-8"))
     ball = read["stabilising_set"]["ball_at_reference_speed"]
     assert ball["root_there_radps"] is None  # not a number in JSON
     assert read["propagation"][-1] == {"speed_mps": 30.0, "stable": False}
@@ -142,9 +150,10 @@ def test_infinity_and_nan_are_null_in_json(value: float) -> None:
 
 
 def test_speeds_may_come_in_any_order() -> None:
-    some = [Loading()]
-    ascending = gains_report(LINCOLN_MKZ, NOMINAL_GAINS, [10.0, 20.0], some)
-    assert gains_report(LINCOLN_MKZ, NOMINAL_GAINS, [20.0, 10.0], some) == ascending
+    report = gains_report(LINCOLN_MKZ, NOMINAL_GAINS, [20.0, 10.0], [Loading()])
+    assert report.reference_speed_mps == 20.0
+    for rows in (report.speeds, report.propagation, report.sampled):
+        assert [row.speed_mps for row in rows] == [10.0, 20.0]
 
 
 def test_no_speed_or_no_loading_is_refused() -> None:
@@ -160,10 +169,10 @@ def test_the_report_does_not_import_matplotlib() -> None:
 
 
 @pytest.mark.parametrize("gains", [NOMINAL_GAINS, Gains(0.0625, 2.9625, 0.0125)])
-def test_the_table_has_its_title_on_one_line(gains: Gains, nominal: GainsReport) -> None:
-    report = nominal
-    if gains is not NOMINAL_GAINS:
-        report = gains_report(LINCOLN_MKZ, gains, [30.0], [Loading()])
+def test_the_table_has_its_title_on_one_line(
+    gains: Gains, nominal: GainsReport, unstable: tuple[GainsReport, Path]
+) -> None:
+    report = nominal if gains is NOMINAL_GAINS else replace(unstable[0], gains=gains)
     console = Console(width=80, record=True, file=StringIO())
     console.print(gains_table(report))
     first = console.export_text().splitlines()[0].strip()

@@ -36,9 +36,11 @@ LIMITS = (
 def test_broken_limits_equal_those_of_the_summary(run: str) -> None:
     scenario = load_scenario("lossy_lane_change", RUNS[run])
     summary = run_unlogged(scenario)
-    for text in LIMITS:
-        limit = parsed_limit(text, scenario.vehicle_names)
-        found = watch_limit(scenario, limit)
+    limits = {text: parsed_limit(text, scenario.vehicle_names) for text in LIMITS}
+    observers = {text: LimitObserver(scenario, limit) for text, limit in limits.items()}
+    outcome = drive(scenario, list(observers.values()))
+    for text, limit in limits.items():
+        found = observers[text].finish(outcome.at)
         assert found.broken == broken_by(limit, summary), text
         if limit.row.figure and not found.broken:
             assert found.severity == pytest.approx(severity(limit, summary))

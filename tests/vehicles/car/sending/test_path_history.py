@@ -59,7 +59,7 @@ def length_of(pose: ReceivedPose) -> float:
     )
 
 
-@examples(40, 400)
+@examples(13, 400)
 @given(bends=BENDS, speed=st.floats(10.0, 40.0), noise=st.sampled_from([0.0, 0.02, 0.05]))
 def test_chords_are_within_5_cm_of_all_fixes(
     bends: list[Segment], speed: float, noise: float

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from tests.made.examples import examples
 from tests.made.transport.received_poses import received
 from tests.made.vehicles.exact_drives import (
     START,
@@ -110,6 +111,7 @@ SEGMENTS = st.lists(
 )
 
 
+@examples(5, 100)
 @given(SEGMENTS, st.floats(3.0, 9.0), st.floats(8.0, 18.0))
 def test_the_extrapolated_curvature_never_exceeds_the_largest_received(
     pieces: list[tuple[float, float]], cut_at: float, speed: float

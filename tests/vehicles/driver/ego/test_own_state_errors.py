@@ -79,7 +79,7 @@ def mean_squares(drive: EstimatedDrive, seeds: int) -> np.ndarray:
 
 
 @pytest.mark.spread(5)
-@pytest.mark.campaign(10, 25)
+@pytest.mark.campaign(4, 25)
 @pytest.mark.parametrize(("receiver", "course", "car"), [*product(RECEIVERS, COURSES, CARS)])
 def test_errors_of_the_own_state_match_its_deviations(
     receiver: str, course: str, car: str, campaign: int

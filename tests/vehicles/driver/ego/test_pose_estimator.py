@@ -378,7 +378,7 @@ reading = st.floats(-1e4, 1e4)
         min_size=1, max_size=30,
     )
 )  # fmt: skip
-@examples(20, 60)
+@examples(10, 60)
 def test_any_sequence_of_fixes_gives_finite_poses(
     readings: list[tuple[int, float, float, float, float, float]],
 ) -> None:

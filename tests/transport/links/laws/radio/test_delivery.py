@@ -4,12 +4,13 @@ from math import inf, log10, nan, sqrt
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.stats import norm
 
 from tests.made.channels.laws import for_link
+from tests.made.examples import examples
 from transport.links.laws.effect import Effect, Position, TransmissionContext
 from transport.links.laws.link_law import LinkSetting
 from transport.links.laws.radio.obstruction import LossPerVehicle, SingleLoss
@@ -197,7 +198,7 @@ LAWS: dict[str, Effect] = {
 
 
 @pytest.mark.parametrize("name", LAWS)
-@settings(max_examples=15)
+@examples(5, 15)
 @given(data=st.data())
 def test_a_verdict_alone_is_that_of_the_stream(name: str, data: st.DataObject) -> None:
     """On three links with one law and its caches, in any order."""

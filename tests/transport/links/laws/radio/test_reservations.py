@@ -15,7 +15,7 @@ from transport.links.link import keyed_draw
 LENGTHS = st.tuples(st.integers(1, 12), st.integers(0, 12)).map(lambda two: (two[0], sum(two)))
 
 
-@examples(15, 40)
+@examples(8, 40)
 @given(
     LENGTHS, st.sampled_from([0.0, 0.4, 0.8]), st.integers(0, 2**40),
     st.lists(st.integers(0, 3_000), min_size=1, max_size=15),
@@ -70,7 +70,7 @@ def test_the_first_message_finds_a_reservation_as_old_as_any_other_does(
     least: int, most: int
 ) -> None:
     """In a stationary renewal process the age a has probability P(length > a) / mean."""
-    held, n = Reservations(least, most), 3000
+    held, n = Reservations(least, most), 800
     ages = np.zeros(most)
     for seed in range(n):
         ages[-held.selected_at(keyed_draw(seed, "a", "b"), 0)] += 1

@@ -66,7 +66,7 @@ def test_what_is_drawn_has_the_law(seed: int, campaign: int) -> None:
         assert abs(found - exp(-apart)) < LINE_ERROR * exp(-apart) + 4.0 * sqrt(2.0) * error
 
 
-@examples(15, 40)
+@examples(8, 40)
 @given(st.lists(st.floats(-2_000.0, 2_000.0), min_size=1, max_size=12), st.integers(0, 2**40))
 def test_a_value_alone_is_the_value_in_any_order(places: list[float], seed: int) -> None:
     draw, field = keyed_draw(seed, "v1", "v2"), ShadowField(DECORRELATION)
