@@ -6,7 +6,8 @@
     run.summary.outcome
     run.vehicles["v4"].true.error_m          # a NumPy array; with times in true.t_s
     run.links["v1", "v3"].outcomes.to_pandas()
-    run.string_errors                        # largest and rms error of each follower
+    run.string_errors                        # errors and gains along the string
+    run.frequency_gains()                    # speed gains by frequency
     run.plot()
     run.report("run.html")
 

@@ -65,9 +65,9 @@ class ComparedRuns:
     `runs` has them by label; `runs["B"].vehicles["v2"].station_m` and `offset_m` are places along
     the path of A and offsets to its left at each true pose. `differences` has a row per vehicle and
     run: where it leaves its place in A, and its largest lateral difference at the same place.
-    `string_errors` has a row per follower and run: its largest and rms error, and their ratios to
-    the vehicle ahead. `sentence` describes the first divergence; `faults` describe damage and holes
-    of the logs.
+    `string_errors` has a row per follower and run: its errors, and their gains from the vehicle
+    ahead and from the head of the string. `sentence` describes the first divergence; `faults`
+    describe damage and holes of the logs.
     """
 
     def __init__(self, comparison: RunComparison) -> None:
@@ -78,7 +78,7 @@ class ComparedRuns:
         self.differences = DataTable.of_rows(list(comparison.rows()), DIFFERENCE_COLUMNS)
         self.string_errors = DataTable.of_rows(
             [
-                {"label": run.label} | asdict(row)
+                {"label": run.label} | row.row()
                 for run in comparison.runs
                 for row in run.string_errors
             ],

@@ -1,7 +1,6 @@
 """Open recorded runs."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 from scenarios.definition.errors import require
 from scenarios.results.log_summary import summary_of
 from scenarios.results.recorded.data_table import DataTable
+from scenarios.results.recorded.frequency_gains import Signal, frequency_gains
 from scenarios.results.recorded.run_record import RunRecord
 from scenarios.results.recorded.table_files import FileFormat, export_run
 from scenarios.results.report.page import write_report
@@ -72,13 +72,22 @@ class Run(RunRecord):
 
     @cached_property
     def string_errors(self) -> DataTable:
-        """Errors along the string: a row per follower, in the order of the convoy.
+        """String stability figures: a row per follower, in the order of the convoy.
 
-        The largest and the rms true error, and their ratios to those of the vehicle ahead: above 1
-        the error grows.
+        Errors, and their L2 and L∞ gains from the vehicle ahead and from the head of the string:
+        above 1 the error grows. See `convoy reference string-stability`.
         """
-        rows = [asdict(row) for row in string_errors(self.summary.vehicles)]
+        rows = [row.row() for row in string_errors(self.summary.vehicles)]
         return DataTable.of_rows(rows, STRING_COLUMNS)
+
+    def frequency_gains(self, signal: Signal = "speed") -> DataTable:
+        """Gains of each follower from the vehicle ahead by frequency, where that is excited.
+
+        With columns `frequency_hz`, `gain` and its 95 % interval `low` to `high`, `phase_rad` and
+        `coherence`. The `signal` is "speed" or "spacing" (spacing errors of followers that keep a
+        gap). The table is empty without excitation, such as by a lead that brakes.
+        """
+        return frequency_gains(self, signal)
 
     def report(self, path: str | Path) -> Path:
         """Write tables, pictures and definitions into one HTML file, like `convoy report --html`.

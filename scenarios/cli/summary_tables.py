@@ -20,6 +20,11 @@ from scenarios.results.outcome import with_outcome_line
 from scenarios.results.run_changes import RunChange
 from scenarios.results.summary import RunSummary
 from scenarios.results.vehicles.reaction import NO_REACTION
+from scenarios.results.vehicles.string_figures import (
+    STRING_SIGNALS,
+    StringFigures,
+    StringSignal,
+)
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from transport.reasons import counts_as_loss
 
@@ -283,6 +288,13 @@ def _tables(summary: RunSummary, tables: Tables) -> Iterator[tuple[bool, Table]]
     yield any(map(_has_process_news, summary.vehicles)), table_of(PROCESS_COLUMNS, summary.vehicles)
     if any(row.own_figures for row in summary.vehicles):
         yield True, table_of([*_own_columns(summary)], summary.vehicles, title="own figures")
+    if signals := [one for one in STRING_SIGNALS if any(map(one.has_gain, _strings(summary)))]:
+        columns = [
+            VEHICLE_COLUMNS[0],
+            *(one for signal in signals for one in _gain_columns(signal)),
+        ]
+        title = "string stability: gains in L2 / L∞; -: no more than noise"
+        yield False, table_of(columns, followers, title=title)
     if any(row.reaction != NO_REACTION for row in followers):
         is_news = any(row.reaction.stops or row.reaction.blind_m >= 0.05 for row in followers)
         yield is_news, table_of(REACTION_COLUMNS, followers, title="degradation")
@@ -301,6 +313,17 @@ def _tables(summary: RunSummary, tables: Tables) -> Iterator[tuple[bool, Table]]
         yield False, _link_table(summary, freshness, title)
     if summary.events:
         yield True, event_table(summary, MOST_EVENTS if tables == "all" else MOST_NEW_EVENTS)
+
+
+def _strings(summary: RunSummary) -> Sequence[StringFigures]:
+    return [row.string for row in summary.vehicles]
+
+
+def _gain_columns(signal: StringSignal) -> Iterator[Column[VehicleSummary]]:
+    """Yield the gains of a signal from the vehicle ahead, and from the head of the string."""
+    yield Column(f"{signal.name}\ngain", lambda row: signal.gains(row.string), ".2f")
+    head = "lead" if signal.head == "lead" else "first\nfollower"
+    yield Column(f"from\n{head}", lambda row: signal.gains_from_head(row.string), ".2f")
 
 
 def _message_columns(rows: Sequence[LinkSummary]) -> Sequence[Column[LinkSummary]]:

@@ -27,6 +27,8 @@ from scenarios.results.holes import RecordHole, UnseenSpan
 from scenarios.results.limits.deadlines import Deadlines
 from scenarios.results.run_changes import ChangeLog, RunChange
 from scenarios.results.stream import FigureStream, RoadError
+from scenarios.results.vehicles.string_figures import string_figures
+from scenarios.results.vehicles.string_norms import StringNorms
 from scenarios.results.vehicles.vehicle_figures import (
     USUAL_CONTROL_RATE_HZ,
     USUAL_RATE_HZ,
@@ -69,6 +71,7 @@ class Metrics:
         duration_ns: int = 0,
         linear_slips: Mapping[str, tuple[float, float]] | None = None,
         deadlines: Deadlines | None = None,
+        norms: StringNorms | None = None,
         continues_without_failed: bool = False,
     ) -> None:
         """Take the vehicles' names, lead first, and the settings of each (sender, receiver).
@@ -77,7 +80,8 @@ class Metrics:
         vehicles' poses, None for a vehicle without a schedule; `duration_ns` is the planned
         duration. `linear_slips` are the slip angles (rad) of front and rear axle up to which the
         tyres of each vehicle are linear; `deadlines` are what followers have to do by an instant.
-        Without a `stream` of figures, one with usual cars and thresholds is made.
+        Without a `stream` of figures, one with usual cars and thresholds is made; `norms` know the
+        gap that followers keep.
         """
         self._names = list(vehicles)
         self._lead = self._names[0]
@@ -87,6 +91,8 @@ class Metrics:
             dict.fromkeys(vehicles, BodySize.of(LINCOLN_MKZ)), road_yaw=road_yaw
         )
         self.events = EventLog(self.stream.seconds, self._seen_before)
+        self._norms = norms or StringNorms(vehicles)
+        self.stream.on_error(self._norms.add_error)
         self.stream.on_error(self._add_error)
         self.stream.on_road_error(self._add_road_error)
         self.stream.on_event(self.events.add)
@@ -138,6 +144,7 @@ class Metrics:
                 for name in scenario.vehicle_names
             },
             deadlines=Deadlines(scenario.tables.limits, scenario.lead),
+            norms=StringNorms.of(scenario),
             continues_without_failed=scenario.continues_without_failed,
         )
 
@@ -195,6 +202,7 @@ class Metrics:
 
     def _add_truth(self, figures: VehicleFigures, pose: TruePose, _at: int) -> None:
         figures.add_truth(pose)
+        self._norms.add_truth(pose)
         front, rear = self._linear_slips[pose.vehicle]
         tyres = figures.tyres
         if tyres.front_slip > front or tyres.rear_slip > rear:
@@ -259,8 +267,14 @@ class Metrics:
     def vehicle_summaries(self, ran_ns: int = 0) -> tuple[VehicleSummary, ...]:
         span, gaps, seconds = self._span(ran_ns), self.stream.gaps, self.stream.seconds
         own = self.stream.own
+        deviations = {name: row.position_deviation for name, row in self.vehicles.items()}
+        string = string_figures(self._norms.norms, deviations)
         return tuple(
-            replace(figures.summary(span, gaps.get(name), seconds), own_figures=own.values(name))
+            replace(
+                figures.summary(span, gaps.get(name), seconds),
+                own_figures=own.values(name),
+                string=string[name],
+            )
             for name, figures in self.vehicles.items()
         )
 

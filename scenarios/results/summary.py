@@ -24,6 +24,7 @@ from scenarios.results.events.run_event import RunEvent
 from scenarios.results.holes import RecordHole
 from scenarios.results.run_changes import RunChange
 from scenarios.results.vehicles.reaction import ReactionSummary
+from scenarios.results.vehicles.string_figures import StringFigures
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from scenarios.results.versions import current_stamp, installed_versions, plug_in_digests
 
@@ -194,6 +195,7 @@ class RunSummary:
 
 ENTRIES: Mapping[str, type] = {
     "vehicles[]": VehicleSummary,
+    "vehicles[].string": StringFigures,
     "vehicles[].reaction": ReactionSummary,
     "links[]": LinkSummary,
     "events[]": RunEvent,

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 60
 """Rows that are printed; the file has all of them."""
-WIDEST = 14
+WIDEST = 16
 """Characters of a printed value, which may be a whole table."""
 
 
@@ -51,6 +51,7 @@ A figure is a number in summary.json (see `convoy reference fields`):
   v3.cross_track_error_m_max  of one vehicle
   links.age_ms_max            of the worst link; v1:v3.age_ms_max of one link
   reaction.blind_m            a field within a field
+  v4.string.spacing_growth_l2 mean gain per vehicle, see string-stability
   events.lane_departure       the number of events of one kind
 """
 )
@@ -179,8 +180,21 @@ def _spread_columns(number: int, *, least: bool) -> "list[Column[SweepCell]]":
     def spread(heading: str, attribute: str) -> "Column[SweepCell]":
         return Column(heading, lambda cell: _shown(getattr(cell.figures[number], attribute)))
 
+    def interval(cell: "SweepCell") -> str | None:
+        of_mean = cell.figures[number]
+        if of_mean.mean_low is None:
+            return None
+        return f"{_shown(of_mean.mean_low)} to {_shown(of_mean.mean_high)}"
+
     worst = spread("min", "minimum") if least else spread("max", "maximum")
-    return [spread("median", "median"), spread("5 %", "p5"), spread("95 %", "p95"), worst]
+    return [
+        spread("mean", "mean"),
+        Column("95 % interval\nof the mean", interval),
+        spread("median", "median"),
+        spread("5 %", "p5"),
+        spread("95 %", "p95"),
+        worst,
+    ]
 
 
 def _share_columns(number: int) -> "list[Column[SweepCell]]":

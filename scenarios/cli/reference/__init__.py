@@ -8,5 +8,6 @@ drives_page        formats, columns and keys of recorded drives
 message_pages      topics, wire, reasons, .proto
 plug_in_page       plug-ins
 plug_in_examples   examples of user-defined classes
+string_page        string-stability
 other_pages        fields, intervals, exit-codes
 """

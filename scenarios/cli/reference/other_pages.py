@@ -59,7 +59,8 @@ INTERVALS: Mapping[str, tuple[str, Mapping[str, str]]] = {
         },
     ),
     "sweep, 95 %": (
-        "Shares of broken limits: Agresti-Coull. Medians and quantiles have no interval.",
+        "Shares of broken limits: Agresti-Coull. Means: Student's t; those of gains are geometric, "
+        "by their logarithms. Medians and quantiles have no interval.",
         {"shares, any": "at least 92 % from 10 runs on; 89 % with 5"},
     ),
     "diff, 99 %": (

@@ -18,6 +18,7 @@ PAGES: Mapping[str, str] = {
     "reasons": "reasons for which messages are not used",
     "fields": "fields of summary.json and `convoy report --json`",
     "plug-ins": "classes that a scenario selects, and the contract of your own",
+    "string-stability": "definitions of the gains along the string, and where there are none",
     "intervals": "methods and coverage of the intervals of studies",
     "exit-codes": "exit codes of all commands",
     ".proto": "the Protobuf schema of messages and logs",
@@ -51,7 +52,7 @@ def reference(page: str | None) -> None:
         printers()[page]()
         return
     for name, about in PAGES.items():
-        click.echo(f"{name:12} {about}")
+        click.echo(f"{name:16} {about}")
 
 
 def printers() -> Mapping[str, Callable[[], None]]:
@@ -61,6 +62,7 @@ def printers() -> Mapping[str, Callable[[], None]]:
         other_pages,
         plug_in_page,
         scenario_pages,
+        string_page,
     )
 
     return {
@@ -76,6 +78,7 @@ def printers() -> Mapping[str, Callable[[], None]]:
         "reasons": message_pages.reasons_page,
         "fields": other_pages.fields_page,
         "plug-ins": plug_in_page.plug_ins_page,
+        "string-stability": string_page.string_stability_page,
         "intervals": other_pages.intervals_page,
         "exit-codes": other_pages.exit_codes_page,
         ".proto": message_pages.proto_page,

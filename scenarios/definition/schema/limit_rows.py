@@ -13,10 +13,11 @@ from typing import Literal
 # fmt: off
 Live = Literal[
     "", "lane_excess", "gap", "silence", "error", "road_error", "self_estimate", "blind",
-    "friction", "own",
+    "friction", "own", "end",
 ]
 # fmt: on
-"""Figure of a running simulation that approaches a limit as it grows (a gap: shrinks)."""
+"""Figure of a running simulation that approaches a limit as it grows (a gap: shrinks); "end" for a
+figure that is known at the end only."""
 OWN_FIGURES = "own_figures"
 """Table of bounds on figures of the user's classes, and the field of their summary."""
 Witness = Literal["own", "lead", "predecessor", "all"]
@@ -111,6 +112,15 @@ _ROWS = (
              example=0.8, word="friction_ratio", live="friction",
              figure="friction_ratio_max", of_lead=True, most=1,
              breach="used {figure:.2f} of the friction"),
+    *(LimitRow(key=f"{name}_max", doc=f"largest {norm} gain of the {signal} error {reach}",
+               example=1.0, figure=f"string.{name}", live="end", witness="all",
+               word=name,
+               breach=f"has an {norm} gain of {{figure:.2f}} of the {signal} error {reach}")
+      for signal in ("lateral", "spacing")
+      for reach, end in (("from the vehicle ahead", ""),
+                         ("from the first follower", "_from_first"))
+      for norm in ("L2", "L∞")
+      for name in [f"{signal}_gain_{norm.lower().replace('∞', 'inf')}{end}"]),
 )
 # fmt: on
 LIMITS: Mapping[str, LimitRow] = {row.key: row for row in _ROWS}

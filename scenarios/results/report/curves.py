@@ -24,12 +24,16 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class VehicleCurve:
-    """Values of one vehicle over time (s) or place (m); the `deviation` makes a band."""
+    """Values of one vehicle over time (s), place (m) or frequency (Hz).
+
+    The `deviation` makes a band, `points` are drawn as such.
+    """
 
     name: str
     at: Floats
     values: Floats
     deviation: Floats | None = None
+    points: bool = False
 
     @property
     def is_known(self) -> bool:

@@ -2,8 +2,8 @@
 // One cursor for all pictures: curves are read back from their paths, by the scales of their plot.
 const LEFT = 58, RIGHT = 892, TOP = 8;
 const NAMES = {error_m: "error, m", gap_m: "gap, m", speed_mps: "speed, m/s",
-  own_m: "self-estimated error, m"};
-const UNITS = {time: "s", place: "m"};
+  own_m: "self-estimated error, m", speed_gain: "speed gain", spacing_gain: "spacing error gain"};
+const UNITS = {time: "s", place: "m", frequency: "Hz"};
 const axes = {};
 for (const svg of document.querySelectorAll("svg[data-axis]")) {
   const name = svg.dataset.axis, from = Number(svg.dataset.from), to = Number(svg.dataset.to);
@@ -72,7 +72,7 @@ function show(axis, at, x) {
   const names = [...section.querySelectorAll(":scope > .legend .key")].map(key => key.textContent);
   const table = document.createElement("table");
   const head = table.insertRow();
-  for (const text of [`${at.toFixed(axis.name === "time" ? 2 : 1)} ${UNITS[axis.name]}`, ...names]) {
+  for (const text of [`${at.toFixed(axis.name === "place" ? 1 : 2)} ${UNITS[axis.name]}`, ...names]) {
     head.appendChild(document.createElement("th")).textContent = text;
   }
   for (const quantity of quantities) {

@@ -40,9 +40,10 @@ MOST_HOLES = 10
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 """The page may load nothing."""
 STRING_HINT = (
-    "Errors are the true distances from the path that the lead drove. A ratio compares a vehicle "
-    "with the one ahead of it; above 1 the error grows along the string. The last row compares the "
-    "last follower with the first one."
+    "A gain divides the norm of a vehicle's error by that of the vehicle ahead; above 1 the error "
+    "grows along the string. The last row divides the last follower's by the first one's, its "
+    "acceleration by the lead's. Gains of errors at the level of the noise are left out. "
+    "Definitions: convoy reference string-stability."
 )
 
 
@@ -134,7 +135,7 @@ def _sections(record: RunRecord, summary: RunSummary, detail: ReportDetail) -> I
     rows, total = detail.rows, len(summary.vehicles)
     hint = f"The first {rows} of {total} vehicles; summary.json has all." if total > rows else ""
     yield from _section("Vehicles", vehicle_table(summary, colours, rows), hint)
-    yield from _section("Errors along the string", string_table(summary, rows), STRING_HINT)
+    yield from _section("String stability", string_table(summary, rows), STRING_HINT)
 
     def command(at_s: float) -> str:
         return f"convoy review {shlex.quote(str(record.log))} --at {at_s:.2f}"
@@ -180,6 +181,7 @@ def _pictures(
     for kind, title, pictures in (
         ("time", "Pictures over time, s", list(plots.figures())),
         ("place", "Pictures along the path of the lead, m", list(plots.figures_along_path())),
+        ("frequency", "Gains from the vehicle ahead by frequency, Hz", list(plots.gain_figures())),
     ):
         if pictures:
             text = "Move over a picture to read its values."

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scenarios.results.recorded.frequency_gains import Signal, frequency_gains
 from scenarios.results.recorded.modes import ModeFrom, mode_changes
 from scenarios.results.recorded.run_record import RunRecord
 from scenarios.results.report.axes import Floats, Scale, thinned, value_range
@@ -29,6 +30,8 @@ CURVES_OF_VEHICLE = 8
 MODE_CELLS = 300
 """Parts of the time in which one mode of a vehicle is drawn, if it changes more often."""
 ERROR, LEFT_POSITIVE = "True error from the lead's path", "m, left positive"
+SPEED_GAIN, SPACING_GAIN = "Speed gain", "Spacing error gain"
+GAIN_UNIT = "from the vehicle ahead, where that is excited and the coherence is 0.95 or more"
 GAP, BUMPERS = "True gap to the vehicle ahead", "m, bumper to bumper"
 PLAN_POINTS = 200
 LOSS_CELLS, LEAST_CELL_S = 150, 0.5
@@ -134,6 +137,23 @@ class RunPlots:
                 axis = Axis("place", Scale(low, max(high, low + 1.0), LEFT, WIDTH - RIGHT))
                 yield from self._plot(title, unit, name, known, axis)
 
+    def gain_figures(self) -> Iterator[Markup]:
+        """Yield the pictures of gains over the frequency, where vehicles are excited."""
+        signals: Mapping[Signal, str] = {"speed": SPEED_GAIN, "spacing": SPACING_GAIN}
+        tables = {signal: frequency_gains(self._record, signal) for signal in signals}
+        known = [table.frequency_hz for table in tables.values() if len(table)]
+        if not known:
+            return
+        axis = Axis("frequency", Scale(0.0, 1.1 * max(map(max, known)), LEFT, WIDTH - RIGHT))
+        for signal, table in tables.items():
+            rows = {name: np.flatnonzero(table.vehicle == name) for name in self._names}
+            curves = [
+                VehicleCurve(name, table.frequency_hz[own], table.gain[own], points=True)
+                for name, own in rows.items()
+                if own.size
+            ]
+            yield from self._plot(signals[signal], GAIN_UNIT, f"{signal}_gain", curves, axis)
+
     def legend(self) -> Markup:
         """Names of the vehicles in their colours."""
         return element(
@@ -165,7 +185,8 @@ class RunPlots:
             return
         height = PLOT_HEIGHT
         bands = [side for curve in known for side in curve.band() or ()]
-        low, high = value_range([*(curve.values for curve in known), *bands])
+        shown = [np.ones(1)] if axis.name == "frequency" else []
+        low, high = value_range([*(curve.values for curve in known), *bands, *shown])
         scale = Scale(low, high, height - BOTTOM, TOP)
         areas, lines = [], []
         for curve in known:
@@ -173,6 +194,12 @@ class RunPlots:
             d = path_data(axis.scale.to_pixels(at), scale.to_pixels(values))
             style = {"stroke": self._colour(curve.name), "data_name": curve.name}
             lines.append(element("path", class_="curve", d=d, **style))
+            if curve.points:
+                dots = zip(axis.scale.to_pixels(at), scale.to_pixels(values), strict=True)
+                lines += [
+                    element("circle", r=3, cx=f"{x:.1f}", cy=f"{y:.1f}", fill=style["stroke"])
+                    for x, y in dots
+                ]
             if area := band_data(axis, scale, curve, self._points // 2):
                 areas.append(element("path", class_="band", d=area, fill=style["stroke"]))
         picture = self._svg(
@@ -180,7 +207,7 @@ class RunPlots:
             *self._grid(height, axis, scale),
             *areas,
             *lines,
-            *(self._drawn_marks() if axis is self._time else ()),
+            *self._drawn_marks(axis, scale),
             kind="plot",
             axis=axis,
             data_quantity=name,
@@ -189,8 +216,12 @@ class RunPlots:
         )
         yield _figure(title, unit, picture)
 
-    def _drawn_marks(self) -> Iterator[Markup]:
-        for mark in self._marks:
+    def _drawn_marks(self, axis: Axis, scale: Scale) -> Iterator[Markup]:
+        """Yield events and notes over time, and the gain of 1 over the frequency."""
+        if axis.name == "frequency":
+            y = scale.pixel(1.0)
+            yield _line(LEFT, y, WIDTH - RIGHT, y, "zero bound")
+        for mark in self._marks if axis is self._time else ():
             x = self._pixel(mark.at_s)
             title = element("title", f"{mark.at_s:.2f} s: {mark.text}")
             d = f"M{x:.1f} {TOP + 8:g}l-4.5 -8h9z"

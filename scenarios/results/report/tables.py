@@ -9,7 +9,12 @@ from scenarios.results.channel.link_summary import LinkSummary
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.report.markup import Markup, element, join
 from scenarios.results.summary import RunSummary, documented_fields
-from scenarios.results.vehicles.string_errors import head_to_tail, string_errors
+from scenarios.results.vehicles.string_errors import string_errors
+from scenarios.results.vehicles.string_figures import (
+    STRING_SIGNALS,
+    StringFigures,
+    StringSignal,
+)
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from vehicles.messages import MODES
 
@@ -76,32 +81,49 @@ def vehicle_table(summary: RunSummary, colours: Mapping[str, str], most: int) ->
 
 
 def string_table(summary: RunSummary, most: int) -> Markup | None:
-    """Errors of each follower, and their ratios from vehicle to vehicle and head to tail."""
+    """Errors of each follower, and their gains from vehicle to vehicle and from head to tail."""
     errors = string_errors(summary.vehicles)
     if not errors:
         return None
+    strings = [row.figures for row in errors]
+    signals = [one for one in STRING_SIGNALS if any(map(one.has_gain, strings))]
     largest = max((row.error_m_max or 0.0 for row in errors), default=0.0)
     rows = []
     for row in errors[:most]:
         share = 100.0 * (row.error_m_max or 0.0) / largest if largest else 0.0
         bar = element("td", element("span", class_="bar", style=f"width:{share:.1f}%"), class_="b")
+        of_signals = [cell for signal in signals for cell in _string_cells(signal, row.figures)]
         rows.append(
             [
                 name_cell(row.vehicle),
                 bar,
                 number(row.error_m_max, 100.0, ".1f"),
                 number(row.error_m_rms, 100.0, ".2f"),
-                _ratio(row.ratio_max),
-                _ratio(row.ratio_rms),
+                *of_signals,
             ]
         )
     if len(errors) > 1:
-        whole_max, whole_rms = head_to_tail(errors)
-        label = f"{errors[0].vehicle} to {errors[-1].vehicle}"
         empty = element("td")
-        rows.append([name_cell(label), empty, empty, empty, _ratio(whole_max), _ratio(whole_rms)])
-    headings = ("vehicle", "largest error", "largest, cm", "rms, cm", "ratio of largest", "of rms")
-    return table(headings, rows, "figures")
+        tail = []
+        for signal in signals:
+            tail += [element("td"), *map(_ratio, signal.gains_from_head(errors[-1].figures))]
+        rows.append([name_cell("head to tail"), empty, empty, empty, *tail])
+    headings = [heading for signal in signals for heading in _string_headings(signal)]
+    return table(("vehicle", "largest error", "largest, cm", "rms, cm", *headings), rows, "figures")
+
+
+def _string_cells(signal: StringSignal, figures: StringFigures) -> list[Markup]:
+    factor, _ = SHOWN[signal.unit]
+    return [number(signal.rms(figures), factor, ".3g"), *map(_ratio, signal.gains(figures))]
+
+
+def _string_headings(signal: StringSignal) -> Sequence[str]:
+    name, (_, unit) = signal.name, SHOWN[signal.unit]
+    return (f"rms {signal.quantity}, {unit}", f"{name} gain, L2", f"{name} gain, L∞")
+
+
+SHOWN = {"error_m": (100.0, "cm"), "mps2": (1.0, "m/s²")}
+"""Factor and unit of the norms of a signal."""
 
 
 def _ratio(value: float | None) -> Markup:

@@ -21,6 +21,7 @@ from scenarios.results.holes import (
 )
 from scenarios.results.vehicles.accumulators import Extremes, SelfEstimateErrors, TyreFigures
 from scenarios.results.vehicles.reaction import NO_REACTION, Reaction, ReactionSummary
+from scenarios.results.vehicles.string_figures import NO_STRING, StringFigures
 from transport.message_numbers import MessageNumbers
 from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import GpsPose, Health, Tracking, TruePose
@@ -95,6 +96,8 @@ class VehicleSummary:
     linear tyres only."""
     sliding_s: float | None = None
     """Time during which an axle used all of the available friction, or more."""
+    string: StringFigures = NO_STRING
+    """Errors along the string and their gains, see vehicles[].string."""
     own_figures: Mapping[str, float | None] = field(default_factory=dict)
     """Figures of the user's classes, by the name of the class."""
     ticks_by_mode: Mapping[str, int]
@@ -161,6 +164,7 @@ class VehicleFigures:
         self.tyres = TyreFigures()
         self.estimated_gap_min = inf
         self.lateral_deviation_max = -1.0
+        self._accuracy_max = 0.0
         self.reaction = Reaction()
         self.health: Health | None = None
         self._memory_max = 0
@@ -199,10 +203,17 @@ class VehicleFigures:
 
     def add_pose(self, pose: GpsPose) -> None:
         self.numbers.add(pose.seq)
+        if pose.position_accuracy_m > self._accuracy_max:  # noqa: PLR1730 - NaN
+            self._accuracy_max = pose.position_accuracy_m
         if self._first_sent_at is None:
             self._first_sent_at = pose.sent_at_ns
         if self.rate_hz is None:
             self.edges.add(pose.seq, pose.sent_at_ns)
+
+    @property
+    def position_deviation(self) -> float:
+        """Largest standard deviation (m) of its position: the receiver's, or its own estimate."""
+        return max(self._accuracy_max, self.lateral_deviation_max)
 
     def add_health(self, health: Health) -> None:
         self.health = health

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import sqrt
+from math import exp, log, sqrt
 from statistics import fmean, stdev
 
 from scenarios.results.channel.estimates import CONFIDENCE, quantile_of_normal
@@ -50,7 +50,7 @@ def _check(successes: int, count: int) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Mean:
-    """Mean of independent probabilities with standard error and interval."""
+    """Mean of independent values with its standard error and interval."""
 
     value: float
     standard_error: float
@@ -58,17 +58,27 @@ class Mean:
     high: float
 
 
-def mean_of(estimates: Sequence[float], confidence: float = CONFIDENCE) -> Mean:
-    """Mean of independent unbiased estimates with Student's t interval.
+def mean_of(values: Sequence[float], confidence: float = CONFIDENCE) -> Mean:
+    """Mean of independent values with Student's t interval.
 
-    The distribution of the estimates is right-skewed: with few estimates, the interval is slightly
-    too low. Raises ValueError for fewer than two estimates.
+    Of a right-skewed law, such as that of the estimates of a small probability, the interval is
+    slightly too low with few values. Raises ValueError for fewer than two values.
     """
     from scipy.stats import t  # noqa: PLC0415 - optional
 
-    if len(estimates) < 2:
-        raise ValueError(f"no interval of {len(estimates)} estimates")
-    value = fmean(estimates)
-    error = stdev(estimates) / sqrt(len(estimates))
-    half = float(t.ppf(0.5 + 0.5 * confidence, len(estimates) - 1)) * error
-    return Mean(value, error, max(0.0, value - half), min(1.0, value + half))
+    if len(values) < 2:
+        raise ValueError(f"no interval of {len(values)} values")
+    value = fmean(values)
+    error = stdev(values) / sqrt(len(values))
+    half = float(t.ppf(0.5 + 0.5 * confidence, len(values) - 1)) * error
+    return Mean(value, error, value - half, value + half)
+
+
+def geometric_mean_of(values: Sequence[float], confidence: float = CONFIDENCE) -> Mean:
+    """Geometric mean of independent positive values, such as gains: `mean_of` their logarithms.
+
+    Raises ValueError for fewer than two values, and for any that are not positive.
+    """
+    logs = mean_of([log(value) for value in values], confidence)
+    value = exp(logs.value)
+    return Mean(value, value * logs.standard_error, exp(logs.low), exp(logs.high))

@@ -79,7 +79,9 @@ def test_errors_along_the_string_are_those_of_the_summary(
     assert rows.number.tolist() == [2, 3]
     assert rows.error_m_max.tolist() == [one.cross_track_error_m_max for one in followers]
     assert rows.error_m_rms.tolist() == [one.cross_track_error_m_rms for one in followers]
-    assert rows.ratio_max[1] == rows.error_m_max[1] / rows.error_m_max[0]
+    assert rows.lateral_error_m_rms.tolist() == [
+        one.string.lateral_error_m_rms for one in followers
+    ]
 
 
 def test_a_report_is_that_of_the_command(

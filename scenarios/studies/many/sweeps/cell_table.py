@@ -2,13 +2,15 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from importlib.util import find_spec
+from statistics import fmean, geometric_mean
 from typing import Any
 
 import numpy as np
 
 from scenarios.definition.run_limits import Limit
 from scenarios.studies.engine.results import Row
-from scenarios.studies.many.statistics import agresti_coull
+from scenarios.studies.many.statistics import agresti_coull, geometric_mean_of, mean_of
 from scenarios.studies.many.sweeps.figure import SweepFigure
 from scenarios.studies.many.sweeps.plan import SweepPlan, run_key
 
@@ -31,9 +33,15 @@ class SweepRun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FigureSpread:
-    """Quantiles of a figure over the seeds of a cell, from the `count` runs that have it."""
+    """Quantiles and mean of a figure over the seeds of a cell, from the `count` runs that have it.
+
+    The mean has its 95 % interval from two runs on; that of gains is the geometric mean.
+    """
 
     count: int
+    mean: float | None = None
+    mean_low: float | None = None
+    mean_high: float | None = None
     median: float | None = None
     p5: float | None = None
     p95: float | None = None
@@ -157,7 +165,10 @@ def _cell(
         runs=tuple(runs),
         failed=sum(run.outcome == "failed" for run in sound),
         errors=len(runs) - len(sound),
-        figures=tuple(_spread([run.figures[n] for run in sound]) for n in range(len(figures))),
+        figures=tuple(
+            _spread([run.figures[n] for run in sound], figure.is_gain)
+            for n, figure in enumerate(figures)
+        ),
         limits=tuple(_share([run.broken[n] for run in sound]) for n in range(len(limits))),
         worst=max(sound or runs, key=_badness(figures[0])),
     )
@@ -174,15 +185,32 @@ def _badness(figure: SweepFigure) -> Callable[[SweepRun], float]:
     return badness
 
 
-def _spread(values: Sequence[float | None]) -> FigureSpread:
+def _spread(values: Sequence[float | None], is_gain: bool) -> FigureSpread:
     known = [value for value in values if value is not None]
     if not known:
         return FigureSpread(count=0)
     p5, median, p95 = map(float, np.quantile(known, (0.05, 0.5, 0.95)))
-    minimum, maximum = min(known), max(known)
+    mean, low, high = _mean(known, is_gain)
     return FigureSpread(
-        count=len(known), median=median, p5=p5, p95=p95, minimum=minimum, maximum=maximum
+        count=len(known),
+        mean=mean,
+        mean_low=low,
+        mean_high=high,
+        median=median,
+        p5=p5,
+        p95=p95,
+        minimum=min(known),
+        maximum=max(known),
     )
+
+
+def _mean(known: Sequence[float], is_gain: bool) -> tuple[float, float | None, float | None]:
+    """Mean and its 95 % interval, which needs two runs and SciPy."""
+    is_gain = is_gain and min(known) > 0.0
+    if len(known) > 1 and find_spec("scipy"):
+        mean = geometric_mean_of(known) if is_gain else mean_of(known)
+        return mean.value, mean.low, mean.high
+    return (geometric_mean(known) if is_gain else fmean(known)), None, None
 
 
 def _share(broken: Sequence[bool]) -> LimitShare:

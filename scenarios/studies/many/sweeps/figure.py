@@ -43,6 +43,11 @@ class SweepFigure:
     def is_worst_when_least(self) -> bool:
         return self.name.endswith("_min") or "safe_time_ratio" in self.name.split(".")
 
+    @property
+    def is_gain(self) -> bool:
+        """Whether the figure is a ratio of norms, whose mean is geometric."""
+        return "_gain_" in self.name or "_growth_" in self.name
+
     def of(self, summary: RunSummary) -> float | None:
         """The value in a run, or None if nothing was measured."""
         scope, _, rest = self.name.partition(".")

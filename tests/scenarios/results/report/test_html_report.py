@@ -16,6 +16,7 @@ from click.testing import CliRunner, Result
 from scenarios.cli.main import cli
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.recorded.data_table import DataTable
+from scenarios.results.recorded.frequency_gains import frequency_gains
 from scenarios.results.recorded.run_record import RunRecord
 from scenarios.results.report.axes import Scale, thinned
 from scenarios.results.report.markup import element
@@ -155,6 +156,7 @@ class LargeRecord(RunRecord):
         kinds = np.array(["composite", "stop", "lead"], object)[np.arange(length) % 3]
         true = {"t_s": t_s, "error_m": noise[0], "gap_m": 5.0 + noise[1], "speed_mps": noise[2]}
         true |= {"east_m": 30.0 * t_s, "north_m": noise[0], "station_m": 30.0 * t_s}
+        true |= {"at_ns": np.round(1e9 * t_s).astype(np.int64), "distance_m": 30.0 * t_s}
         own = {"t_s": t_s, "lateral_error_m": noise[3], "lateral_deviation_m": noise[3] ** 2}
         verdicts = np.array(["delivered", "dropped"], object)[(noise[0] > 0.0).astype(int)]
         tables = {
@@ -219,6 +221,14 @@ def test_curves_over_time_and_place_are_those_of_the_run(folder: Path, page: str
             at = first + (points[:, 0] - 58.0) / (892.0 - 58.0) * (last - first)
             values = low + (146.0 - points[:, 1]) / 138.0 * (high - low)
             true, own = vehicles[name].true, vehicles[name].tracking
+            if data["axis"] == "frequency":
+                gains = frequency_gains(RunRecord(folder))
+                known_at, known = (
+                    gains[of][gains.vehicle == name] for of in ("frequency_hz", "gain")
+                )
+                assert at == pytest.approx(known_at, abs=(last - first) / 8000.0)
+                assert values == pytest.approx(known, abs=(high - low) / 1300.0)
+                continue
             if data["quantity"] == "own_m":
                 known_at, known = own.t_s, own.lateral_error_m
             else:

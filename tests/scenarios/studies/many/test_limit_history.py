@@ -46,6 +46,23 @@ def test_broken_limits_equal_those_of_the_summary(run: str) -> None:
             assert found.severity == pytest.approx(severity(limit, summary))
 
 
+def test_a_gain_is_judged_at_the_end() -> None:
+    overrides = [
+        *RUNS["held"],
+        "vehicle.v3.lateral_offset_m=0.4",
+        "vehicle.v2.lateral_offset_m=0.2",
+    ]
+    scenario = load_scenario("lossy_lane_change", overrides)
+    summary = run_unlogged(scenario)
+    gain = summary.vehicles[2].string.lateral_gain_l2
+    assert gain is not None
+    for bound in (0.9 * gain, 1.1 * gain):
+        limit = parsed_limit(f"v3.lateral_gain_l2={bound}", scenario.vehicle_names)
+        found = watch_limit(scenario, limit)
+        assert found.broken == broken_by(limit, summary) == (gain > bound)
+        assert found.records[-1].at == scenario.start_at_ns + 25 * 10**8
+
+
 @pytest.mark.parametrize("measure", ["limit", "silence"])
 def test_severity_increases_and_a_breach_ends_the_run(measure: str) -> None:
     scenario = load_scenario("lossy_lane_change", RUNS["broken"])

@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import binom, binomtest
+from scipy.stats import binom, binomtest, ttest_1samp
 
-from scenarios.studies.many.statistics import agresti_coull, clopper_pearson
+from scenarios.studies.many.statistics import (
+    agresti_coull,
+    clopper_pearson,
+    geometric_mean_of,
+    mean_of,
+)
 
 CONFIDENCES = st.sampled_from([0.8, 0.95, 0.99])
 
@@ -62,3 +67,14 @@ def test_impossible_counts_are_refused(successes: int, count: int) -> None:
     for interval in (agresti_coull, clopper_pearson):
         with pytest.raises(ValueError, match=f"{successes} of {count}"):
             interval(successes, count)
+
+
+def test_the_interval_of_a_mean_equals_that_of_scipy() -> None:
+    values = np.random.default_rng(2).normal(-1.0, 2.0, 7).tolist()
+    known = ttest_1samp(values, 0.0).confidence_interval(0.95)
+    found = mean_of(values)
+    assert (found.low, found.high) == pytest.approx((known.low, known.high))
+    gains = geometric_mean_of(np.exp(values).tolist())
+    assert np.log([gains.value, gains.low, gains.high]) == pytest.approx(
+        [found.value, found.low, found.high]
+    )
