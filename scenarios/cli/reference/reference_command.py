@@ -18,7 +18,7 @@ PAGES: Mapping[str, str] = {
     "reasons": "reasons for which messages are not used",
     "fields": "fields of summary.json and `convoy report --json`",
     "plug-ins": "classes that a scenario selects, and the contract of your own",
-    "string-stability": "definitions of the gains along the string, and where there are none",
+    "string-stability": "definitions of the gains along the string of vehicles",
     "intervals": "methods and coverage of the intervals of studies",
     "exit-codes": "exit codes of all commands",
     ".proto": "the Protobuf schema of messages and logs",
