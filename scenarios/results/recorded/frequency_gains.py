@@ -110,7 +110,7 @@ def _stations(run: RunRecord, name: str, is_lead: bool) -> _Series:
     return _Series(true.at_ns, true.station_m)
 
 
-class _Pair(NamedTuple):
+class _AlignedSignals(NamedTuple):
     """Signals of two vehicles at equal instants, `step` (s) apart."""
 
     x: Floats
@@ -118,7 +118,7 @@ class _Pair(NamedTuple):
     step: float
 
 
-def _aligned(ahead: _Series, behind: _Series) -> _Pair | None:
+def _aligned(ahead: _Series, behind: _Series) -> _AlignedSignals | None:
     """Return the common instants on an even grid; None if they are few or have a long hole."""
     at, rows_ahead, rows = np.intersect1d(ahead.at, behind.at, return_indices=True)
     if at.size < LEAST_SAMPLES:
@@ -130,7 +130,7 @@ def _aligned(ahead: _Series, behind: _Series) -> _Pair | None:
     even = np.arange(at[0], at[-1] + 1, step)
     x = np.interp(even, at, ahead.values[rows_ahead])
     y = np.interp(even, at, behind.values[rows])
-    return _Pair(x, y, step / SECOND)
+    return _AlignedSignals(x, y, step / SECOND)
 
 
 def estimated(vehicle: str, x: Floats, y: Floats, step: float) -> list[FrequencyGain]:

@@ -184,24 +184,24 @@ def _values_of(signal: StringSignal, chain: Sequence[Excitation]) -> dict[str, V
     }
 
 
-class Gains(NamedTuple):
-    """Gains of each vehicle from the vehicle ahead, and from the head of the chain."""
+class SignalGains(NamedTuple):
+    """SignalGains of each vehicle from the vehicle ahead, and from the head of the chain."""
 
     from_ahead: list[float | None]
     from_head: list[float | None]
 
 
-def _gains(values: Values, least: Sequence[float]) -> Gains:
+def _gains(values: Values, least: Sequence[float]) -> SignalGains:
     """Divide each value by the one before and by the first, where these are at least `least`."""
     if not values:
-        return Gains([], [])
+        return SignalGains([], [])
     excited = [
         value if value is not None and value >= floor else None
         for value, floor in zip(values, least, strict=True)
     ]
     ahead = [None, *excited[:-1]]
     head = [None, *[excited[0]] * (len(values) - 1)]
-    return Gains(
+    return SignalGains(
         [_ratio(value, other) for value, other in zip(values, ahead, strict=True)],
         [_ratio(value, other) for value, other in zip(values, head, strict=True)],
     )

@@ -75,7 +75,7 @@ def test_unrelated_signals_have_no_gain() -> None:
     assert estimated("v2", x, y, STEP) == []
 
 
-class Recorded(RunRecord):
+class StraightRecord(RunRecord):
     """A run of vehicles on a straight road with given speeds (m/s) and gaps' errors (m)."""
 
     def __init__(self, scenario: Scenario, speeds: list[Floats], errors: list[Floats]) -> None:
@@ -108,14 +108,14 @@ def highway() -> Scenario:
 
 
 @cache
-def recorded() -> Recorded:
+def recorded() -> StraightRecord:
     """Three vehicles: each follower has Ploeg's transfer of speed, and v3 a halved error of v2."""
     speeds = [braking(60.0)]
     times = STEP * np.arange(speeds[0].size)
     for _ in range(2):
         speeds.append(lsim(PLOEG, speeds[-1], times)[1])
     error = 0.1 * np.gradient(speeds[1], STEP)
-    return Recorded(highway(), [20.0 + speed for speed in speeds], [error, 0.5 * error])
+    return StraightRecord(highway(), [20.0 + speed for speed in speeds], [error, 0.5 * error])
 
 
 def test_speeds_of_all_followers_are_compared_with_the_vehicle_ahead() -> None:
@@ -134,7 +134,7 @@ def test_spacing_errors_begin_with_the_first_follower() -> None:
 
 def test_a_run_without_excitation_has_no_gains() -> None:
     still = np.full(1000, 20.0)
-    quiet = Recorded(highway(), [still] * 3, [0.0 * still] * 2)
+    quiet = StraightRecord(highway(), [still] * 3, [0.0 * still] * 2)
     for signal in get_args(Signal):
         assert len(frequency_gains(quiet, signal)) == 0
     with pytest.raises(ScenarioError, match="allowed 'speed' or 'spacing'"):

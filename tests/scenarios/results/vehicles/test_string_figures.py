@@ -24,7 +24,7 @@ NAMES = ("v1", "v2", "v3", "v4")
 RATE = 2.0 * math.pi * 0.2
 
 
-class Convoy:
+class KnownString:
     """Stations and speeds of vehicles over time, and lateral errors over the station."""
 
     def __init__(self, speeds: Sequence[Floats], gaps: Sequence[Floats] = ()) -> None:
@@ -67,10 +67,10 @@ class Convoy:
             norms.add_error(CrossTrack(name, at, station, lateral))
 
 
-def steady(count: int = 3, duration: float = 20.0) -> Convoy:
+def steady(count: int = 3, duration: float = 20.0) -> KnownString:
     times = np.arange(0.0, duration, STEP)
     speeds = [np.full(times.size, SPEED)] * count
-    return Convoy(speeds, [np.zeros(times.size)] * (count - 1))
+    return KnownString(speeds, [np.zeros(times.size)] * (count - 1))
 
 
 def bump(size: float) -> Callable[[float], float]:
@@ -79,7 +79,7 @@ def bump(size: float) -> Callable[[float], float]:
 
 def test_equal_signals_have_gains_of_one() -> None:
     wave = 0.3 * np.sin(RATE * np.arange(0.0, 20.0, STEP))
-    convoy = Convoy([SPEED + wave] * 3, [wave, wave])
+    convoy = KnownString([SPEED + wave] * 3, [wave, wave])
     v3 = convoy.figures([bump(0.5), bump(0.5)])["v3"]
     for name in ("lateral", "spacing"):
         assert getattr(v3, f"{name}_gain_l2") == pytest.approx(1.0, rel=3e-3)
@@ -96,7 +96,7 @@ def test_gains_are_the_factors_of_the_signals_in_any_order_of_messages(
 ) -> None:
     wave = 0.3 * np.sin(RATE * np.arange(0.0, 10.0, STEP))
     gaps = [wave, first * wave, first * second * wave]
-    convoy = Convoy([SPEED + 0.0 * wave] * 4, gaps)
+    convoy = KnownString([SPEED + 0.0 * wave] * 4, gaps)
     errors = [bump(0.5), bump(0.5 * first), bump(0.5 * first * second)]
     found = convoy.figures(errors, order=Random(seed))
     assert found == convoy.figures(errors)
@@ -118,7 +118,7 @@ def test_gains_of_acc_are_those_of_its_transfer_function() -> None:
     for _ in range(2):
         waves.append(lsim(transfer, waves[-1], times)[1])
     settled = slice(times.size - round(20.0 / STEP), None)
-    convoy = Convoy([SPEED + wave[settled] for wave in waves], [waves[1][settled]] * 2)
+    convoy = KnownString([SPEED + wave[settled] for wave in waves], [waves[1][settled]] * 2)
     (expected,) = np.abs(freqs(*transfer, worN=[RATE])[1])
     found = convoy.figures()
     assert found["v2"].acceleration_gain_l2 == pytest.approx(expected, rel=1e-3)
@@ -148,6 +148,6 @@ def test_errors_are_compared_on_the_path_that_all_drove() -> None:
 
 
 def test_a_vehicle_without_others_has_no_figures() -> None:
-    figures = Convoy([np.full(100, SPEED)]).figures()["v1"]
+    figures = KnownString([np.full(100, SPEED)]).figures()["v1"]
     assert figures.acceleration_mps2_rms == 0.0
     assert figures.acceleration_gain_l2 is None
