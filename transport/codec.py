@@ -46,6 +46,9 @@ class MessageForm:
         self.columns_of_numbers = [
             name for name, kind in kinds if name in self.lists and get_args(kind)[0] is float
         ]
+        self.columns_or_nan = [
+            name for name, kind in kinds if name in self.lists and get_args(kind)[0] == FloatOrNan
+        ]
         # Lists with a common prefix (piece_…, sample_…) are columns of one table.
         firsts: dict[str, str] = {}
         self.columns = [
@@ -148,6 +151,9 @@ def _check_numbers(form: MessageForm, values: dict[str, Any]) -> None:
     for name in form.or_nan:
         if isinf(values[name]):
             raise RefusedMessageError("absurd", f"{name} is {values[name]}")
+    for name in form.columns_or_nan:
+        if any(map(isinf, values[name])):
+            raise RefusedMessageError("absurd", f"{name} has an infinite number")
     for name in form.columns_of_numbers:
         if not all(map(isfinite, values[name])):
             raise RefusedMessageError("absurd", f"{name} has a number that is not finite")

@@ -30,6 +30,11 @@ def colour_of(place: int) -> Colour:
     return shaded(COLOURS[1 + place], (1.0, 0.6, 0.8)[round_ % 3])
 
 
+def colours_of_sources(place: int) -> list[Colour]:
+    """Colours of the sources of the vehicle at `place`: the lead, then the k-th vehicle ahead."""
+    return [colour_of(0), *(colour_of(max(place - ahead, 0)) for ahead in range(1, place + 1))]
+
+
 def shaded(colour: Colour, brightness_ratio: float) -> Colour:
     red, green, blue = (round(brightness_ratio * part) for part in colour)
     return red, green, blue

@@ -23,6 +23,7 @@ messages were lost."""
 STATE_GREEN, STATE_BLUE, STATE_PURPLE = (0x2E, 0x4A, 0x44), (0x3F, 0x44, 0x7E), (0x4F, 0x25, 0x66)
 STATE_BROWN, STATE_RED = (0x5C, 0x4A, 0x36), (0xB0, 0x10, 0x3C)
 STATE_AMBER, STATE_TEAL = (0x8A, 0x5A, 0x10), (0x2A, 0x4C, 0x66)
+STATE_OLIVE = (0x55, 0x5C, 0x22)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +36,8 @@ class Series:
     default the vehicle's colour times `brightness_ratio`. The field `deviation` is the standard
     deviation of the value; a band of three of them is drawn. A state becomes "<state>, <flag>"
     while the Boolean field `flag` is true. `first_follower` is False for series that the first
-    follower lacks: its predecessor is the lead.
+    follower lacks: its predecessor is the lead. A series of `each_other` is one for each source
+    that is neither lead nor predecessor, with its name; `field` has their values as a list.
     """
 
     topic: str = ""
@@ -48,6 +50,7 @@ class Series:
     flag: str = ""
     deviation: str = ""
     first_follower: bool = True
+    each_other: bool = False
 
     def colour_at(self, place: int) -> Colour:
         """Colour of the series of the vehicle at `place` of the convoy."""
@@ -83,6 +86,11 @@ class Panel:
     marked: bool = False
     plain_row: int = 0
     foxglove: bool = False
+
+    @property
+    def single(self) -> Iterator[Series]:
+        """Series whose field holds one value in each message."""
+        return (series for series in self.series if not series.each_other)
 
     @property
     def topic(self) -> str:
@@ -136,6 +144,7 @@ _MODES = {
     "composite": STATE_GREEN,
     "lead": STATE_TEAL,
     "predecessor": STATE_BROWN,
+    "intermediate": STATE_OLIVE,
     "coast": STATE_AMBER,
     "stop": STATE_RED,
     "creep": STATE_BLUE,
@@ -178,12 +187,13 @@ ROWS = (
             period_ns=CURVE_NS, marked=True, plain_row=3, foxglove=True,
         ),
         Panel(
-            name="age", title="Pose age, lead bright, predecessor dark", unit="s",
+            name="age", title="Pose age, lead bright, others dark", unit="s",
             kind="plot",
             series=(
                 Series("tracking", "lead_age_s", name="lead"),
                 Series("tracking", "predecessor_age_s", name="predecessor",
                        brightness_ratio=0.6, first_follower=False),
+                Series("tracking", "other_age_s", brightness_ratio=0.4, each_other=True),
             ),
             period_ns=SLOW_CURVE_NS, foxglove=True,
         ),
@@ -194,6 +204,7 @@ ROWS = (
                 Series("tracking", "lead_received_ratio", name="lead"),
                 Series("tracking", "predecessor_received_ratio", name="predecessor",
                        brightness_ratio=0.6, first_follower=False),
+                Series("tracking", "other_received_ratio", brightness_ratio=0.4, each_other=True),
             ),
             factor=100.0, period_ns=SLOW_CURVE_NS,
         ),
@@ -251,6 +262,7 @@ ROWS = (
             series=(
                 Series("tracking", "lead_status", name="lead"),
                 Series("tracking", "predecessor_status", name="predecessor", first_follower=False),
+                Series("tracking", "other_sources", each_other=True),
             ),
             states={
                 "unheard": STATE_PURPLE,
@@ -259,6 +271,7 @@ ROWS = (
                 "probation": STATE_TEAL,
                 "distrusted": STATE_AMBER,
                 "lost": STATE_RED,
+                "unused": STATE_BROWN,
             },
         ),
         Panel(
@@ -282,4 +295,5 @@ def panels_of(message: type[Message]) -> Iterator[Panel]:
 def drawn_fields(message: type[Message]) -> set[str]:
     """Fields of messages of one type that panels show."""
     series = [series for panel in panels_of(message) for series in panel.series]
-    return {name for one in series for name in (one.field, one.flag, one.deviation) if name}
+    fields = {name for one in series for name in (one.field, one.flag, one.deviation) if name}
+    return fields | {"other_sources"} if any(one.each_other for one in series) else fields

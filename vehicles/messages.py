@@ -11,16 +11,27 @@ to construct.
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple, cast
 
-Mode = Literal["path", "composite", "lead", "predecessor", "coast", "stop", "creep", "straight"]
+Mode = Literal[
+    "path",
+    "composite",
+    "lead",
+    "predecessor",
+    "intermediate",
+    "coast",
+    "stop",
+    "creep",
+    "straight",
+]
 """What a vehicle steers along; see `MODES`."""
 
 MODES: dict[Mode, str] = {
     "path": "the lead: along its own path",
-    "composite": "along a trajectory through the poses of the lead and the predecessor",
+    "composite": "along a trajectory through the poses of several vehicles",
     "lead": "along the path from the poses of the lead only",
     "predecessor": "along the path from the poses of the predecessor only",
+    "intermediate": "along the path from the poses of one vehicle between lead and predecessor",
     "coast": 'along the known path without a source; slows down with reaction "degrade"',
     "stop": "along the known path without a source; brakes to a standstill",
     "creep": "across a short hole in the known path, at walking pace",
@@ -28,9 +39,10 @@ MODES: dict[Mode, str] = {
 }
 """Meaning of each mode."""
 
-SourceStatus = Literal["unheard", "fresh", "late", "lost", "distrusted", "probation"]
+SourceStatus = Literal["unheard", "fresh", "late", "lost", "distrusted", "probation", "unused"]
 """Status of a source at its follower: no message yet; messages as expected; messages overdue; none
-for too long; poses rejected as implausible; poses accepted again, but not used yet."""
+for too long; poses rejected as implausible; poses accepted again, but not used yet; not received by
+this follower, whose information flow is another."""
 
 FloatOrNan = Annotated[float, "NaN where there is nothing to measure"]
 """A number that may be missing. All other numbers of messages are finite."""
@@ -53,6 +65,12 @@ class Announcement(NamedTuple):
 
 
 NO_ANNOUNCEMENT = Announcement()
+
+
+def statuses_in(other_sources: str) -> dict[str, SourceStatus]:
+    """Parse `Tracking.other_sources`, names with their statuses."""
+    pairs = [entry.split(" ") for entry in other_sources.split(", ") if entry]
+    return {name: cast("SourceStatus", status) for name, status in pairs}
 
 
 @dataclass(slots=True, kw_only=True)
@@ -129,7 +147,8 @@ class CompositeTrajectory:
 
     Piece i starts at (piece_east_m[i], piece_north_m[i]) in direction piece_yaw_rad[i]. Its
     curvature starts at piece_curvature_per_m[i] and grows by piece_curvature_rate_per_m2[i] over
-    piece_length_m[i]. `sample_source[j]` is the source of sample j: 0 lead, 1 predecessor.
+    piece_length_m[i]. `sample_source[j]` is the source of sample j: 0 the lead, else k for the k-th
+    vehicle ahead, of which 1 is the predecessor.
     """
 
     vehicle: str
@@ -167,6 +186,9 @@ class Tracking:
     the car. Logs before version 0.4 lack it.
     `measured_gap_m` and `measured_gap_rate_mps` are those of the on-board gap sensor, predicted to
     the command; NaN without a sensor or a measurement.
+    `other_sources` lists the sources that are neither lead nor predecessor, from front to back,
+    each as "NAME STATUS", joined by commas. Their figures are in the same order. Logs before
+    version 0.6 lack them.
     """
 
     vehicle: str
@@ -198,6 +220,15 @@ class Tracking:
     lateral_deviation_m: FloatOrNan = float("nan")
     measured_gap_m: FloatOrNan = float("nan")
     measured_gap_rate_mps: FloatOrNan = float("nan")
+    other_sources: str = ""
+    other_age_s: tuple[FloatOrNan, ...] = ()
+    other_received_ratio: tuple[FloatOrNan, ...] = ()
+    other_known_m: tuple[FloatOrNan, ...] = ()
+    other_weight_ratio: tuple[FloatOrNan, ...] = ()
+
+    def statuses(self) -> dict[str, SourceStatus]:
+        """Statuses of the other sources by their names."""
+        return statuses_in(self.other_sources)
 
 
 @dataclass(slots=True, kw_only=True)

@@ -16,7 +16,7 @@
     convoy.diff("runs/first", run).sentence   # what differs first
     convoy.compare("runs/first", run).plot()  # errors along the path and along the string
     convoy.replay("runs/first", ["v1"], set={"control.controller": "stanley"})
-    convoy.recompute("runs/first", "v3", set={"control.fusion": "predecessor"}).sentence
+    convoy.recompute("runs/first", "v3", set={"control.preview_s": 1.2}).sentence
     convoy.check("lane_change").warnings
     convoy.sweep("lane_change", {"links.loss_ratio": [0.0, 0.4]}, seeds=5).cells
     convoy.bisect("lossy_lane_change", "links.loss_ratio", "v4.error_m=0.5", share=0.05).boundary

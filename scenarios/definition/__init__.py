@@ -9,7 +9,7 @@ errors           the exceptions of invalid scenarios
 validation/      their lines, with hints
 contradictions   keys that contradict each other
 plug_in_trials   classes selected by name are called before the run
-topology         the vehicles that each vehicle receives from
+topology         information flow: the vehicles that each vehicle receives
 channel/         the settings of each directed link, and its effects
 run_limits       limits of a run, from a scenario or the command line
 changing/        changes to a running convoy, scheduled and by hand

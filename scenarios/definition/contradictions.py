@@ -18,7 +18,7 @@ from scenarios.definition.road.route import Route, longest_run, vehicle_names
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.path_tables import SegmentTable
 from scenarios.definition.schema.scenario_tables import OriginTable, ScenarioTables, VehicleTable
-from scenarios.definition.topology import directed_links
+from scenarios.definition.topology import directed_links, flow_problems
 from scenarios.definition.validation.wording import toml_repr
 from scenarios.definition.vehicle_setup import vehicle_setup
 from transport.links.laws.link_law import LinkLaw
@@ -37,6 +37,7 @@ MARGIN = 1000.0
 def between_keys(tables: ScenarioTables) -> Iterator[Problem]:
     """Yield keys that contradict others, except those that depend on the path."""
     yield from _names(tables)
+    yield from _flow(tables)
     yield from _links(tables)
     yield from link_change_problems(tables)
     yield from _channels(tables)
@@ -80,12 +81,39 @@ def _vehicles(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]
                 yield f"vehicle.{name}.{key}", "given without replay, allowed only with it"
 
 
+def _flow(tables: ScenarioTables) -> Iterator[Problem]:
+    """Yield invalid sources, and followers that degrade without data of their predecessor."""
+    problems = list(flow_problems(tables))
+    yield from problems
+    for name in () if problems else vehicle_names(tables)[1:]:
+        setup = vehicle_setup(tables, name)
+        if name in tables.replayed:
+            continue
+        law = setup.steering.longitudinal
+        needs = tables.speed.followers == "gap" and getattr(law.plugged, "needs_predecessor", False)
+        if needs and setup.predecessor not in setup.flow.longitudinal:
+            yield (
+                "information_flow.longitudinal",
+                f"{setup.predecessor} is not a source of {name}, whose control.longitudinal = "
+                f'{toml_repr(law.use)} needs its predecessor, allowed with "consensus"',
+            )
+            return
+        if setup.degradation.reaction == "degrade" and setup.predecessor not in setup.senders:
+            yield (
+                "information_flow",
+                f"{name} does not receive its predecessor {setup.predecessor}, to which it keeps "
+                'the safe distance with control.degradation.reaction = "degrade": add it to a '
+                'direction, or set another reaction, such as "extrapolate"',
+            )
+            return
+
+
 def _links(tables: ScenarioTables) -> Iterator[Problem]:
     names = vehicle_names(tables)
     for index, link in enumerate(tables.link):
-        for key, why in end_problems(link, names, lead_receives=tables.speed.lead_receives):
+        for key, why in end_problems(link, tables):
             yield f"link[{index}]{key}", why
-    for first, later, key in ties(tables.link, names, lead_receives=tables.speed.lead_receives):
+    for first, later, key in ties(tables):
         yield (
             f"link[{later}].{key}",
             f"given by link[{first}] too, which is equally specific for a link, allowed in one of "
@@ -95,7 +123,7 @@ def _links(tables: ScenarioTables) -> Iterator[Problem]:
 
 
 def _laws(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]:
-    for pair in directed_links(names, lead_receives=tables.speed.lead_receives):
+    for pair in directed_links(tables):
         about = [entry for _, entry in entries_about(tables.link, names, *pair)]
         link = requested_link(tables, names, *pair)
         merged = {"loss": link.loss, "collisions": link.collisions, "radio": link.radio}
@@ -155,7 +183,7 @@ def _senders(tables: ScenarioTables) -> Iterator[Problem]:
     yield from result
     if result:
         return
-    for sender, receiver in directed_links(names, lead_receives=tables.speed.lead_receives):
+    for sender, receiver in directed_links(tables):
         setup = vehicle_setup(tables, sender)
         rate_hz = requested_link(tables, names, sender, receiver).rate_hz
         if rate_hz is None or setup.even_rate_hz is not None:

@@ -41,6 +41,22 @@ ADDED: Mapping[str, float] = {
 it was then. A recorded scenario has all keys of its version."""
 
 
+MOVED: Mapping[tuple[str, str], tuple[str, str]] = {
+    ("control.fusion", "predecessor"): ("information_flow.lateral", "predecessor"),
+}
+"""Words of keys that are now words of another key, next to the first table."""
+
+
+def new_home(parts: Iterable[str], value: object) -> str:
+    """Return the key and word that a word of a key has become; empty if it was not moved."""
+    names = [part for part in parts if not part.isdecimal()]
+    for (key, word), (home, new) in MOVED.items():
+        if value == word and _is_at(key, names):
+            around = names[: names.index(key.partition(".")[0])]
+            return f'{".".join([*around, home])} = "{new}"'
+    return ""
+
+
 def new_key(parts: Iterable[str]) -> str | None:
     """Return the new name of the key with these tables around it, if it was renamed."""
     names = [part for part in parts if not part.isdecimal()]
@@ -65,10 +81,24 @@ def as_recorded(tables: dict[str, Any]) -> dict[str, Any]:
             for vehicle in vehicles:
                 if isinstance(vehicle, dict) and parts[0] in vehicle:
                     _set_default(vehicle, parts, value)
+    for table in (renamed, *vehicles):
+        if isinstance(table, dict):
+            _move_words(table)
     return renamed
 
 
-def _set_default(table: dict[str, Any], parts: list[str], value: float) -> bool:
+def _move_words(table: dict[str, Any]) -> None:
+    """Replace words that are now words of another key; the former key has its default again."""
+    for (key, word), (home, new) in MOVED.items():
+        first, _, last = key.partition(".")
+        inner = table.get(first)
+        if not isinstance(inner, dict) or inner.get(last) not in (word, {"use": word}):
+            continue
+        del inner[last]
+        _set_default(table, home.split("."), new)
+
+
+def _set_default(table: dict[str, Any], parts: list[str], value: object) -> bool:
     """Set a missing key; return whether it was missing. Validation reports anything but tables."""
     *around, key = parts
     for part in around:

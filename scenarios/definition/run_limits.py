@@ -24,13 +24,14 @@ from scenarios.definition.schema.limit_tables import (
     SourceLimit,
 )
 from scenarios.definition.schema.scenario_tables import ScenarioTables
-from scenarios.definition.validation.wording import did_you_mean, toml_repr
+from scenarios.definition.topology import information_flow
+from scenarios.definition.validation.wording import did_you_mean, either, toml_repr
 
 SLACK_S = 1e-9
 SIDES = ("_max", "_min")
 """Ends of the bounds on figures of the user's classes."""
-OF_TWO = {"composite", "predecessor"}
-"""Modes of a follower that receives from its predecessor as well as the lead."""
+OF_SOURCES = {"composite", "lead", "predecessor", "intermediate"}
+"""Modes of a follower that steers along its sources; which ones depends on its information flow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,18 +178,28 @@ def _about(tables: ScenarioTables, key: str, limit: DeadlineTable) -> Iterator[P
             f"{key}.vehicle",
             f"given {toml_repr(limit.vehicle)}, which is replayed and receives nothing",
         )
-    if isinstance(limit, ModeLimit) and limit.vehicle == names[1] and limit.mode in OF_TWO:
-        yield (
-            f"{key}.mode",
-            f"given {toml_repr(limit.mode)}, but {limit.vehicle} receives from the lead only, "
-            'allowed "lead", "coast", "stop", "creep" or "straight"',
-        )
+    flow = information_flow(tables, limit.vehicle)
+    if isinstance(limit, ModeLimit) and limit.mode in OF_SOURCES:
+        modes = _modes_along(names, limit.vehicle, flow.lateral)
+        if limit.mode not in modes:
+            yield (
+                f"{key}.mode",
+                f"given {toml_repr(limit.mode)}, but {limit.vehicle} steers along "
+                f"{', '.join(flow.lateral)} only, allowed "
+                f"{either([*modes, 'coast', 'stop', 'creep', 'straight'])}",
+            )
     if isinstance(limit, SourceLimit):
-        yield from _source(names, key, limit)
+        yield from _source(flow.received(names), key, limit)
 
 
-def _source(names: Sequence[str], key: str, limit: SourceLimit) -> Iterator[Problem]:
-    sources = dict.fromkeys((names[0], names[names.index(limit.vehicle) - 1]))
+def _modes_along(names: Sequence[str], vehicle: str, lateral: Sequence[str]) -> list[str]:
+    """Return the modes in which a follower steers along its lateral sources."""
+    words = {names[names.index(vehicle) - 1]: "predecessor", names[0]: "lead"}
+    alone = dict.fromkeys(words.get(name, "intermediate") for name in lateral)
+    return ["composite", *alone] if len(lateral) > 1 else [*alone]
+
+
+def _source(sources: Sequence[str], key: str, limit: SourceLimit) -> Iterator[Problem]:
     if limit.source not in sources:
         yield (
             f"{key}.source",

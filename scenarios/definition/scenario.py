@@ -283,9 +283,7 @@ class Scenario:
         """Settings of each link by (sender, receiver), without links to replayed vehicles."""
         return {
             pair: requested_link(self.tables, self.vehicle_names, *pair)
-            for pair in directed_links(
-                self.vehicle_names, lead_receives=self.tables.speed.lead_receives
-            )
+            for pair in directed_links(self.tables)
             if pair[1] not in self.tables.replayed
         }
 
@@ -363,18 +361,23 @@ class Scenario:
             setup.assumed_parameters,
             setup.lead,
             setup.predecessor or "",
-            self._policies_ahead(setup.place),
+            self._policies(setup),
         )
         controller: LongitudinalController = setup.steering.longitudinal.build(start)
         return controller
 
-    def _policies_ahead(self, place: int) -> dict[str, SpacingPolicy]:
-        """Spacing that the follower at `place` is to have to each vehicle ahead."""
-        policies, standstill, headway = dict[str, SpacingPolicy](), 0.0, 0.0
-        for ahead in range(place, 0, -1):
-            policy = self.spacing_policy(ahead)
-            standstill, headway = standstill + policy.standstill, headway + policy.headway
-            policies[self.vehicle_names[ahead - 1]] = SpacingPolicy(standstill, headway)
+    def _policies(self, setup: VehicleSetup) -> dict[str, SpacingPolicy]:
+        """Spacing of a follower to each longitudinal source, negative to those behind."""
+        policies = {}
+        for name in setup.flow.longitudinal:
+            place = self.vehicle_names.index(name)
+            first, last = sorted((place, setup.place))
+            between = [self.spacing_policy(one) for one in range(last, first, -1)]
+            sign = 1.0 if place < setup.place else -1.0
+            policies[name] = SpacingPolicy(
+                sign * sum([one.standstill for one in between]),
+                sign * sum([one.headway for one in between]),
+            )
         return policies
 
     @property

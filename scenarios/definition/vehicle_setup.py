@@ -9,7 +9,7 @@ from scenarios.definition.schema.scenario_tables import (
     ScenarioTables,
     SteeringTable,
 )
-from scenarios.definition.topology import senders_to
+from scenarios.definition.topology import InformationFlow, information_flow
 from vehicles.car.parameters import LINCOLN_MKZ, Gains, VehicleParameters, loaded
 from vehicles.car.positioning.gnss_settings import GnssSettings
 from vehicles.car.sending.every_fix import EveryFix
@@ -25,8 +25,8 @@ class VehicleSetup:
     """One vehicle; `place` counts from the lead, which is 0.
 
     `parameters` are those of the loaded car; `assumed_parameters` are those of its controller and
-    estimator, without the load unless they know it. `senders` are the
-    vehicles whose poses it uses: lead and predecessor; for the lead none, or all where it waits.
+    estimator, without the load unless they know it. `flow` names the vehicles whose poses it uses
+    and `senders` all that it receives, from front to back: of a lead none, or all where it waits.
     `imu_rate_hz` is the inertial sensor's own rate, or else that of control. `gap_sensor` is None
     for a vehicle without one.
     """
@@ -35,6 +35,7 @@ class VehicleSetup:
     place: int
     lead: str
     predecessor: str | None
+    flow: InformationFlow
     senders: tuple[str, ...]
     lateral_offset_m: float
     heading_offset_rad: float
@@ -100,6 +101,7 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
     empty = empty_car(tables, name)
     full = loaded(empty, overlay(tables.loading, own and own.loading).value)
     predecessor = names[place - 1] if place else None
+    flow = information_flow(tables, name)
     imu = overlay(tables.imu, own and own.imu).value
     gap_sensor = overlay(tables.gap_sensor, own and own.gap_sensor).value
     senses_gap = predecessor is not None and gap_sensor.reach > 0.0 and name not in tables.replayed
@@ -111,7 +113,8 @@ def vehicle_setup(tables: ScenarioTables, name: str) -> VehicleSetup:
         place=place,
         lead=names[0],
         predecessor=predecessor,
-        senders=senders_to(names, name, lead_receives=tables.speed.lead_receives),
+        flow=flow,
+        senders=flow.received(names),
         lateral_offset_m=own.lateral_offset_m if own else 0.0,
         heading_offset_rad=math.radians(own.heading_offset_deg) if own else 0.0,
         parameters=full,

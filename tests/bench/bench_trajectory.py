@@ -16,6 +16,7 @@ import numpy as np
 
 from tests.made.transport.received_poses import received
 from tests.made.vehicles.arc_courses import course, window, with_noise
+from tests.made.vehicles.fusions import fit_two
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.steering import SlipCompensated
@@ -24,7 +25,7 @@ from vehicles.geometry import arc_spline
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.received.samples import Window
 from vehicles.preview.received.trace import Trace
-from vehicles.preview.trajectory import Fit, fit_composite
+from vehicles.preview.trajectory import Fit
 
 SHAPES = {
     "line": [(0.0, 32.0)],
@@ -88,7 +89,7 @@ def row(name: str, *works: Callable[[int], object]) -> None:
 def fits_of(pieces: list[tuple[float, float]], count: int) -> Callable[[int], Fit | None]:
     """A function that fits the draws of noise in turn."""
     draws, settings = [samples(pieces, count, seed) for seed in range(DRAWS)], FitSettings()
-    return lambda k: fit_composite(*draws[k % DRAWS], alpha=0.5, settings=settings)
+    return lambda k: fit_two(*draws[k % DRAWS], alpha=0.5, settings=settings)
 
 
 def decisions_of(pieces: list[tuple[float, float]], count: int) -> Callable[[int], object]:

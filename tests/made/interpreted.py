@@ -4,9 +4,9 @@ import inspect
 
 import pytest
 
-from vehicles.driver.degradation.sources import SourcePair
+from vehicles.driver.degradation.sources import Sources
 
 interpreted_only = pytest.mark.skipif(
-    not inspect.isfunction(SourcePair.stops_at),
+    not inspect.isfunction(Sources.stops_at),
     reason="compiled code ignores replaced methods and constants",
 )

@@ -50,7 +50,7 @@ def test_fields_have_the_kind_of_the_message(topic: Topic) -> None:
         is_list = get_origin(kind) is tuple
         if is_list:
             kind = get_args(kind)[0]
-        elif get_origin(kind) is Literal:
+        if get_origin(kind) is Literal:
             kind = str
         elif kind == FloatOrNan:
             kind = float

@@ -60,7 +60,7 @@ def _scene(vehicles: Sequence[str]) -> dict[str, object]:
 
 def _panel(panel: Panel, vehicles: Sequence[str]) -> dict[str, object]:
     followers = panel.followers(vehicles)
-    drawn = [(place, name, series) for place, name in followers.items() for series in panel.series]
+    drawn = [(place, name, series) for place, name in followers.items() for series in panel.single]
     paths: list[dict[str, object]] = [
         {
             "value": f"/convoy/{name}/{series.topic}.{series.field}",

@@ -14,7 +14,7 @@ Entities are named by quantity first and vehicle last, because a view contains w
     plots/closing/<vehicle>/<curve>    the known road ahead, and braking distances
     links/<sender>_to_<receiver>       state of the link in each half second
     messages/<sender>_to_<receiver>    verdict on each message
-    sources/<vehicle>/<source>         status of lead and predecessor
+    sources/<vehicle>/<source>         status of lead, predecessor and other sources by name
     mode/<vehicle>, log/<vehicle>
     legend                             colours of vehicles, curves and marks
 """

@@ -119,7 +119,7 @@ def _plain_row(panel: Panel) -> int:
 def _plot(panel: Panel, names: Sequence[str]) -> rrb.TimeSeriesView:
     followers = panel.followers(names)
     overrides: dict[Any, Any] = {
-        f"convoy/{name}/{panel.topic}": [_curve(series, name, place) for series in panel.series]
+        f"convoy/{name}/{panel.topic}": [_curve(series, name, place) for series in panel.single]
         for place, name in followers.items()
     }
     return rrb.TimeSeriesView(

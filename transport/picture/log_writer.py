@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from transport.colours import colour_of
+from transport.colours import colour_of, colours_of_sources
 from transport.columns import Array, Columns, Integers
 from transport.picture.recording_writer import SILENT_NS, SPACING_M, RecordingWriter
 from transport.picture.series.curves import States
@@ -82,7 +82,7 @@ class LogRecordingWriter(RecordingWriter):
                 rows,
                 start=self._start or 0,
                 spacing_m=SPACING_M,
-                colours=np.array([colour_of(0), colour_of(max(place - 1, 0))], np.uint8),
+                colours=np.array(colours_of_sources(place), np.uint8),
             )
 
     def errors(self, vehicle: str, at: Integers, errors: Array) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from transport.colours import Colour, colour_of
+from transport.colours import Colour, colour_of, colours_of_sources
 from transport.panels import PANELS, SLOW_CURVE_NS
 from transport.picture.blueprint import (
     FEW_VEHICLES,
@@ -317,10 +317,10 @@ class RecordingWriter:
         points = [(east, north) for east, north, _ in points_along(trajectory, SPACING_M)]
         ahead = rr.LineStrips2D.from_fields(strips=[points])
         self._recording.log(f"world/trajectory/{vehicle}", ahead)
-        sources = (colour_of(0), colour_of(max(self._place(vehicle) - 1, 0)))
+        sources = colours_of_sources(self._place(vehicle))
         samples = rr.Points2D.from_fields(
             positions=list(zip(trajectory.sample_east_m, trajectory.sample_north_m, strict=False)),
-            colors=[sources[min(source, 1)] for source in trajectory.sample_source],
+            colors=[sources[min(source, len(sources) - 1)] for source in trajectory.sample_source],
         )
         self._recording.log(f"world/samples/{vehicle}", samples)
 

@@ -104,6 +104,8 @@ class Decision:
     def tracking(self, vehicle: str, seq: int, now: int) -> Tracking:
         """Message of the errors and the state of the sources (Sections III-A and III-B)."""
         situation, lead, ahead = self.situation, self.situation.lead, self.situation.predecessor
+        rest = situation.others.values()
+        others = ", ".join([f"{name} {one.status}" for name, one in situation.others.items()])
         return Tracking(
             vehicle=vehicle,
             seq=seq,
@@ -134,6 +136,13 @@ class Decision:
             blind_m=situation.blind,
             predecessor_weight_ratio=situation.predecessor_weight,
             hazard=situation.hazard,
+            other_sources=others,
+            other_age_s=tuple([one.age for one in rest]),
+            other_received_ratio=tuple([one.share for one in rest]),
+            other_known_m=tuple([one.known for one in rest]),
+            other_weight_ratio=tuple(
+                [situation.weights.get(name, 0.0) for name in situation.others]
+            ),
         )
 
     def command(self, vehicle: str, seq: int, now: int) -> Command:

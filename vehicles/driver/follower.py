@@ -1,4 +1,4 @@
-"""A follower fuses the poses received from lead and predecessor and steers along the result.
+"""A follower fuses the poses received from vehicles ahead and steers along the result.
 
 Each tick updates the own state, checks received poses and adds them to their source (`sources`),
 refits the trajectory if poses arrived (`_fit`), and derives the mode from the freshness of the
@@ -6,7 +6,7 @@ sources (`modes`), the steering from the errors against the trajectory (`_steer`
 from the vehicles ahead (`speed_guard`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from math import isnan, nan
 from typing import Final
@@ -28,12 +28,13 @@ from vehicles.driver.degradation.modes import (
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import SLOWING, Situation, SourceFreshness
 from vehicles.driver.degradation.source import Source
-from vehicles.driver.degradation.sources import SourcePair
+from vehicles.driver.degradation.sources import Sources
 from vehicles.driver.degradation.speed_guard import SpeedGuard
 from vehicles.driver.degradation.trust import Trust
 from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
 from vehicles.driver.longitudinal.controller import OwnMotion, SourceMotion, VehiclesAhead
+from vehicles.driver.longitudinal.own_path import OwnPath
 from vehicles.driver.position_limit import PositionLimit
 from vehicles.driver.reactions import ReactionPolicy
 from vehicles.driver.speed import SpeedCommand
@@ -43,6 +44,7 @@ from vehicles.messages import Mode
 from vehicles.preview.curve_fit import MIN_WEIGHT_FOR_NOISE, FitSettings
 from vehicles.preview.fusion import CompositeFusion, SourceFusion
 from vehicles.preview.received.samples import Window
+from vehicles.preview.source_window import SourceWindow
 from vehicles.preview.trajectory import Fit
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer
@@ -62,8 +64,8 @@ SLOWEST_FADE: Final = 1.0
 class Follower:
     """Steers along the composite trajectory of its sources (paper, Section III).
 
-    When a source stops sending, the other one alone is followed. When both have stopped, the last
-    trajectory is kept, and the car slows down and stops, or reacts as configured.
+    When a source stops sending, the others are followed. When all have stopped, the last trajectory
+    is kept, and the car slows down and stops, or reacts as configured.
     """
 
     def __init__(
@@ -75,6 +77,9 @@ class Follower:
         control: Cadence,
         lead: str,
         predecessor: str,
+        places: Mapping[str, int],
+        lateral: Collection[str],
+        longitudinal: Collection[str],
         least_spacing: float,
         periods: Mapping[str, float],
         delays: Mapping[str, float] | None = None,
@@ -89,8 +94,10 @@ class Follower:
         bends: Mapping[str, BendsAhead] | None = None,
         drive_lag: float,
     ) -> None:
-        """`alpha` in [0, 1] is the weight of the predecessor, 1 - alpha that of the lead.
+        """`alpha` in [0, 1] is the weight of the predecessor, the others share 1 - alpha.
 
+        `places` has all sources from front to back, `lateral` and `longitudinal` name those of
+        either direction of control (see `Source`: 0 is the lead, k the k-th vehicle ahead).
         `periods` (s) between messages, `delays` (s) of the first message and `gates` are by source;
         without a gate only jumps are refused. `bends` by source limit the speed. `least_spacing`
         (m) to the predecessor is that at which the bumpers touch. `drive_lag` (s) is the car's.
@@ -103,8 +110,7 @@ class Follower:
         self._least_spacing = least_spacing
         self._rate_hz, self._period = control.rate_hz, 1.0 / control.rate_hz
         self._alpha = alpha
-        # The first follower's predecessor is the lead: one source, whatever the fusion.
-        self._fusion: SourceFusion = CompositeFusion() if lead == predecessor else fusion
+        self._fusion: SourceFusion = CompositeFusion() if len(lateral) == 1 else fusion
         self._settings = settings
         self._stated_noise = settings.with_stated_noise()
         self._cautious, self._line_only = settings.cautious(), settings.line_only()
@@ -114,19 +120,26 @@ class Follower:
         self._bends = bends or {}
         self._remarks: list[str] = []
         delays, gates = delays or {}, gates or {}
-        named = {
-            name: Source(
-                name,
-                periods[name],
-                degradation,
-                delays.get(name, 0.0),
-                Trust(name, gates.get(name), self._remarks),
-            )
-            for name in (lead, predecessor)
-        }
-        self._sources = SourcePair(
-            named[lead], named[predecessor], degradation, uses_lead=fusion.uses_lead
+        self._sources = Sources(
+            [
+                Source(
+                    name,
+                    periods[name],
+                    degradation,
+                    delays.get(name, 0.0),
+                    Trust(name, gates.get(name), self._remarks),
+                    place,
+                )
+                for name, place in places.items()
+            ],
+            degradation,
+            lead=lead,
+            predecessor=predecessor,
+            lateral=lateral,
         )
+        self._predecessor = predecessor
+        self._longitudinal = [self._sources.all[name] for name in longitudinal]
+        self._own_path = OwnPath()
         self._degrades = degradation.reaction == "degrade"
         self._reaction = reaction
         self._modes: Modes = ModesByReach()
@@ -134,9 +147,8 @@ class Follower:
             self._modes = ModeMachine(degradation)
         self._trajectories: tuple[tuple[float, Fit], ...] = ()
         self._driven = 0.0
-        self._behind = PathBehind(), PathBehind()
-        self._fitted = False
-        self._stops_behind = False
+        self._behind: dict[int, PathBehind] = {}
+        self._fitted = self._stops_behind = False
         self._rejoining = Rejoining(self._remarks, enabled=self._degrades)
         self._mode: Mode = "straight"
         self._refit = Timer(REFIT_AFTER)
@@ -165,9 +177,9 @@ class Follower:
             bends = self._bends.get(pose.message.vehicle)
             if bends is not None and trace.newest is pose:  # accepted
                 bends.add(pose)
-            if pose.message.vehicle == self._sources.predecessor.name:
+            if pose.message.vehicle == self._predecessor:
                 self._position_limit.predecessor_accuracy = pose.message.position_accuracy_m
-            if not trace.joined:
+            if not trace.joined and self._sources.all[pose.message.vehicle].place >= 0:
                 own = self._own_state.at(now)
                 trace.bridge(own.east, own.north, own.yaw)
             self._refit.due_at = now
@@ -206,7 +218,8 @@ class Follower:
         margin = self._position_limit.gap_margin(self._period)
         ahead = self._vehicles_ahead(now, pose, errors, margin)
         self._load.record_command(steering.steering)
-        situation.predecessor_weight = sources.alpha(self._alpha)
+        situation.weights = sources.weights(self._alpha)
+        situation.predecessor_weight = sources.predecessor_weight(self._alpha, situation.weights)
         situation.hazard = self._mode == "stop" or self._rejoining.is_active
         self._speed_guard.is_slowed = self._position_limit.is_active
         situation.speed_limit = min(situation.speed_limit, self._rejoining.speed_limit)
@@ -242,9 +255,12 @@ class Follower:
         before, self._stops_behind = self._stops_behind, self._speed_guard.stops_behind
         if self._stops_behind and not before:
             source = self._sources.predecessor
-            event = "may have stopped" if source.stop_is_assumed else "announced a stop"
+            is_assumed = source is not None and source.stop_is_assumed
+            event = "may have stopped" if is_assumed else "announced a stop"
             silence = situation.predecessor.silence
-            self._remarks.append(f"braking: {source.name} {event}, last pose {silence:.2f} s ago")
+            self._remarks.append(
+                f"braking: {self._predecessor} {event}, last pose {silence:.2f} s ago"
+            )
 
     def _fit(self, now: int, pose: Pose) -> None:
         """Fit the received samples; if there are too few keep the last trajectory."""
@@ -252,14 +268,12 @@ class Follower:
         slowing = degrades and self._mode in SLOWING
         runs_out = slowing or (degrades and self._sources.path_runs_out)
         windows = self._sources.windows(pose, self._settings, runs_out=runs_out)
-        along = tuple(
-            self._fusion.fuse(
-                windows.get("lead"),
-                windows.get("predecessor"),
-                self._sources.alpha(self._alpha),
-                self._settings_for(windows),
-            )
-        )
+        weights = self._sources.weights(self._alpha)
+        sources = [
+            SourceWindow(self._sources.all[name].place, weights[name], window)
+            for name, window in windows.items()
+        ]
+        along = tuple(self._fusion.fuse(sources, self._settings_for(windows)))
         if degrades and self._fitted and not along:
             self._extrapolate(pose.speed)
         self._fitted = bool(along)
@@ -267,7 +281,7 @@ class Follower:
         self._measure_spacings(pose)
         self._spacings_at = now
 
-    def _settings_for(self, windows: Mapping[Mode, Window]) -> FitSettings:
+    def _settings_for(self, windows: Mapping[str, Window]) -> FitSettings:
         """Settings of the fit; bridge points weaken the evidence for a bend."""
         if not self._sources.have_bridge_points(windows):
             return self._settings
@@ -302,7 +316,10 @@ class Follower:
     def _track(self, fit: Fit, pose: Pose) -> TrackingErrors:
         """Errors along a trajectory; blended sources each have their own path behind."""
         errors = track(fit.spline, pose)
-        behind = self._behind[fit.source.item(0) if self._fusion.separate else 0]
+        place = fit.source.item(0) if self._fusion.separate else 0
+        behind = self._behind.get(place)
+        if behind is None:
+            behind = self._behind[place] = PathBehind()
         behind.extend(self._driven, errors)
         errors.behind = behind
         return errors
@@ -310,57 +327,54 @@ class Follower:
     def _measure_spacings(self, pose: Pose) -> None:
         """Spacings (m) to the newest poses of the sources."""
         for source in self._sources.all.values():
-            spacing = source.trace.spacing(pose.east, pose.north)
-            if spacing is not None:
-                self._spacings[source.name] = spacing
+            if source.place >= 0:
+                spacing = source.trace.spacing(pose.east, pose.north)
+                if spacing is not None:
+                    self._spacings[source.name] = spacing
+        for source in self._longitudinal:
+            newest = source.trace.newest
+            if source.place < 0 and newest is not None:
+                self._spacings[source.name] = self._own_path.spacing(
+                    source.name, newest.east, newest.north, pose
+                )
 
     def _vehicles_ahead(
         self, now: int, pose: Pose, errors: TrackingErrors, margin: float
     ) -> VehiclesAhead:
-        """Motion of the vehicles ahead, each predicted by its last announced acceleration.
+        """Motion of the longitudinal sources, and of the predecessor if it is received.
 
-        The spacing is reduced by a `margin` (m).
+        That of lead and predecessor is predicted by the last announced accelerations. Spacings are
+        reduced by a `margin` (m).
         """
-        lead, predecessor = self._sources.lead.freshness, self._sources.predecessor.freshness
-        gap = gap_rate = gap_age = nan
+        ahead = VehiclesAhead(curvature_ahead=errors.curvature_ahead, bend=self._bend(pose))
         if self._measured is not None:
-            gap, gap_rate, gap_age = self._measured.at(now)
-        if isnan(predecessor.age):
-            return VehiclesAhead(
-                curvature_ahead=errors.curvature_ahead,
-                bend=self._bend(pose),
-                measured_gap=gap,
-                measured_gap_rate=gap_rate,
-                measured_gap_age=gap_age,
-            )
-        driven, speed, acceleration = predecessor.predicted_motion()
+            measured = self._measured.at(now)
+            ahead.measured_gap, ahead.measured_gap_rate, ahead.measured_gap_age = measured
+        lead, predecessor = self._sources.lead, self._sources.predecessor
         closed = pose.speed * (now - self._spacings_at) / SECOND
-        lead_speed = lead_acceleration = nan
-        if not isnan(lead.age):
-            _, lead_speed, lead_acceleration = lead.predicted_motion()
-        return VehiclesAhead(
-            self._spacings.get(self._sources.predecessor.name, nan) + driven - closed - margin,
-            speed,
-            lead_speed,
-            acceleration,
-            lead_acceleration,
-            errors.curvature_ahead,
-            self._bend(pose),
-            self._own,
-            {
-                name: _motion(source.freshness, self._spacings[name] - closed)
-                for name, source in self._sources.all.items()
-                if name in self._spacings
-            },
-            gap,
-            gap_rate,
-            gap_age,
-        )
+        if predecessor is not None:
+            if isnan(predecessor.freshness.age):
+                return ahead
+            driven, speed, acceleration = predecessor.freshness.predicted_motion()
+            spacing = self._spacings.get(predecessor.name, nan)
+            ahead.spacing = spacing + driven - closed - margin
+            ahead.predecessor_speed, ahead.predecessor_acceleration = speed, acceleration
+        if lead in self._longitudinal and lead is not None and not isnan(lead.freshness.age):
+            _, ahead.lead_speed, ahead.lead_acceleration = lead.freshness.predicted_motion()
+        ahead.own = self._own
+        ahead.sources = {
+            source.name: _motion(source.freshness, self._spacings[source.name] - closed - margin)
+            for source in self._longitudinal
+            if source.name in self._spacings
+        }
+        return ahead
 
     def _advance_own(self, now: int, pose: Pose) -> None:
         """Motion of the car at the control instant `now` (ns), for the longitudinal controller."""
         step = (now - self._decided_at) / SECOND if self._decided_at else 0.0
         self._decided_at = now
+        if self._longitudinal[-1].place < 0:
+            self._own_path.extend(now, pose)
         last = self._decision
         command = last.actuation.acceleration if last else 0.0
         self._own = OwnMotion(

@@ -203,8 +203,8 @@ class GapKeeping:
         self._controller = controller or GapLaw(LongitudinalSetup(policy, limits))
 
     def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:  # noqa: ARG002
-        """Keep the gap; keep the speed until the predecessor is received."""
-        if math.isnan(ahead.spacing):
+        """Keep the gap; keep the speed until the predecessor, or any source, is received."""
+        if math.isnan(ahead.spacing) and not ahead.sources:
             return SpeedCommand(0.0, pose.speed)
         limits = self._limits
         wanted = self._controller.acceleration(pose.speed, ahead)
@@ -212,4 +212,5 @@ class GapKeeping:
         wanted = min(wanted, bend_acceleration(pose.speed, ahead.curvature_ahead, limits))
         if ahead.bend is not None:
             wanted = min(wanted, known_bend_acceleration(pose.speed, ahead.bend, limits))
-        return SpeedCommand(wanted, ahead.predecessor_speed)
+        target = ahead.predecessor_speed
+        return SpeedCommand(wanted, pose.speed if math.isnan(target) else target)

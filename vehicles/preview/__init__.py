@@ -2,6 +2,7 @@
 
 received/     received positions of each source, and the known path
 trajectory    the composite trajectory of both sources
+source_window  the samples of one source with their weight
 fusion        trajectories from the sources, and their shares
 curve_fit     the curves that explain the samples, and their average
 fit_arc       least squares for a line and an arc, and the sums that all shapes share

@@ -1,13 +1,15 @@
-"""The composite trajectory: one arc spline through the samples of lead and predecessor.
+"""The composite trajectory: one arc spline through the samples of all sources.
 
-Paper, Section "Target Trajectory Construction", with three departures. Tangent and curvature come
-from the fit, because a lead and a predecessor sample can lie side by side. The pieces are chosen on
+Paper, Section "Target Trajectory Construction", with four departures. The sources are any vehicles
+ahead, in the paper lead and predecessor. Tangent and curvature come from the fit, because samples
+of two sources can lie side by side. The pieces are chosen on
 all samples at once (`curve_fit`). Samples just behind the ego are kept, so that the curve is not
 extrapolated to the ego.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +19,9 @@ from vehicles.preview.curve_fit import Curve, FitSettings, fit_curve
 from vehicles.preview.fit_arc import max_abs
 from vehicles.preview.outliers import without_jumps
 from vehicles.preview.paper_recipe import recipe_curve
-from vehicles.preview.received.samples import Window
+from vehicles.preview.source_window import SourceWindow
 
 Floats = NDArray[np.float64]
-LEAD: Final = 0
-PREDECESSOR: Final = 1
 
 
 @dataclass(slots=True)
@@ -29,29 +29,29 @@ class Fit:
     """The composite ELC trajectory of Section III-A and its preview data.
 
     The samples are in order of `station` (m, relative to the ego's projection), their positions in
-    the world (m); `source` is 0 for lead, 1 for predecessor. Residuals (m) are those of the samples
-    used, `outliers` is the number of jumps left out.
+    the world (m); `source` is the place of their source (`SourceWindow`). Residuals (m) are those
+    of the samples used, `outliers` is the number of jumps left out.
     """
 
     spline: ArcSpline
     east: Floats
     north: Floats
     station: Floats
-    source: NDArray[np.int8]
+    source: NDArray[np.int16]
     residual_rms: float
     residual_max: float
     outliers: int
 
 
 class _Merged(NamedTuple):
-    """Samples of both sources in order of station; without `weight` each weighs one.
+    """Samples of all sources in order of station; without `weight` each weighs one.
 
     `columns` are east, north and station (m), shape (3, n).
     """
 
     columns: Floats
     weight: Floats | None
-    source: NDArray[np.int8]
+    source: NDArray[np.int16]
 
     @property
     def rows(self) -> tuple[Floats, Floats, Floats]:
@@ -65,22 +65,17 @@ class _Merged(NamedTuple):
         )
 
 
-def fit_composite(
-    lead: Window | None,
-    predecessor: Window | None,
-    *,
-    alpha: float,
-    settings: FitSettings,
-) -> Fit | None:
+def fit_composite(sources: Sequence[SourceWindow], settings: FitSettings) -> Fit | None:
     """Fit a curve of one piece, or of two with a common tangent (`curve_fit`), to the samples.
 
-    Minimises α Σ e² over the predecessor's plus (1 − α) Σ e² over the lead's samples (J of eq. (5),
-    with e the distance from the curve); a source alone gets all the weight. Samples that jumped
+    Minimises Σ w Σ e² over the samples of each source, with its weight w (J of eq. (5): α for the
+    predecessor, 1 − α for the lead) and e the distance from the curve. Sources without weight are
+    left out unless no other has samples; one alone gets all the weight. Samples that jumped
     beyond the tolerance are left out, in one pass, but never all samples behind the ego. If
     `settings.trajectory` selects the paper's own rules (`paper_recipe`), none is left out. None if
     the samples support no trajectory.
     """
-    merged = _merge(lead, predecessor, alpha)
+    merged = _merge(sources)
     curve = None if merged is None else _curve(merged, settings)
     if merged is None or curve is None:
         return None
@@ -104,36 +99,40 @@ def _only_ahead(merged: _Merged, keep: NDArray[np.bool_]) -> bool:
     return first <= 0.0 < kept
 
 
-def _merge(lead: Window | None, predecessor: Window | None, alpha: float) -> _Merged | None:
-    """Merge the samples of both sources in order of station, weighted as in eq. (5).
+def _merge(sources: Sequence[SourceWindow]) -> _Merged | None:
+    """Merge the samples of all sources in order of station, weighted as in eq. (5).
 
     Weights are scaled so that their sum is the number of equally weighted samples with the same
-    information. With α = 1/2 all weights are one. None without samples.
+    information. With equal weights all are one. None without samples.
     """
-    leads = 0 if lead is None else len(lead.station)
-    predecessors = 0 if predecessor is None else len(predecessor.station)
-    if lead is None or not leads or (alpha >= 1.0 and predecessors):
-        return None if predecessor is None else _alone(predecessor, PREDECESSOR)
-    if predecessor is None or not predecessors or alpha <= 0.0:
-        return _alone(lead, LEAD)
-    east, north, station = lead
-    next_east, next_north, next_station = predecessor
-    joined = np.concatenate((east, next_east, north, next_north, station, next_station))
-    columns = joined.reshape(3, -1)
+    sampled = [source for source in sources if len(source.window.station)]
+    merged = [source for source in sampled if source.weight > 0.0] or sampled
+    if not merged:
+        return None
+    if len(merged) == 1:
+        return _alone(merged[0])
+    windows = [source.window for source in merged]
+    columns = np.concatenate([axis for axes in zip(*windows, strict=True) for axis in axes])
+    columns = columns.reshape(3, -1)
+    counts = [len(window.station) for window in windows]
     order = columns[2].argsort(kind="stable")
-    source = (order >= leads).view(np.int8)  # False is LEAD, True is PREDECESSOR
+    index = np.repeat(np.arange(len(merged)), counts).take(order)
+    source = np.array([one.place for one in merged], dtype=np.int16).take(index)
+    weights = [one.weight for one in merged]
     weight = None
-    if alpha != 0.5:
-        total = (1.0 - alpha) * leads + alpha * predecessors
-        scale = total / ((1.0 - alpha) ** 2 * leads + alpha**2 * predecessors)
-        weight = np.array((scale * (1.0 - alpha), scale * alpha)).take(source)
+    if max(weights) != min(weights):
+        total = squares = 0.0
+        for share, count in zip(weights, counts, strict=True):
+            total += share * count
+            squares += share**2 * count
+        scale = total / squares
+        weight = np.array([scale * share for share in weights]).take(index)
     return _Merged(columns.take(order, 1), weight, source)
 
 
-def _alone(window: Window, source: int) -> _Merged:
-    count = len(window.station)
-    columns = np.concatenate(window).reshape(3, -1)
-    return _Merged(columns, None, np.full(count, source, dtype=np.int8))
+def _alone(source: SourceWindow) -> _Merged:
+    columns = np.concatenate(source.window).reshape(3, -1)
+    return _Merged(columns, None, np.full(columns.shape[1], source.place, dtype=np.int16))
 
 
 def _curve(merged: _Merged, settings: FitSettings) -> Curve | None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     epilog="""\b
 Examples:
   convoy recompute runs/first --vehicle v3 --controller mine.PurePursuit
-  convoy recompute runs/first --vehicle v3 --set control.fusion=predecessor -o v3.svg
+  convoy recompute runs/first --vehicle v3 --set control.preview_s=1.2 -o v3.svg
   convoy recompute runs/first --vehicle v3        repeats its decisions, to the bit
 """
 )
@@ -37,8 +37,8 @@ Examples:
     multiple=True,
     metavar="KEY=VALUE",
     shell_complete=completion.settings,
-    help="Override a key of [control] for this vehicle, such as control.fusion=predecessor."
-    " Repeatable.",
+    help="Override a key of [control] or [information_flow] for this vehicle, such as"
+    " information_flow.lateral=predecessor. Repeatable.",
 )
 @output_option("Draw both commands into this new file: .svg, .pdf or .png.")
 @rerun_option("off", "Show both commands in Rerun")

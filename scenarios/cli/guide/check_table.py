@@ -93,6 +93,7 @@ def _drivers(report: CheckReport) -> Iterator[Row]:
     followers = dict(list(report.control.items())[1:])
     yield "control", f"at {report.control_rate_hz:g} Hz"
     yield from _grouped_rows("controller", report.control, _controller)
+    yield from _grouped_rows("information flow", report.information_flow, _flow)
     yield from _grouped_rows("fusion", followers, _fusion)
     limits = {name: report.control[name] | limit for name, limit in report.largest_alpha.items()}
     yield from _grouped_rows("largest α", limits, _largest_alpha)
@@ -134,6 +135,14 @@ def _fusion(settings: Mapping[str, Any]) -> str:
     sight = f"preview {settings['preview_s']:g} s, tolerance {settings['tolerance_m']:g} m"
     how = f"{settings['trajectory']} trajectory"
     return f"{plug_in_text(settings['fusion'])}, {how}, α {settings['alpha_ratio']:g}, {sight}"
+
+
+def _flow(settings: Mapping[str, Any]) -> str:
+    """Describe the sources, once if they are those of both directions."""
+    lateral, longitudinal = settings["lateral"], settings["longitudinal"]
+    if lateral == longitudinal:
+        return str(lateral)
+    return f"lateral {lateral}; longitudinal {longitudinal}"
 
 
 def _largest_alpha(limit: Mapping[str, Any]) -> str:

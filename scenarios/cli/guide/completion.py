@@ -21,11 +21,16 @@ if TYPE_CHECKING:
     from pydantic import BaseModel
     from pydantic.fields import FieldInfo
 
+    from scenarios.definition.schema.scenario_tables import ScenarioTables
+
 RERUN = ("off", "spawn", "serve", "connect=", "save=")
 DEFAULT = "lane_change"
 """Scenario in which a channel preset is shown."""
 OWN_FILES = (".toml", ".csv", ".geojson", ".gpx", ".kml", ".mcap", ".nmea", ".pos")
 """Suffixes of scenarios and recorded drives."""
+CONVOY_TABLES = ("convoy", "information_flow", "speed", "vehicle")
+"""Tables that determine the vehicles and their links."""
+ANY_PATH = {"name": "any", "path": {"kind": "segments", "segments": [{"length_m": 1.0}]}}
 FILES_ONLY = {"extends", "overrides"}
 """Keys that `--set` does not accept."""
 
@@ -86,7 +91,8 @@ def _names_or_files(shipped: Iterable[str], incomplete: str) -> list[CompletionI
 def links(context: Context, _parameter: Parameter, incomplete: str) -> list[CompletionItem]:
     from scenarios.definition.topology import directed_links
 
-    pairs = directed_links(_vehicles(context))
+    convoy = _convoy(context)
+    pairs = directed_links(convoy) if convoy else ()
     return _matching([f"{sender}:{receiver}" for sender, receiver in pairs], incomplete)
 
 
@@ -126,19 +132,26 @@ def _matching(known: Iterable[str], incomplete: str) -> list[CompletionItem]:
 
 def _vehicles(context: Context) -> tuple[str, ...]:
     """Names of the vehicles, or none if the scenario cannot be read."""
+    convoy = _convoy(context)
+    return convoy.convoy.vehicle_names if convoy else ()
+
+
+def _convoy(context: Context) -> "ScenarioTables | None":
+    """Vehicles and information flow on any path; None if the scenario cannot be read."""
     from scenarios.definition.errors import ScenarioError
     from scenarios.definition.extends import merged
     from scenarios.definition.library import read_file
-    from scenarios.definition.schema.scenario_tables import ConvoyTable
+    from scenarios.definition.schema.scenario_tables import ScenarioTables
 
     # Click leaves the arguments in place after an option without its value, as here.
     file = next(iter(context.args), context.params.get("scenario") or DEFAULT)
     file = DEFAULT if file in _presets() else file
     try:
         given = merged(read_file(file), context.params.get("overrides") or ())
-        return ConvoyTable.model_validate(given.raw.get("convoy", {})).vehicle_names
+        kept = {key: given.raw[key] for key in CONVOY_TABLES if key in given.raw}
+        return ScenarioTables.model_validate(ANY_PATH | kept)
     except (ScenarioError, ValueError):
-        return ()
+        return None
 
 
 def _keys(vehicles: Sequence[str]) -> dict[str, list[str]]:
@@ -153,6 +166,7 @@ def _keys(vehicles: Sequence[str]) -> dict[str, list[str]]:
 def _keys_of(
     table: "type[BaseModel]", inside: str, vehicles: Sequence[str]
 ) -> Iterator[tuple[str, list[str]]]:
+    from scenarios.definition.schema.flow_table import WORDS, SourcesTable
     from scenarios.definition.schema.plug_ins.table import PlugInTable
     from scenarios.definition.validation.model_fields import models_by_name, models_of
 
@@ -164,6 +178,8 @@ def _keys_of(
         if not tables or tables == [PlugInTable]:
             yield f"{inside}{name}", _values(name, field)
             continue
+        if tables == [SourcesTable]:
+            yield f"{inside}{name}", list(WORDS)
         # Offer the first table of a list; tables of vehicles are keyed by name.
         places = [".0"] if "tuple" in kind else [""]
         if kind.startswith("dict"):

@@ -22,11 +22,11 @@ HAZARD_M = 1000.0
 
 def _sources(vehicle: VehicleStatus) -> str:
     """List hazard lights, and the status of each source that is not fresh."""
-    sources = {"lead": vehicle.lead, "ahead": vehicle.predecessor}
+    sources = {"lead": vehicle.lead, "ahead": vehicle.predecessor, **vehicle.others}
     unusual = [
         f"{name} {printable(source.status)}"
         for name, source in sources.items()
-        if source and source.status != "fresh"
+        if source and source.status not in {"fresh", "unused"}
     ]
     return ", ".join((*(["HAZARD"] if vehicle.hazard else []), *unusual))
 

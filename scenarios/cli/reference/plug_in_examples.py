@@ -70,7 +70,7 @@ gain_per_s = 0.4
 from dataclasses import dataclass
 from vehicles.preview.trajectory import fit_composite
 
-class PredecessorWhileClose:
+class OnlyCloseSources:
     @dataclass
     class Settings:
         distance_m: float = 20.0
@@ -78,15 +78,15 @@ class PredecessorWhileClose:
     def __init__(self, settings):
         self.distance = settings.distance_m
 
-    def fuse(self, lead, predecessor, alpha, settings):
-        close = predecessor and predecessor.station[-1] < self.distance
-        lead = None if close else lead
-        fit = fit_composite(lead, predecessor, alpha=alpha, settings=settings)
+    def fuse(self, sources, settings):
+        ends = [source.window.station[-1] for source in sources]
+        close = [s for s, end in zip(sources, ends) if end < self.distance]
+        fit = fit_composite(close or sources, settings)
         return [] if fit is None else [(1.0, fit)]
 """,
         """\
 [control.fusion]
-use = "mine.PredecessorWhileClose"
+use = "mine.OnlyCloseSources"
 distance_m = 30.0
 """,
     ),

@@ -125,15 +125,14 @@ def link_change_problems(tables: ScenarioTables) -> Iterator[tuple[str, str]]:
 
 def link_change_errors(tables: ScenarioTables, change: LinkChange) -> Iterator[tuple[str, str]]:
     """Yield the problems of one link change, by keys that begin with a dot."""
-    names, lead_receives = vehicle_names(tables), tables.speed.lead_receives
-    problems = list(end_problems(change, names, lead_receives=lead_receives))
+    names = vehicle_names(tables)
+    problems = list(end_problems(change, tables))
     yield from problems
     if any(key for key, _ in problems) or not isinstance(change, LinkChangeTable):
         return
     if all(getattr(change, key) is None for key in QUALITIES):
         yield "", f"changes nothing, allowed at least one of {', '.join(QUALITIES)}"
-    links = directed_links(names, lead_receives=lead_receives)
-    for sender, receiver in links_of(change, names, links):
+    for sender, receiver in links_of(change, names, directed_links(tables)):
         loss = requested_link(tables, names, sender, receiver).loss
         if loss is not None and loss.replaces_others:
             again = f"the link from {sender} to {receiver} repeats an earlier run"

@@ -137,7 +137,7 @@ def _with_earlier_runs(tables: ScenarioTables, folder_of: FolderOf) -> ScenarioT
     names = vehicle_names(tables)
     records: dict[tuple[str, str], EarlierRun] = {}
     read = cache(_links_of)
-    for pair in directed_links(names, lead_receives=tables.speed.lead_receives):
+    for pair in directed_links(tables):
         loss = requested_link(tables, names, *pair).loss
         if (
             isinstance(loss, EarlierRun)

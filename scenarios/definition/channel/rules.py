@@ -6,7 +6,7 @@ from typing import Protocol
 from scenarios.definition.schema.base_table import overlay
 from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
 from scenarios.definition.schema.scenario_tables import ScenarioTables
-from scenarios.definition.topology import directed_links
+from scenarios.definition.topology import directed_links, no_link
 from scenarios.definition.validation.wording import toml_repr
 
 ANY = "*"
@@ -48,22 +48,17 @@ def _end(given: str, vehicle: str, names: Sequence[str], receiver: str) -> int |
     return _BY_ROLE if fits.get(given, False) else None
 
 
-def end_problems(
-    entry: Ends, names: Sequence[str], *, lead_receives: bool = False
-) -> Iterator[tuple[str, str]]:
+def end_problems(entry: Ends, tables: ScenarioTables) -> Iterator[tuple[str, str]]:
     """Yield ends that name no vehicle, by ".sender" or ".receiver"; by "" if no link matches."""
+    names = tables.convoy.vehicle_names
     known = list(dict.fromkeys((*names, *ROLES, ANY)))
     given = {".sender": entry.sender, ".receiver": entry.receiver}
     unknown = {key: end for key, end in given.items() if end not in known}
     for key, end in unknown.items():
         yield key, f"given {toml_repr(end)}, allowed {', '.join(map(toml_repr, known))}"
-    links = directed_links(names, lead_receives=lead_receives)
+    links = directed_links(tables)
     if not unknown and all(specificity(entry, names, *pair) is None for pair in links):
-        yield (
-            "",
-            f"from {entry.sender} to {entry.receiver}: no such link, followers receive from "
-            f"{names[0]} and from their predecessor",
-        )
+        yield "", no_link(tables, entry.sender, entry.receiver)
 
 
 def requested_link(
@@ -88,12 +83,11 @@ def entries_about(
     return sorted(about, key=lambda one: one[0])
 
 
-def ties(
-    entries: Sequence[LinkEntry], names: Sequence[str], *, lead_receives: bool = False
-) -> Iterator[tuple[int, int, str]]:
+def ties(tables: ScenarioTables) -> Iterator[tuple[int, int, str]]:
     """Yield the numbers of two entries that are equally specific for a link, and a key of both."""
+    entries, names = tables.link, tables.convoy.vehicle_names
     seen: set[tuple[int, int]] = set()
-    for sender, receiver in directed_links(names, lead_receives=lead_receives):
+    for sender, receiver in directed_links(tables):
         graded = [specificity(entry, names, sender, receiver) for entry in entries]
         for later, grade in enumerate(graded):
             for first in range(later):

@@ -34,6 +34,7 @@ from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.path_tables import PointsPath
 from scenarios.definition.schema.scenario_tables import ScenarioTables, SteeringTable
 from scenarios.definition.schema.settings_table import table_with
+from scenarios.definition.topology import sources_tables
 from scenarios.definition.traces.reading import DriveInPlane
 from scenarios.definition.vehicle_setup import VehicleSetup
 from transport.links.laws.loss.earlier_run import EarlierRun
@@ -57,11 +58,12 @@ STEP = 0.05
 class CheckReport:
     """Settings of a valid scenario, and figures of the lead's planned run.
 
-    By vehicle: `control`, `largest_alpha` of followers with lead data, `gnss`, `sending`, `imu`
-    (None with exact own state), `gap_sensor` of those that have one, `tyres`, `masses_kg` (with
-    driver and load), `offsets` from the path at the start, and `replays` of recorded drives. `laws`
-    describes each link except latency, jitter, independent loss and rate. `gap_policy` is None if
-    followers drive the lead's speed, `radius_m_min` on a straight road.
+    By vehicle: `control`, `information_flow` of followers, `largest_alpha` of followers with lead
+    data, `gnss`, `sending`, `imu` (None with exact own state), `gap_sensor` of those that have one,
+    `tyres`, `masses_kg` (with driver and load), `offsets` from the path at the start, and `replays`
+    of recorded drives. `laws` describes each link except latency, jitter, independent loss and
+    rate. `gap_policy` is None if followers drive the lead's speed, `radius_m_min` on a straight
+    road.
     `held_braking_mps2` is the hardest braking of the lead from its highest speed that followers
     hold without contact, None unless they keep a gap. From `points` to `deviation_m_max` the fields
     are about a recorded drive, and None for a path of segments: omitted points, holes, noise, the
@@ -80,6 +82,7 @@ class CheckReport:
     gap_policy: dict[str, float] | None
     control_rate_hz: float
     control: dict[str, dict[str, Any]]
+    information_flow: dict[str, dict[str, Any]]
     largest_alpha: dict[str, dict[str, float]]
     gnss: dict[str, dict[str, Any]]
     sending: dict[str, dict[str, Any]]
@@ -191,6 +194,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         gap_policy=tables.speed.gap.model_dump() if tables.speed.followers == "gap" else None,
         control_rate_hz=scenario.control_rate_hz,
         control={name: _steering(car.steering) for name, car in cars.items()},
+        information_flow=_information_flow(scenario),
         largest_alpha=largest_alphas(scenario, run.speed_range),
         gnss={name: table_with(car.gnss).model_dump() for name, car in cars.items()},
         sending={name: table_with(car.sending, RULES).model_dump() for name, car in cars.items()},
@@ -239,6 +243,21 @@ def report_of(scenario: Scenario) -> CheckReport:
 
 def _steering(table: SteeringTable) -> dict[str, Any]:
     return table.model_dump(include=set(SteeringTable.model_fields))
+
+
+def _information_flow(scenario: Scenario) -> dict[str, dict[str, Any]]:
+    """By follower: the sources of both directions as configured, and all that it receives."""
+    return {
+        name: {
+            **{
+                one: sources.describe()
+                for one, sources in sources_tables(scenario.tables, name).items()
+            },
+            "receives": list(scenario.vehicle(name).senders),
+        }
+        for name in scenario.vehicle_names[1:]
+        if name not in scenario.tables.replayed
+    }
 
 
 def _imu(setup: VehicleSetup) -> dict[str, float] | None:

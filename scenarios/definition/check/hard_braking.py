@@ -81,12 +81,20 @@ class _PoseSource:
 
 @dataclass(frozen=True, slots=True)
 class _GapFollower:
-    lead: _PoseSource
-    predecessor: _PoseSource
+    """A follower with its longitudinal sources; `predecessor` is None if it is not received."""
+
+    lead: str
+    predecessor: _PoseSource | None
+    sources: Sequence[_PoseSource]
     policy: SpacingPolicy
     limits: GapLimits
     controller: LongitudinalController
     least_spacing: float
+
+    @property
+    def nearest(self) -> Sequence[_PoseSource]:
+        """The predecessor, or all sources without it."""
+        return self.sources if self.predecessor is None else (self.predecessor,)
 
 
 @dataclass(slots=True)
@@ -107,7 +115,8 @@ def held_braking(scenario: Scenario, speed: float) -> HeldBraking | None:
     names, period = scenario.vehicle_names, 1.0 / scenario.control_rate_hz
     if scenario.tables.speed.followers != "gap" or len(names) == 1 or scenario.tables.replayed:
         return None
-    followers = [_follower(scenario, name, speed) for name in names[1 : FOLLOWERS_MAX + 1]]
+    simulated = names[: FOLLOWERS_MAX + 1]
+    followers = [_follower(scenario, name, speed, simulated) for name in simulated[1:]]
     braking, held, too_hard, place = _grip(scenario, names[0]), 0.0, inf, 1
     for _ in range(1 + HALVINGS):
         hit = _first_hit(followers, speed, braking, period)
@@ -125,7 +134,7 @@ def held_braking(scenario: Scenario, speed: float) -> HeldBraking | None:
         follower=names[place] if too_hard < inf else "",
         gap=one.policy.desired(speed) - one.least_spacing,
         limit=one.limits.deceleration,
-        age=one.predecessor.delay + one.predecessor.interval,
+        age=max(source.delay + source.interval for source in one.nearest),
     )
 
 
@@ -151,14 +160,21 @@ def _grip(scenario: Scenario, name: str) -> float:
     return scenario.vehicle(name).parameters.friction * GRAVITY
 
 
-def _follower(scenario: Scenario, name: str, speed: float) -> _GapFollower:
+def _follower(
+    scenario: Scenario, name: str, speed: float, simulated: Sequence[str]
+) -> _GapFollower:
     setup, limits = scenario.vehicle(name), scenario.gap_limits
     braking = min(limits.deceleration, _grip(scenario, name))
     limits = GapLimits(limits.acceleration, braking)
-    predecessor = scenario.vehicle_names[setup.place - 1]
+    received = {
+        sender: _source(scenario, name, sender, speed)
+        for sender in setup.senders
+        if sender in simulated
+    }
     return _GapFollower(
-        lead=_source(scenario, name, setup.lead, speed),
-        predecessor=_source(scenario, name, predecessor, speed),
+        lead=setup.lead,
+        predecessor=received.get(setup.predecessor or ""),
+        sources=[one for sender, one in received.items() if sender in setup.flow.longitudinal],
         policy=scenario.spacing_policy(setup.place),
         limits=limits,
         controller=scenario.longitudinal_controller(name, limits),
@@ -215,28 +231,20 @@ def _command(
     period: float,
 ) -> float:
     own = convoy[place]
-    position, predecessor = _newest(follower.predecessor, convoy, now, period)
-    lead_position, lead = _newest(follower.lead, convoy, now, period)
-    driven, speed, acceleration = predecessor.predicted_motion()
-    _, lead_speed, lead_acceleration = lead.predicted_motion()
-    spacing = position + driven - own.position
-    ahead = VehiclesAhead(
-        spacing,
-        speed,
-        lead_speed,
-        acceleration,
-        lead_acceleration,
-        own=OwnMotion(period, own.acceleration, own.position),
-        sources={
-            source.name: SourceMotion(
-                place - own.position, motion.speed, motion.acceleration, motion.age
-            )
-            for source, place, motion in (
-                (follower.lead, lead_position, lead),
-                (follower.predecessor, position, predecessor),
-            )
-        },
-    )
+    ahead = VehiclesAhead(own=OwnMotion(period, own.acceleration, own.position))
+    sources = {}
+    for source in follower.sources:
+        position, motion = _newest(source, convoy, now, period)
+        sources[source.name] = SourceMotion(
+            position - own.position, motion.speed, motion.acceleration, motion.age
+        )
+        if source.name == follower.lead:
+            _, ahead.lead_speed, ahead.lead_acceleration = motion.predicted_motion()
+    ahead.sources = sources
+    if follower.predecessor is not None:
+        position, motion = _newest(follower.predecessor, convoy, now, period)
+        driven, ahead.predecessor_speed, ahead.predecessor_acceleration = motion.predicted_motion()
+        ahead.spacing = position + driven - own.position
     limits = follower.limits
     wanted = follower.controller.acceleration(own.speed, ahead)
     return min(max(wanted, -limits.deceleration), limits.acceleration)

@@ -79,8 +79,9 @@ def _worst(sights: dict[str, _Sight]) -> Iterator[tuple[str, _Sight]]:
 
 
 def _best_sight(scenario: Scenario, setup: VehicleSetup, speed: float) -> _Sight:
-    """Return the source known furthest ahead for a composite trajectory; else the predecessor."""
-    names = setup.senders if setup.steering.fusion.use == "composite" else setup.senders[-1:]
+    """Return the source known furthest ahead for a composite trajectory; else the nearest one."""
+    lateral = setup.flow.lateral
+    names = lateral if setup.steering.fusion.use == "composite" else lateral[-1:]
     sights = [
         _sight(scenario, setup, name, scenario.links[name, setup.name], speed) for name in names
     ]

@@ -42,7 +42,7 @@ def receiver_warnings(scenario: Scenario) -> Iterator[str]:
             continue
         setup = setups[name]
         own = _Lasting() if setup.has_exact_state else errors[name]
-        apart[name] = max(own.from_another(errors[sender]) for sender in setup.senders)
+        apart[name] = max(own.from_another(errors[sender]) for sender in setup.flow.lateral)
         rooms[name] = 0.5 * max(scenario.tables.events.lane_width_m - setup.parameters.width, 0.0)
     beyond = [name for name in apart if apart[name] > rooms[name]]
     if beyond:

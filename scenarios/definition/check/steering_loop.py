@@ -131,6 +131,8 @@ def largest_alphas(scenario: Scenario, speeds: tuple[float, float]) -> dict[str,
         steering = setup.steering
         if steering.controller.use not in PAPER_LAWS or steering.fusion.use not in FUSIONS:
             continue
+        if setup.flow.lateral != (setup.lead, setup.predecessor):
+            continue
         rows = []
         for speed in {max(speed, SLOWEST) for speed in speeds}:
             car = setup.parameters, setup.gains, speed

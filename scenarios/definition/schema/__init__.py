@@ -4,6 +4,7 @@ base_table       common base class
 settings_table   tables generated from settings classes
 path_tables      the path: segments, a recorded trace, or points
 gnss_table       GNSS receivers and their presets
+flow_table       information flow
 link_tables      directed links
 change_tables    changes to a running convoy
 limit_rows       the table of limits

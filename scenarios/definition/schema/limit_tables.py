@@ -31,7 +31,9 @@ class ModeLimit(DeadlineTable):
     within_s  deadline after `after_s`
     """
 
-    mode: Literal["composite", "lead", "predecessor", "coast", "stop", "creep", "straight"]
+    mode: Literal[
+        "composite", "lead", "predecessor", "intermediate", "coast", "stop", "creep", "straight"
+    ]
 
 
 class SourceLimit(DeadlineTable):

@@ -11,6 +11,7 @@ from pydantic import AwareDatetime, BeforeValidator, Field, StringConstraints
 
 from scenarios.definition.schema.base_table import Name, NotNegative, Ratio, Speed, Table
 from scenarios.definition.schema.change_tables import Changes
+from scenarios.definition.schema.flow_table import InformationFlowTable
 from scenarios.definition.schema.gnss_table import GnssTable
 from scenarios.definition.schema.limit_tables import LimitsTable
 from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
@@ -135,13 +136,13 @@ class SteeringTable(Table):
                    table with parameters has the name as its key `use`
     longitudinal   longitudinal controller of a follower with speed.followers = "gap": "gap", or
                    your own class, likewise
-    fusion         "composite": one trajectory from lead and predecessor; "predecessor" alone;
+    fusion         "composite": one trajectory from all lateral sources of [information_flow];
                    "blend": one steering command from each; or your own class
     trajectory     "fitted": curve fitted to the samples. Baselines that are inaccurate for radii
                    below 300 m or noisy poses: "paper": a line within tolerance_m, else one circle
                    (Section III-B); "paper_prefix": the longest line first, then a circle (Section
                    III-A)
-    alpha_ratio    weight of the predecessor; the lead has the rest
+    alpha_ratio    weight of the predecessor; the other sources share the rest equally
     preview_s      length of the preview, as a time at the current speed
     tolerance_m    largest distance of samples from a trajectory
     knows_loading  whether controller and estimator know the load of the car
@@ -331,6 +332,7 @@ class VehicleTable(Table):
     receiver_off        times in which it receives nothing
     clock               error of its clock
     control             keys of [control], except rate_hz
+    information_flow    keys of [information_flow]
     gnss                keys of [gnss]
     sending             keys of [sending]
     imu                 keys of [imu]
@@ -353,6 +355,7 @@ class VehicleTable(Table):
     receiver_off: Annotated[tuple[ReceiverOff, ...], Field(strict=False)] = ()
     clock: ClockTable = ClockTable()
     control: SteeringTable | None = None
+    information_flow: InformationFlowTable | None = None
     gnss: GnssTable | None = None
     sending: SendingTable | None = None
     imu: SettingsTable[ImuSettings] | None = None
@@ -383,6 +386,7 @@ class ScenarioTables(Table):
     origin       origin of the east-north plane
     convoy       vehicles and gaps
     control      steering
+    information_flow  the vehicles whose poses each follower uses
     gnss         receivers
     sending      rule of sending
     imu          inertial sensors
@@ -413,6 +417,7 @@ class ScenarioTables(Table):
     origin: OriginTable | None = None
     convoy: ConvoyTable = ConvoyTable()
     control: ControlTable = ControlTable()
+    information_flow: InformationFlowTable = InformationFlowTable()
     gnss: GnssTable = GnssTable()
     sending: Annotated[SendingTable, BeforeValidator(_with_rule)] = table_with(EveryFix(), RULES)
     imu: SettingsTable[ImuSettings] = SettingsTable[ImuSettings]()

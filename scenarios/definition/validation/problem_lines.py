@@ -6,8 +6,9 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from scenarios.definition.renamed import new_key, new_value
+from scenarios.definition.renamed import new_home, new_key, new_value
 from scenarios.definition.schema.base_table import NAME_PATTERN
+from scenarios.definition.schema.flow_table import WORD_ERROR
 from scenarios.definition.schema.plug_ins.table import ERROR_TYPE
 from scenarios.definition.validation.hints import key_hint, value_hint
 from scenarios.definition.validation.model_fields import (
@@ -54,8 +55,10 @@ def _line(problem: ErrorDetails) -> tuple[str, str]:
         return key, f"is now {new}" if new else f"unknown key{key_hint(location, given)}"
     if kind == "missing":
         return key, "missing"
-    if kind == ERROR_TYPE:
-        return key, _class_problem(problem.get("ctx", {}))
+    if kind in {WORD_ERROR, ERROR_TYPE}:
+        describe = _word_problem if kind == WORD_ERROR else _class_problem
+        home = new_home(map(str, location), given)
+        return key, f"is now {home}" if home else describe(problem.get("ctx", {}), given)
     if kind.startswith("union_tag"):
         allowed = either(kinds_of(walk(location)[1]))
         if "kind" not in given:
@@ -66,7 +69,15 @@ def _line(problem: ErrorDetails) -> tuple[str, str]:
     return key, f"given {toml_repr(given)}, allowed {allowed}{value_hint(location, problem)}"
 
 
-def _class_problem(context: Mapping[str, Any]) -> str:
+def _word_problem(context: Mapping[str, Any], given: object) -> str:
+    """Describe a value that is neither one of the words nor anything else allowed."""
+    words = context["words"]
+    hint = did_you_mean(given, words) if isinstance(given, str) else ""
+    allowed = ", ".join(map(toml_repr, words))
+    return f"given {toml_repr(given)}, allowed {allowed}, {context['or_else']}{hint}"
+
+
+def _class_problem(context: Mapping[str, Any], _given: object) -> str:
     """Describe what is wrong with a class; an unknown name is followed by the shipped ones."""
     if "use" not in context:
         return str(context["text"])

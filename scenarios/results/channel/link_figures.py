@@ -78,6 +78,18 @@ class LinkFigures:
             tally, alarms = ahead
             tally.add_age(tracking.predecessor_age_s)
             alarms.add(at, tracking.predecessor_status)
+        if tracking.other_sources:
+            self._add_others(tracking, at)
+
+    def _add_others(self, tracking: Tracking, at: int) -> None:
+        """Take the ages of the sources that are neither lead nor predecessor."""
+        for (name, status), age in zip(
+            tracking.statuses().items(), tracking.other_age_s, strict=True
+        ):
+            link = name, tracking.vehicle
+            if link in self._requested:
+                self.tallies[link].add_age(age)
+                self._alarms[link].add(at, status)
 
     def _sources_of(self, name: str) -> tuple[_Source | None, _Source | None]:
         """Sources of a follower; the first follower has only the lead."""

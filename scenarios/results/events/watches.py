@@ -125,6 +125,7 @@ class TrustWatch:
             self._open
             or tracking.lead_status == "distrusted"
             or tracking.predecessor_status == "distrusted"
+            or "distrusted" in tracking.other_sources
         ):
             return self._note_distrust(tracking, place)
         return ()  # the usual case
@@ -137,6 +138,7 @@ class TrustWatch:
         statuses = {self._lead: tracking.lead_status}
         if ahead != self._lead:
             statuses[ahead] = tracking.predecessor_status
+        statuses |= tracking.statuses()
         for source, status in statuses.items():
             pair = source, name
             if status != "distrusted":

@@ -82,11 +82,12 @@ class SourceWatch:
     def __init__(self, limit: SourceLimit, lead: str) -> None:
         self._after, self._status = nanoseconds(limit.after_s), limit.status
         self.action = f"source {limit.source} {limit.status}, from {limit.after_s:g} s on"
-        self._is_lead = limit.source == lead
+        self._source, self._is_lead = limit.source, limit.source == lead
         self._first: int | None = None
 
     def add_tracking(self, at: int, tracking: Tracking) -> None:
         status = tracking.lead_status if self._is_lead else tracking.predecessor_status
+        status = tracking.statuses().get(self._source, status)
         if self._first is None and at >= self._after and status == self._status:
             self._first = at
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from scenarios.definition.channel.origins import origin
-from scenarios.definition.topology import senders_to
 from scenarios.results.channel.account import FATE_WORDS, Fate, MissingVerdict
 from scenarios.results.log_summary import scenario_in
 from scenarios.results.recorded.link_outcomes import (
@@ -23,7 +22,9 @@ from transport.log.reader import LogReader
 from transport.log.records import LogError
 from transport.reasons import counts_as_loss
 from transport.topics import TOPIC_OF
+from vehicles.driver.degradation.source import RELIED_ON
 from vehicles.geometry.geodesy import LocalPlane
+from vehicles.messages import statuses_in
 from vehicles.schedule import SECOND
 
 IN_TRANSIT, NOT_ARRIVED, NOT_RECORDED = "in transit", "not arrived", "not recorded"
@@ -59,10 +60,12 @@ class KnownSource:
 
     Instants are from the start. `path_left_m` is the distance from the vehicle's true position
     along the received positions of the sender to the newest of them, 0 if that lies behind.
-    `received_ratio` is the delivered share of the messages due within the last second.
+    `received_ratio` is the delivered share of the messages due within the last second. `use` is the
+    direction of control that uses the sender: lateral, longitudinal, or both.
     """
 
     sender: str
+    use: str
     number: int | None
     measured_at_s: float | None
     received_at_s: float | None
@@ -76,6 +79,7 @@ class KnownSource:
 class Explanation:
     """What `vehicle` knew at its last decision until the requested instant.
 
+    `steered_along` are the senders along whose path it steers in its mode.
     `log_faults` describes damage and holes of the log, and what a piece holds, in one line.
     """
 
@@ -84,12 +88,13 @@ class Explanation:
     mode: str
     reason: str
     sources: tuple[KnownSource, ...]
+    steered_along: tuple[str, ...] = ()
     log_faults: str = ""
 
     @property
     def sentence(self) -> str:
         """What the vehicle did, the known path per source, and the later messages per source."""
-        sources = f"the path of {joined_words([source.sender for source in self._used])}"
+        sources = f"the path of {joined_words(self.steered_along)}"
         action = {
             "path": "drove its own path",
             "straight": "drove straight, as it had received nothing",
@@ -97,22 +102,18 @@ class Explanation:
             "creep": f"crossed a hole in {sources}",
             "stop": f"braked for lack of data, along {sources}",
         }.get(self.mode, f"followed {sources}")
-        if self.mode == "composite" and len(self.sources) > 1:
+        if self.mode == "composite" and len(self.steered_along) > 1:
             action = f"followed {sources.replace('path', 'composite trajectory', 1)}"
         parts = [f"At {self.decided_at_s:.2f} s {self.vehicle} {action}."]
-        if self.sources:
-            parts.append(f"Known path ahead: {', '.join(map(_known_path, self.sources))}.")
+        ahead = [source for source in self.sources if source.use != "longitudinal"]
+        if ahead:
+            parts.append(f"Known path ahead: {', '.join(map(_known_path, ahead))}.")
         parts += [
             f"Later messages of {source.sender}: {counts_of(source.missing)}."
             for source in self.sources
             if source.missing
         ]
         return " ".join(parts)
-
-    @property
-    def _used(self) -> Sequence[KnownSource]:
-        lead, predecessor = self.sources[:1], self.sources[-1:]
-        return {"lead": lead, "predecessor": predecessor}.get(self.mode, self.sources)
 
 
 def _known_path(source: KnownSource) -> str:
@@ -173,7 +174,10 @@ class RecordedVerdict(NamedTuple):
 
 
 FIELDS = {
-    "tracking": ("decided_at_ns", "mode", "reason"),
+    "tracking": (
+        *("decided_at_ns", "mode", "reason", "lead_status", "predecessor_status"),
+        "other_sources",
+    ),
     "truth": ("true_at_ns", "east_m", "north_m"),
     "gps": ("seq", "measured_at_ns", "sent_at_ns", "latitude_deg", "longitude_deg", "altitude_m"),
     "verdict": (
@@ -228,11 +232,14 @@ class _Excerpt:
         if not is_enough and self.since > -FOREVER:
             raise _NotEnoughError
 
-    def decision(self, requested: int) -> tuple[int, str, str] | None:
-        """Instant, mode and reason of the last decision until an instant, None without one."""
+    def decision(self, requested: int) -> tuple[int, str, str, Sequence[str]] | None:
+        """Instant, mode, reason and statuses of the last decision until an instant."""
         made = bisect_right(self.decisions, requested, key=lambda decision: decision[0])
         self.require(bool(made) and self.decisions[made - 1][0] >= self.since)
-        return self.decisions[made - 1] if made else None
+        if not made:
+            return None
+        at, mode, reason, *statuses = self.decisions[made - 1]
+        return at, mode, reason, statuses
 
     def has_verdicts(self, sender: str, newest: int, now: int) -> bool:
         """Whether every message due by `now` (ns), up to one sent later, has its verdict.
@@ -271,8 +278,8 @@ class RecordedKnowledge:
             raise LogError(f"{log}: no vehicle {vehicle!r}, allowed {', '.join(names)}")
         reader.require_all("verdict", "tracking", "truth")
         self.log, self.vehicle = log, vehicle
-        lead_receives = self.scenario.tables.speed.lead_receives
-        self.senders = senders_to(names, vehicle, lead_receives=lead_receives)
+        self.setup = self.scenario.vehicle(vehicle)
+        self.senders = self.setup.senders
         starts = [rows for rows in reader.columns(["start"]).values() if len(rows)]
         self.start_at = int(starts[-1].at_ns[-1]) if starts else 0
 
@@ -321,15 +328,32 @@ class RecordedKnowledge:
         decision = excerpt.decision(requested)
         if decision is None or requested > self._reader.last_at:
             raise self._error(requested)
-        now, mode, reason = decision
+        now, mode, reason, statuses = decision
         return Explanation(
             vehicle=self.vehicle,
             decided_at_s=self._seconds(now),
             mode=mode,
             reason=reason,
+            steered_along=self._steered_along(mode, statuses),
             log_faults=self._reader.notice,
             sources=tuple(self._known(excerpt, sender, now) for sender in self.senders),
         )
+
+    def _steered_along(self, mode: str, statuses: Sequence[str]) -> tuple[str, ...]:
+        """Lateral sources along whose path the vehicle steers; a composite leaves lost ones out.
+
+        `statuses` are the recorded ones of lead, predecessor and all others.
+        """
+        setup, lateral = self.setup, self.setup.flow.lateral
+        ends = setup.lead, setup.predecessor or ""
+        if mode in {"lead", "predecessor"}:
+            return (ends[mode == "predecessor"],)
+        if mode == "intermediate":
+            lateral = tuple(name for name in lateral if name not in ends)
+        by_name = dict(zip(reversed(ends), reversed(statuses[:2]), strict=True))
+        by_name |= statuses_in(statuses[2])
+        kept = [name for name in lateral if by_name.get(name, "") in RELIED_ON]
+        return tuple(kept) if mode in {"composite", "intermediate"} and kept else lateral
 
     def _error(self, requested: int) -> LogError:
         decisions = self._whole.decisions
@@ -384,6 +408,7 @@ class RecordedKnowledge:
         ]
         return KnownSource(
             sender=sender,
+            use=self.setup.flow.use_of(sender),
             number=newest.number if newest else None,
             measured_at_s=self._seconds(newest.measured_at) if newest else None,
             received_at_s=self._seconds(newest.received_at) if newest else None,

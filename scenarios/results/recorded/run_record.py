@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.topology import directed_links
+from scenarios.definition.topology import usual_links
 from scenarios.results.channel.account import Link, MissingVerdict
 from scenarios.results.log_summary import log_in, scenario_in, summary_of
 from scenarios.results.recorded.data_table import (
@@ -140,7 +140,7 @@ class RunRecord:
         if self.known_scenario is not None:
             links = tuple(self.known_scenario.links)
         else:
-            links = directed_links(self.vehicle_names)
+            links = usual_links(self.vehicle_names)
         return Named("link", {link: LinkRecord(self, link) for link in links})
 
     @cached_property

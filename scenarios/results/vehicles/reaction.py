@@ -53,6 +53,7 @@ def is_degraded(tracking: Tracking) -> bool:
     return (
         tracking.lead_status in NOT_RELIED_ON
         or tracking.predecessor_status in NOT_RELIED_ON
+        or not NOT_RELIED_ON.isdisjoint(tracking.statuses().values())
         or tracking.mode in {"coast", "stop", "creep"}
     )
 

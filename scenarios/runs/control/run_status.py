@@ -2,7 +2,7 @@
 
 import json
 from collections import defaultdict, deque
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from math import isfinite
 from typing import Any
 
@@ -35,7 +35,10 @@ class SourceState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleStatus:
-    """Current figures of one vehicle; None where there is nothing to measure."""
+    """Current figures of one vehicle; None where there is nothing to measure.
+
+    `others` are the sources that are neither lead nor predecessor, by name.
+    """
 
     name: str
     mode: str
@@ -47,6 +50,7 @@ class VehicleStatus:
     known_m: float | None
     lead: SourceState | None
     predecessor: SourceState | None
+    others: dict[str, SourceState] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +89,8 @@ class RunStatus:
             fields: dict[str, Any] = json.loads(text)
             vehicles = [
                 VehicleStatus(
-                    **{key: row[key] for key in row.keys() - {"lead", "predecessor"}},
+                    **{key: row[key] for key in row.keys() - {"lead", "predecessor", "others"}},
+                    others={name: SourceState(**one) for name, one in row["others"].items()},
                     lead=SourceState(**row["lead"]) if row["lead"] else None,
                     predecessor=SourceState(**row["predecessor"]) if row["predecessor"] else None,
                 )
@@ -180,6 +185,7 @@ class StatusBoard:
             known_m=_finite_or_none(tracking.known_m) if tracking else None,
             lead=_source(tracking, "lead") if tracking and follows else None,
             predecessor=_source(tracking, "predecessor") if tracking and follows else None,
+            others=_others(tracking) if tracking else {},
         )
 
     def _link(self, sender: str, receiver: str) -> LinkStatus:
@@ -197,12 +203,27 @@ class StatusBoard:
 
 
 def _source(tracking: Tracking, source: str) -> SourceState:
+    figures = ("status", "age_s", "received_ratio", "known_m")
+    return _state(*(getattr(tracking, f"{source}_{figure}") for figure in figures))
+
+
+def _state(
+    status: SourceStatus, age_s: float, received_ratio: float, known_m: float
+) -> SourceState:
     return SourceState(
-        status=getattr(tracking, f"{source}_status"),
-        age_s=_finite_or_none(getattr(tracking, f"{source}_age_s")),
-        received_ratio=_finite_or_none(getattr(tracking, f"{source}_received_ratio")),
-        known_m=_finite_or_none(getattr(tracking, f"{source}_known_m")),
+        status=status,
+        age_s=_finite_or_none(age_s),
+        received_ratio=_finite_or_none(received_ratio),
+        known_m=_finite_or_none(known_m),
     )
+
+
+def _others(tracking: Tracking) -> dict[str, SourceState]:
+    figures = (tracking.other_age_s, tracking.other_received_ratio, tracking.other_known_m)
+    return {
+        name: _state(status, *row)
+        for (name, status), *row in zip(tracking.statuses().items(), *figures, strict=True)
+    }
 
 
 def _finite_or_none(value: float) -> float | None:

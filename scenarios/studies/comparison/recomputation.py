@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.definition.topology import senders_to
 from scenarios.results.log_queries.session import session_of
 from scenarios.results.log_summary import PARTIAL
 from scenarios.runs.virtual.open_loop import Decisions, RecordedInputs, decide_again, read_inputs
@@ -41,7 +40,7 @@ PLOTTED = (
 """Plotted fields, their labels, and the factors to the labels' units."""
 TOPICS = ("gps", "verdict", "command", "start", "change")
 """Topics without which the inputs of a vehicle are unknown."""
-OWN_KEYS = "control."
+OWN_KEYS = ("control.", "information_flow.")
 FIXED = "control.rate_hz"
 """Key that would change the instants of decisions."""
 
@@ -157,7 +156,9 @@ def recompute(
     overrides: Sequence[str] = (),
     partial: bool = False,
 ) -> Recomputation:
-    """Let a vehicle of a log decide again, with another `controller` or other keys of [control].
+    """Let a vehicle of a log decide again, with another `controller`, or other keys.
+
+    These are keys of [control] and [information_flow].
 
     Raises LogError for a log without the inputs or the vehicle, and ScenarioError for an override
     that would change them.
@@ -171,9 +172,9 @@ def recompute(
         raise LogError(f"{log}: no vehicle {vehicle!r}, allowed {', '.join(names)}")
     settings = settings_of(vehicle, controller, overrides)
     scenario = _with_settings(session, settings, log)
-    senders = senders_to(names, vehicle, lead_receives=session.tables.speed.lead_receives)
     setup = scenario.vehicle(vehicle)
     measured = setup.predecessor if setup.gap_sensor else None
+    senders = _sources(session, scenario, vehicle)
     inputs = read_inputs(reader, vehicle, senders, measured or "")
     again = decide_again(scenario, vehicle, inputs)
     subject = _Subject(log, vehicle, settings, reader.faults_in(TOPICS))
@@ -181,19 +182,35 @@ def recompute(
 
 
 def settings_of(vehicle: str, controller: str, overrides: Sequence[str]) -> tuple[str, ...]:
-    """Overrides of one vehicle; raises ScenarioError for keys other than those of [control]."""
-    own = f"vehicle.{vehicle}.{OWN_KEYS}"
-    settings = [f"{own}controller={controller}"] if controller else []
+    """Overrides of one vehicle; raises ScenarioError for keys of other tables."""
+    own = f"vehicle.{vehicle}."
+    settings = [f"{own}control.controller={controller}"] if controller else []
     for text in overrides:
-        bare = text.strip()
-        bare = bare.removeprefix(own) if bare.startswith(own) else bare.removeprefix(OWN_KEYS)
+        bare = text.strip().removeprefix(own)
         name = text.partition("=")[0].strip()
-        if bare == text.strip() or name == FIXED:
+        if not bare.startswith(OWN_KEYS) or name == FIXED:
             raise ScenarioError(
-                [f"--set: {name}: allowed keys of [control] except rate_hz; inputs are recorded"]
+                [
+                    f"--set: {name}: allowed keys of [control] except rate_hz, and of "
+                    "[information_flow]; inputs are recorded"
+                ]
             )
         settings.append(f"{own}{bare}")
     return tuple(settings)
+
+
+def _sources(session: Scenario, scenario: Scenario, vehicle: str) -> Sequence[str]:
+    """Return the sources of a vehicle; raises ScenarioError for one that it did not receive."""
+    received, wanted = (one.vehicle(vehicle).senders for one in (session, scenario))
+    for sender in wanted:
+        if sender not in received:
+            raise ScenarioError(
+                [
+                    f"--set: information_flow: {vehicle} did not receive {sender} in the log, "
+                    f"allowed {', '.join(received)}"
+                ]
+            )
+    return wanted
 
 
 def _with_settings(session: Scenario, settings: Sequence[str], log: Path) -> Scenario:

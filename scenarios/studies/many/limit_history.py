@@ -59,7 +59,7 @@ def silence(message: Message, lead: str) -> float:
     """
     if not isinstance(message, Tracking) or message.vehicle == lead:
         return -inf
-    ages = (message.lead_age_s, message.predecessor_age_s)
+    ages = (message.lead_age_s, message.predecessor_age_s, *message.other_age_s)
     return min((age for age in ages if not isnan(age)), default=-inf)
 
 

@@ -119,7 +119,7 @@ FIELD_DURATION = "duration_s=30.0"
 FIELD_SPEED = 25.0
 """Speed (m/s) of the field experiment."""
 
-PREDECESSOR_ONLY = ('control.fusion="predecessor"',)
+PREDECESSOR_ONLY = ('information_flow.lateral="predecessor"',)
 SLIP_COMPENSATED = ('control.controller="slip_compensated"',)
 OWN_STATE_ESTIMATED = ('control.own_state="estimated"',)
 """Each car estimates its own state from its exact measurements."""

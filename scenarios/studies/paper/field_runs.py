@@ -10,8 +10,7 @@ from datetime import timedelta
 from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.plug_ins.path import FUSION
-from scenarios.definition.schema.plug_ins.table import named
+from scenarios.definition.schema.flow_table import USUAL, WORDS
 from scenarios.results.drives import Drive, Trial
 from scenarios.results.files import LOG_NAME
 from scenarios.runs.node.recorded_vehicle import Replay, head_start, read_recorded_vehicle
@@ -23,6 +22,8 @@ TIME_BETWEEN_RUNS = timedelta(minutes=5)
 
 WITH_LEAD_DATA = "composite"
 WITHOUT_LEAD_DATA = "predecessor"
+LATERAL = {WITH_LEAD_DATA: USUAL, WITHOUT_LEAD_DATA: WORDS["predecessor"]}
+"""Lateral sources by the suffix of the logs."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +45,11 @@ def field_runs(scenario: Scenario, folder: Path) -> FieldRuns:
         shared.append(_drive(scenario, place, WITH_LEAD_DATA, folder, shared))
     trials: dict[str, Trial] = {}
     logs = [log for _, log in shared]
-    for fusion in (WITH_LEAD_DATA, WITHOUT_LEAD_DATA):
+    for data in LATERAL:
         runs = list(shared)
         for place in range(2, len(scenario.vehicle_names)):
-            runs.append(_drive(scenario, place, fusion, folder, runs))
-        trials[fusion] = Trial(tuple(drive for drive, _ in runs))
+            runs.append(_drive(scenario, place, data, folder, runs))
+        trials[data] = Trial(tuple(drive for drive, _ in runs))
         logs += [log for _, log in runs[len(shared) :]]
     names = tuple(log.name for log in logs)
     return FieldRuns(trials[WITH_LEAD_DATA], trials[WITHOUT_LEAD_DATA], names)
@@ -57,20 +58,20 @@ def field_runs(scenario: Scenario, folder: Path) -> FieldRuns:
 def _drive(
     scenario: Scenario,
     place: int,
-    fusion: str,
+    data: str,
     folder: Path,
     before: Sequence[tuple[Drive, Path]],
 ) -> tuple[Drive, Path]:
     """Simulate run `place` (from 0) behind the earlier runs; return its drive and log."""
-    run = as_run(scenario, place, fusion)
-    kind = "" if place < 2 else f"_{fusion}"
+    run = as_run(scenario, place, data)
+    kind = "" if place < 2 else f"_{data}"
     name = run.vehicle_names[place]
     log = folder / f"run_{place + 1}_{name}{kind}"
     trial = record_trial(run, log, _replays(run, [path for _, path in before]))
     return next(drive for drive in trial.drives if drive.name == name), log
 
 
-def as_run(scenario: Scenario, place: int, fusion: str = WITH_LEAD_DATA) -> Scenario:
+def as_run(scenario: Scenario, place: int, data: str = WITH_LEAD_DATA) -> Scenario:
     """Scenario of the run of the vehicle at `place` (from 0), which starts after earlier runs."""
     tables, names = scenario.tables, scenario.vehicle_names[: place + 1]
     return Scenario(
@@ -80,7 +81,9 @@ def as_run(scenario: Scenario, place: int, fusion: str = WITH_LEAD_DATA) -> Scen
                 "duration_s": scenario.duration_s,
                 "start_at": tables.start_at + place * TIME_BETWEEN_RUNS,
                 "convoy": tables.convoy.model_copy(update={"names": names, "vehicles": len(names)}),
-                "control": tables.control.model_copy(update={"fusion": named(FUSION, fusion)}),
+                "information_flow": tables.information_flow.model_copy(
+                    update={"lateral": LATERAL[data]}
+                ),
                 "vehicle": {name: own for name, own in tables.vehicle.items() if name in names},
             }
         )

@@ -78,7 +78,7 @@ def sine_scenario(
 ) -> Scenario:
     """The paper's base case with empty cars, no lead data, and a lead that drives a sine."""
     alone = (
-        'control.fusion="predecessor"',
+        'information_flow.lateral="predecessor"',
         f'control.trajectory="{trajectory}"',
         "loading.front_passengers=0",
         "loading.rear_passengers=0",

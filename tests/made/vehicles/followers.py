@@ -40,7 +40,11 @@ def follower(
     law: SpeedLaw | None = None,
     degradation: DegradationSettings = EXTRAPOLATES,
 ) -> Follower:
-    """A follower that extrapolates without data, or reacts as `degradation` configures."""
+    """A follower that extrapolates without data, or reacts as `degradation` configures.
+
+    With the fusion "predecessor" it steers along the predecessor only.
+    """
+    names = tuple(dict.fromkeys((lead, predecessor)))
     law = law or ProfileSpeed(SpeedProfile((0.0,), (speed,)), START, 1.0 / CONTROL_HZ)
     return Follower(
         own_state=PoseEstimator(CAR),
@@ -60,10 +64,13 @@ def follower(
         control=Cadence(START, CONTROL_HZ),
         lead=lead,
         predecessor=predecessor,
+        places={name: place for place, name in enumerate(names)},
+        lateral=names[-1:] if fusion == "predecessor" else names,
+        longitudinal=names,
         least_spacing=CAR.length,
         periods={lead: 1.0 / GNSS_HZ, predecessor: 1.0 / GNSS_HZ},
         alpha=alpha,
-        fusion=FUSION_OF[fusion],
+        fusion=FUSION_OF.get(fusion, FUSION_OF["composite"]),
         settings=FitSettings(),
         degradation=degradation,
         reaction=REACTION_OF[degradation.reaction],

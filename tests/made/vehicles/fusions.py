@@ -7,18 +7,19 @@ from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.fusion import (
     BlendFusion,
     CompositeFusion,
-    PredecessorFusion,
     SourceFusion,
     Trajectories,
 )
 from vehicles.preview.received.samples import Window
+from vehicles.preview.source_window import LEAD, PREDECESSOR, SourceWindow
+from vehicles.preview.trajectory import Fit, fit_composite
 
 FUSION_OF: Mapping[str, SourceFusion] = {
     "composite": CompositeFusion(),
-    "predecessor": PredecessorFusion(),
     "blend": BlendFusion(),
 }
-FUSIONS = list(FUSION_OF)
+FUSIONS = ["predecessor", *FUSION_OF]
+"""Fusions of a test follower; with "predecessor" that is its only lateral source."""
 REACTION_OF: Mapping[str, ReactionPolicy] = {
     "degrade": Degrade(),
     "extrapolate": Extrapolate(),
@@ -35,4 +36,18 @@ def fuse(
     alpha: float,
     settings: FitSettings,
 ) -> Trajectories:
-    return FUSION_OF[fusion].fuse(lead, predecessor, alpha, settings)
+    return FUSION_OF[fusion].fuse(windows_of(lead, predecessor, alpha), settings)
+
+
+def fit_two(
+    lead: Window | None, predecessor: Window | None, *, alpha: float, settings: FitSettings
+) -> Fit | None:
+    """Fit the samples of lead and predecessor, with the weights of the paper."""
+    return fit_composite(windows_of(lead, predecessor, alpha), settings)
+
+
+def windows_of(lead: Window | None, predecessor: Window | None, alpha: float) -> list[SourceWindow]:
+    of_lead = [] if lead is None else [SourceWindow(LEAD, 1.0 - alpha, lead)]
+    return of_lead + (
+        [] if predecessor is None else [SourceWindow(PREDECESSOR, alpha, predecessor)]
+    )

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.made.vehicles.fusions import fit_two
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.received.samples import Window
-from vehicles.preview.trajectory import fit_composite
 
 Floats = NDArray[np.float64]
 NOISE = 0.02
@@ -88,7 +88,7 @@ class Shape:
         for stations in self.stations:
             places = in_world(stations) + NOISE * random.standard_normal((len(stations), 2))
             windows.append(Window(places[:, 0].copy(), places[:, 1].copy(), stations.copy()))
-        fit = fit_composite(windows[0], windows[1], alpha=0.5, settings=SETTINGS)
+        fit = fit_two(windows[0], windows[1], alpha=0.5, settings=SETTINGS)
         assert fit is not None
         here, end = in_world(np.array([0.0, self.end])).tolist()
         return fit.spline.project(*here).lateral, fit.spline.project(*end).lateral

@@ -75,12 +75,12 @@ def test_an_override_may_be_written_without_quotes_and_with_indices() -> None:
     scenario = scenario_from_text(
         STRAIGHT,
         overrides=[
-            "control.fusion=predecessor",
+            "information_flow.lateral=predecessor",
             "path.segments.0.length_m=500",
             "path.segments[1].length_m=700",
             "link.0={sender='*', receiver='v2', loss_ratio=0.5}",
         ],
     )
-    assert scenario.vehicle("v2").steering.fusion.use == "predecessor"
+    assert scenario.vehicle("v2").flow.lateral == ("v1",)
     assert scenario.route.length == pytest.approx(1200.0)
     assert scenario.links["v1", "v2"].loss_ratio == 0.5

@@ -1,6 +1,6 @@
 """The vehicles that each vehicle receives from, and the settings of each link."""
 
-import itertools
+import re
 
 import pytest
 from hypothesis import given
@@ -10,28 +10,11 @@ from scenarios.definition.channel.build import link_effects
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.definition.topology import directed_links, senders_to
+from scenarios.definition.schema.scenario_tables import ScenarioTables
+from scenarios.definition.topology import InformationFlow, directed_links, usual_links
 from transport.links.laws.basic import Decimation, Jitter, Latency, Loss
 
 RATE_HZ = 20.0
-
-
-@given(st.lists(st.text("abcdef", min_size=1), min_size=1, max_size=8, unique=True))
-def test_followers_listen_to_the_lead_and_to_the_vehicle_ahead(names: list[str]) -> None:
-    found = directed_links(names)
-    assert len(set(found)) == len(found)
-    expected = {(names[0], follower) for follower in names[1:]} | set(itertools.pairwise(names))
-    assert set(found) == expected
-    assert senders_to(names, names[0]) == ()
-    assert all(senders_to(names, name)[-1] == ahead for ahead, name in itertools.pairwise(names))
-
-
-@given(st.lists(st.text("abcdef", min_size=1), min_size=2, max_size=8, unique=True))
-def test_a_lead_that_waits_listens_to_all_others(names: list[str]) -> None:
-    found, usual = directed_links(names, lead_receives=True), directed_links(names)
-    assert set(found) == {*usual, *((follower, names[0]) for follower in names[1:])}
-    assert len(found) == len(usual) + len(names) - 1
-    assert senders_to(names, names[-1], lead_receives=True) == senders_to(names, names[-1])
 
 
 def test_an_entry_about_a_link_to_the_lead_counts_only_where_it_waits() -> None:
@@ -76,10 +59,7 @@ def test_the_lead_of_an_earlier_log_received_nobody() -> None:
     text = scenario.text.replace("lead_keeps_gap = true\n", "")
     assert text != scenario.text
     earlier = scenario_from_text(text, recorded=True)
-    assert (
-        senders_to(earlier.vehicle_names, "v1", lead_receives=earlier.tables.speed.lead_receives)
-        == ()
-    )
+    assert earlier.vehicle("v1").senders == ()
 
 
 ENTRIES = (
@@ -128,3 +108,147 @@ def test_a_link_has_no_effects_that_are_not_configured() -> None:
 def test_impossible_rules_are_refused(name: str, value: float) -> None:
     with pytest.raises(ValueError, match=name):
         LinkTable.model_validate({name: value})
+
+
+FLOWS = {
+    "predecessor": {("v1", "v2"), ("v2", "v3"), ("v3", "v4")},
+    "lead": {("v1", "v2"), ("v1", "v3"), ("v1", "v4")},
+    "lead_and_predecessor": {*usual_links(("v1", "v2", "v3", "v4"))},
+    "bidirectional": {("v1", "v2"), ("v2", "v3"), ("v3", "v4"), ("v3", "v2"), ("v4", "v3")},
+    "all_ahead": {*usual_links(("v1", "v2", "v3", "v4")), ("v2", "v4")},
+    "{ahead=2}": {("v1", "v2"), ("v1", "v3"), ("v2", "v3"), ("v2", "v4"), ("v3", "v4")},
+    "{behind=1,lead=true}": {
+        *(("v1", "v2"), ("v1", "v3"), ("v1", "v4"), ("v3", "v2"), ("v4", "v3"))
+    },
+}  # fmt: skip
+NO_GUARD = ("control.degradation.reaction=extrapolate", "information_flow.lateral=predecessor")
+
+
+@pytest.mark.parametrize("flow", FLOWS)
+def test_each_flow_has_its_links_beside_those_of_the_other_direction(flow: str) -> None:
+    scenario = load_scenario("lane_change", (*NO_GUARD, f"information_flow.longitudinal={flow}"))
+    assert set(scenario.links) == FLOWS[flow] | FLOWS["predecessor"]
+    assert scenario_from_text(scenario.text).links == scenario.links
+
+
+def test_a_list_of_vehicles_and_the_sources_of_one_vehicle() -> None:
+    scenario = load_scenario(
+        "lane_change",
+        (
+            "information_flow.longitudinal=predecessor",
+            'vehicle.v4.information_flow={lateral=["v1","v2"]}',
+        ),
+    )
+    flow = scenario.vehicle("v4").flow
+    assert (flow.lateral, flow.longitudinal) == (("v1", "v2"), ("v3",))
+    assert scenario.vehicle("v4").senders == ("v1", "v2", "v3")
+    assert scenario.vehicle("v3").flow.lateral == ("v1", "v2")
+
+
+near = st.fixed_dictionaries(
+    {"ahead": st.integers(0, 4), "behind": st.integers(0, 4), "lead": st.booleans()}
+)
+
+
+@given(
+    vehicles=st.integers(1, 6),
+    flows=st.fixed_dictionaries({"lateral": near, "longitudinal": near}),
+    own=st.dictionaries(st.sampled_from(["v2", "v3", "v5"]), near),
+    lead_receives=st.booleans(),
+)
+def test_links_are_the_union_of_both_directions(
+    vehicles: int,
+    flows: dict[str, dict[str, int]],
+    own: dict[str, dict[str, int]],
+    lead_receives: bool,
+) -> None:
+    """Independently by distance in the convoy, with the sources of some vehicles replaced."""
+    tables = ScenarioTables.model_validate(
+        {
+            "name": "any",
+            "path": {"kind": "segments", "segments": [{"length_m": 1.0}]},
+            "convoy": {"vehicles": vehicles},
+            "speed": {"lead_waits": lead_receives},
+            "information_flow": flows,
+            "vehicle": {
+                name: {"information_flow": {"longitudinal": one}} for name, one in own.items()
+            },
+        }
+    )
+
+    def uses(receiver: int, sender: int) -> bool:
+        if receiver == 1:
+            return lead_receives
+        rows = [flows["lateral"], own.get(f"v{receiver}", flows["longitudinal"])]
+        return any(
+            -row["behind"] <= receiver - sender <= row["ahead"] or (row["lead"] and sender == 1)
+            for row in rows
+        )
+
+    places = range(1, vehicles + 1)
+    expected = [
+        (f"v{sender}", f"v{receiver}")
+        for receiver in places
+        for sender in places
+        if sender != receiver and uses(receiver, sender)
+    ]
+    assert list(directed_links(tables)) == expected
+
+
+GAP = ("speed.followers=gap", "control.degradation.reaction=extrapolate")
+
+
+@pytest.mark.parametrize(
+    ("overrides", "parts"),
+    [
+        (("information_flow.lateral=all",), ('"all"', "v2", "behind")),
+        (("information_flow.lateral=bidirectional",), ("bidirectional", "behind")),
+        (("information_flow.lateral={ahead=1,behind=1}",), ("behind",)),
+        (('vehicle.v3.information_flow.lateral=["v4"]',), ("vehicle.v3", '"v4"', "v3", "behind")),
+        (('vehicle.v3.information_flow.lateral=["v9"]',), ("vehicle.v3", '"v9"', "v1, v2, v3, v4")),
+        (('vehicle.v3.information_flow.lateral=["v3"]',), ("vehicle.v3", '"v3"', "itself")),
+        (("information_flow.lateral={}",), ("lateral", "v2", "at least one")),
+        (("information_flow.longitudinal=leed",), ('"leed"', "mean lead?", "{ ahead = 2 }")),
+        (("information_flow.longitudinal=3",), ("3", "lead_and_predecessor")),
+        (("information_flow.longitudinal={ahead=-1}",), ("longitudinal.ahead", "-1", "0 to 200")),
+        (("information_flow.longitudinal={before=1}",), ("longitudinal.before", "unknown key")),
+        (("vehicle.v1.information_flow.lateral=lead",), ("vehicle.v1", "lead")),
+        (
+            ("information_flow.lateral=lead", "information_flow.longitudinal=lead"),
+            ("v3", "v2", "degrade", "extrapolate"),
+        ),
+        ((*GAP, "information_flow.longitudinal=lead"), ("v2", "v3", '"gap"', '"consensus"')),
+        (
+            (*GAP, "information_flow.longitudinal=lead", "control.longitudinal=ploeg"),
+            ("v3", '"ploeg"'),
+        ),
+        (
+            ("information_flow.lateral=predecessor", "information_flow.longitudinal=predecessor",
+             "link=[{sender='v1', receiver='v3'}]"),
+            ("link[0]", "from v1 to v3", "no such link", "v3 receives from v2"),
+        ),
+        (("control.fusion=predecessor",), ('information_flow.lateral = "predecessor"',)),
+        (
+            ("limits.modes=[{vehicle='v3', mode='intermediate', after_s=1, within_s=1}]",),
+            ("intermediate", "v1, v2", '"composite"'),
+        ),
+    ],
+)  # fmt: skip
+def test_wrong_sources_get_one_line(overrides: tuple[str, ...], parts: tuple[str, ...]) -> None:
+    with pytest.raises(ScenarioError) as refused:
+        load_scenario("lane_change", overrides)
+    (line,) = str(refused.value).splitlines()
+    for part in parts:
+        assert part in line
+
+
+def test_consensus_needs_no_predecessor_and_a_recorded_fusion_keeps_its_meaning() -> None:
+    consensus = (*GAP, "control.longitudinal=consensus", "information_flow.longitudinal=lead")
+    assert load_scenario("lane_change", consensus).vehicle("v3").flow.longitudinal == ("v1",)
+    text = load_scenario("lane_change").text
+    text = text.replace('fusion = "composite"', 'fusion = "predecessor"')
+    parts = re.split(r"^(?=\[)", text, flags=re.MULTILINE)
+    kept = "".join(part for part in parts if not part.startswith("[information_flow"))
+    earlier = scenario_from_text(kept, recorded=True)
+    assert earlier.vehicle("v3").flow == InformationFlow(("v2",), ("v1", "v2"))
+    assert earlier.tables.control.fusion.use == "composite"

@@ -8,6 +8,7 @@ import pytest
 from tests.made.transport.received_poses import received
 from tests.made.vehicles.arc_courses import course
 from tests.made.vehicles.driving import advance
+from tests.made.vehicles.fusions import fit_two
 from tests.made.vehicles.laps import TICK, Place, bulb, eight, lap
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
@@ -19,7 +20,6 @@ from vehicles.driver.tracking import track
 from vehicles.geometry.sampled_path import Segment, path_from_segments
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.received.trace import Trace
-from vehicles.preview.trajectory import fit_composite
 
 COURSES: dict[str, tuple[Place, float]] = {
     "bulb turn": (lap(bulb(radius=12.0)), bulb(radius=12.0).length - 1.0),
@@ -52,7 +52,7 @@ def test_a_car_follows_the_leg_that_was_driven(name: str) -> None:
         trace.add(received((k + 1) * TICK, east + noise[0], north + noise[1], yaw, speed))
         trace.bridge(body.east, body.north, body.yaw)
         seen = trace.window(body.east, body.north, settings.behind(speed), settings.ahead(speed))
-        fit = fit_composite(seen, None, alpha=0.5, settings=settings) or fit
+        fit = fit_two(seen, None, alpha=0.5, settings=settings) or fit
         for _ in range(2):
             errors = track(fit.spline, body) if fit else None
             steering = controller.steer(errors, speed).steering if errors else 0.0

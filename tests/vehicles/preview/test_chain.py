@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from tests.made.transport.received_poses import received
+from tests.made.vehicles.fusions import fit_two
 from vehicles.geometry.arc_spline import ArcSpline, Piece
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.received.samples import Window
 from vehicles.preview.received.trace import Trace
-from vehicles.preview.trajectory import fit_composite
 from vehicles.schedule import SECOND
 
 SETTINGS = FitSettings()
@@ -61,7 +61,7 @@ def driven(lead: Drive, predecessor: Drive | None) -> Drive:
     east, north, drive = BEGIN, 0.0, []
     for _ in range(round((END - BEGIN) / (SPEED * STEP_S))):
         other = None if second is None else seen(second, east, north)
-        fit = fit_composite(seen(first, east, north), other, alpha=0.5, settings=SETTINGS)
+        fit = fit_two(seen(first, east, north), other, alpha=0.5, settings=SETTINGS)
         assert fit is not None
         there = fit.spline.at(fit.spline.project(east, north).station + SPEED * STEP_S)
         east, north = there.east, there.north

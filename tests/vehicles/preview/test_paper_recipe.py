@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 from tests.made.vehicles.arc_courses import course, fit_errors, point_at, window, with_noise
-from tests.made.vehicles.fusions import fuse
+from tests.made.vehicles.fusions import fit_two, fuse
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.paper_recipe import circle_of_least_squares, recipe_curve
 from vehicles.preview.received.samples import Window
-from vehicles.preview.trajectory import Fit, fit_composite
+from vehicles.preview.trajectory import Fit
 
 PAPER = FitSettings(trajectory="paper")
 PREFIX = FitSettings(trajectory="paper_prefix")
@@ -30,7 +30,7 @@ def fit(
     alpha: float = 0.5,
     settings: FitSettings = PAPER,
 ) -> Fit:
-    fitted = fit_composite(lead, predecessor, alpha=alpha, settings=settings)
+    fitted = fit_two(lead, predecessor, alpha=alpha, settings=settings)
     assert fitted is not None
     return fitted
 
@@ -192,14 +192,14 @@ def test_any_samples_give_finite_numbers_or_none(settings: FitSettings) -> None:
 def test_too_little_travel_gives_no_trajectory() -> None:
     path = course([(0.0, 30.0)])
     for stations in ([0.0, 5.0], [1.0, 1.3, 1.9], [2.0, 2.0, 2.0]):
-        assert fit_composite(window(path, stations, 0.0), None, alpha=0.5, settings=PAPER) is None
+        assert fit_two(window(path, stations, 0.0), None, alpha=0.5, settings=PAPER) is None
 
 
 def test_every_fusion_supports_the_recipe() -> None:
     path = course([(1 / 200, 30.0)])
     lead = window(path, np.linspace(1.0, 24.0, 17), 0.0)
     other = window(path, np.linspace(1.5, 16.0, 10), 0.0, left=0.02)
-    for fusion, count in (("composite", 1), ("predecessor", 1), ("blend", 2)):
+    for fusion, count in (("composite", 1), ("blend", 2)):
         made = fuse(fusion, lead, other, alpha=0.5, settings=PAPER)
         assert len(made) == count
         assert all(len(one.spline.pieces) == 1 for _, one in made)

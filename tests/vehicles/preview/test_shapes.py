@@ -9,11 +9,12 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.made.vehicles.arc_courses import course, fit_errors, window, with_noise
+from tests.made.vehicles.fusions import fit_two
 from tests.made.vehicles.true_shapes import JUMPING, SMOOTH, drawn
 from vehicles.geometry.arc_spline import ArcSpline, Piece
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.fit_clothoid import RATE_MOST
-from vehicles.preview.trajectory import Fit, fit_composite
+from vehicles.preview.trajectory import Fit
 
 SETTINGS = FitSettings()
 YAWS = st.floats(-math.pi, math.pi)
@@ -21,7 +22,7 @@ YAWS = st.floats(-math.pi, math.pi)
 
 def fit(path: ArcSpline, places: Sequence[float], ego: float, noise: float = 0.0) -> Fit:
     seen = with_noise(window(path, places, ego), np.random.default_rng(3), noise)
-    fitted = fit_composite(seen, None, alpha=0.5, settings=SETTINGS)
+    fitted = fit_two(seen, None, alpha=0.5, settings=SETTINGS)
     assert fitted is not None
     return fitted
 
@@ -108,7 +109,7 @@ def test_shapes_change_without_a_jump() -> None:
         cut = seen._replace(
             east=seen.east[chosen], north=seen.north[chosen], station=seen.station[chosen] - ego
         )
-        fitted = fit_composite(cut, None, alpha=0.5, settings=SETTINGS)
+        fitted = fit_two(cut, None, alpha=0.5, settings=SETTINGS)
         assert fitted is not None
         here = path.at(float(ego))
         bends.append(fitted.spline.project(here.east, here.north).curvature)

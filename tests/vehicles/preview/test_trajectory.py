@@ -10,11 +10,11 @@ from scipy.optimize import least_squares
 
 from tests.made.examples import examples
 from tests.made.vehicles.arc_courses import course, fit_errors, point_at, window, with_noise
-from tests.made.vehicles.fusions import fuse
+from tests.made.vehicles.fusions import fit_two, fuse
 from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.received.samples import Window
-from vehicles.preview.trajectory import Fit, fit_composite
+from vehicles.preview.trajectory import Fit
 
 SETTINGS = FitSettings()
 STARTS = st.tuples(
@@ -30,7 +30,7 @@ SIGNS = np.array([-1.0, 1.0])
 
 
 def fit(lead: Window | None, predecessor: Window | None, alpha: float = 0.5) -> Fit:
-    fitted = fit_composite(lead, predecessor, alpha=alpha, settings=SETTINGS)
+    fitted = fit_two(lead, predecessor, alpha=alpha, settings=SETTINGS)
     assert fitted is not None
     return fitted
 
@@ -213,7 +213,7 @@ def test_a_noisy_arc_minimises_the_distances() -> None:
     east, north = point_at(path, 5.0, 25.0)
     radius = least_squares(away, [east, north, 25.0]).x[2]
     best_alone = replace(SETTINGS, ignored=0.999)
-    fitted = fit_composite(seen, None, alpha=0.5, settings=best_alone)
+    fitted = fit_two(seen, None, alpha=0.5, settings=best_alone)
     assert fitted is not None
     assert fitted.spline.pieces[0].curvature == pytest.approx(1.0 / radius, rel=2e-4)
 
@@ -266,13 +266,13 @@ def test_samples_too_few_or_degenerate_support_no_trajectory() -> None:
     nothing: list[list[float]] = [[], [0.0], [0.0, 10.0], [5.0] * 8, [0.0, 0.0, 10.0, 10.0]]
     for stations in (*nothing, [0.0, 0.1, 0.2]):
         seen = window(path, stations, 2.0)
-        assert fit_composite(seen, None, alpha=0.5, settings=SETTINGS) is None
-        assert fit_composite(None, seen, alpha=0.5, settings=SETTINGS) is None
-    assert fit_composite(None, None, alpha=0.5, settings=SETTINGS) is None
-    assert fit_composite(window(path, apart, 2.0), None, alpha=0.5, settings=SETTINGS) is not None
+        assert fit_two(seen, None, alpha=0.5, settings=SETTINGS) is None
+        assert fit_two(None, seen, alpha=0.5, settings=SETTINGS) is None
+    assert fit_two(None, None, alpha=0.5, settings=SETTINGS) is None
+    assert fit_two(window(path, apart, 2.0), None, alpha=0.5, settings=SETTINGS) is not None
     broken = window(path, [*apart, 30.0], 2.0)
     broken.east[1] = math.nan
-    assert fit_composite(broken, None, alpha=0.5, settings=SETTINGS) is None
+    assert fit_two(broken, None, alpha=0.5, settings=SETTINGS) is None
 
 
 POINTS = st.floats(-1e3, 1e3) | st.sampled_from([0.0, 1.0, 1e7, 1e-300])
@@ -291,7 +291,7 @@ def test_any_samples_give_a_finite_fit_or_none(
     for part in (rows[:split], rows[split:]):
         east, north, station = np.array(part, dtype=np.float64).reshape(-1, 3).T
         windows.append(Window(east, north, station))
-    fitted = fit_composite(windows[0], windows[1], alpha=alpha, settings=SETTINGS)
+    fitted = fit_two(windows[0], windows[1], alpha=alpha, settings=SETTINGS)
     if fitted is None:
         return
     for piece in fitted.spline.pieces:
@@ -318,8 +318,6 @@ def test_fusion_modes() -> None:
     ((share, only),) = fuse("composite", lead, predecessor, alpha=0.75, settings=SETTINGS)
     assert share == 1.0
     assert fit_errors(only, path, 4.0)[0] == pytest.approx(-0.15, abs=1e-4)
-    ((share, only),) = fuse("predecessor", lead, predecessor, alpha=0.75, settings=SETTINGS)
-    assert fit_errors(only, path, 4.0)[0] == pytest.approx(-0.2)
     one, other = fuse("blend", lead, predecessor, alpha=0.75, settings=SETTINGS)
     assert (one[0], other[0]) == (0.25, 0.75)
     assert fit_errors(one[1], path, 4.0)[0] == pytest.approx(0.0, abs=1e-9)
@@ -327,7 +325,6 @@ def test_fusion_modes() -> None:
     for fusion in ("composite", "blend"):
         ((share, only),) = fuse(fusion, lead, None, alpha=0.75, settings=SETTINGS)
         assert share == 1.0
-    assert fuse("predecessor", lead, None, alpha=0.75, settings=SETTINGS) == ()
     assert fuse("blend", None, None, alpha=0.75, settings=SETTINGS) == ()
     ((share, only),) = fuse("blend", lead, predecessor, alpha=0.0, settings=SETTINGS)
     assert (share, set(only.source.tolist())) == (1.0, {0})

@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -13,7 +15,7 @@ from transport.picture.blueprint import TIMELINE
 from transport.picture.detail import Detail
 from transport.picture.series.link_states import LinkStates, message_state
 from transport.topics import valid_at
-from vehicles.messages import LinkVerdict, Message
+from vehicles.messages import LinkVerdict, Message, Tracking
 from vehicles.schedule import Timer
 
 SIGMAS = 3.0
@@ -192,8 +194,11 @@ class PanelSeries:
             if panel.period_ns and not self._is_due(panel.name, vehicle, panel.period_ns, at):
                 continue
             for series in panel.series:
-                if series.first_follower or place > 1:
-                    self._add(panel, series, message, place, at)
+                if series.each_other:
+                    self._add_others(panel, series, message, place)
+                elif series.first_follower or place > 1:
+                    value = getattr(message, series.field)
+                    self._add(panel, series, message, place, value)
 
     def _is_due(self, panel: str, name: str, period_ns: int, at: int) -> bool:
         timer = self._timers.get((name, panel))
@@ -201,9 +206,19 @@ class PanelSeries:
             timer = self._timers[name, panel] = Timer(period_ns)
         return timer.is_due(at)
 
-    def _add(self, panel: Panel, series: Series, message: Message, place: int, at: int) -> None:
+    def _add_others(self, panel: Panel, series: Series, message: Message, place: int) -> None:
+        """Draw a value of each source that is neither lead nor predecessor."""
+        if not isinstance(message, Tracking) or not message.other_sources:
+            return
+        statuses = message.statuses()
+        states = panel.kind == "states"
+        values = statuses.values() if states else getattr(message, series.field)
+        for source, value in zip(statuses, values, strict=True):
+            self._add(panel, replace(series, name=source), message, place, value)
+
+    def _add(self, panel: Panel, series: Series, message: Message, place: int, value: Any) -> None:
+        at = valid_at(message)
         name = f"{message.vehicle}/{series.name}" if series.name else message.vehicle
-        value = getattr(message, series.field)
         if panel.kind == "states":
             if series.flag and getattr(message, series.flag):
                 value = flagged(value, series.flag)

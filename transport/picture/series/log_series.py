@@ -1,6 +1,7 @@
 """Curves and states of a log by columns; the rows are those that `PanelSeries` draws one by one."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from transport.picture.series.link_states import (
     window_of,
 )
 from transport.topics import TOPICS
+from vehicles.messages import statuses_in
 
 
 def due(at: Integers, period_ns: int) -> Integers:
@@ -42,26 +44,41 @@ class LogSeries:
 
     def draw(self, columns: Columns, place: int) -> None:
         """Draw the messages of one topic of the vehicle at `place` of the convoy."""
-        rows_of: dict[int, Integers] = {}
+        due_rows: dict[int, Columns] = {}
         for panel in panels_of(TOPICS[columns.topic].message):
             if not (columns.vehicle in self._detail or panel.every_vehicle):
                 continue
             if not place and panel.lead == "absent":
                 continue
-            if panel.period_ns not in rows_of:
-                rows_of[panel.period_ns] = due(columns.at_ns, panel.period_ns)
+            if panel.period_ns not in due_rows:
+                due_rows[panel.period_ns] = columns.of(due(columns.at_ns, panel.period_ns))
             for series in panel.series:
-                if series.first_follower or place > 1:
-                    self._add(panel, series, columns, rows_of[panel.period_ns], place)
+                rows = due_rows[panel.period_ns]
+                if series.each_other:
+                    self._add_others(panel, series, rows, place)
+                elif series.first_follower or place > 1:
+                    self._add(panel, series, rows, place, rows[series.field])
+
+    def _add_others(self, panel: Panel, series: Series, columns: Columns, place: int) -> None:
+        """Draw the values of each source that is neither lead nor predecessor."""
+        columns = columns.of(columns["other_sources"] != "")
+        texts = columns["other_sources"]
+        for number, source in enumerate(statuses_in(texts[0]) if len(texts) else ()):
+            if panel.kind == "states":
+                states = {text: statuses_in(text)[source] for text in set(texts.tolist())}
+                values = np.array([states[text] for text in texts], object)
+            else:
+                values = columns.lists[series.field].nth(number)
+            self._add(panel, replace(series, name=source), columns, place, values)
 
     def _add(
-        self, panel: Panel, series: Series, columns: Columns, rows: Integers, place: int
+        self, panel: Panel, series: Series, columns: Columns, place: int, values: Array
     ) -> None:
-        vehicle, at, values = columns.vehicle, columns.at_ns[rows], columns[series.field][rows]
+        vehicle, at = columns.vehicle, columns.at_ns
         name = f"{vehicle}/{series.name}" if series.name else vehicle
         if panel.kind == "states":
             if series.flag:
-                raised = columns[series.flag][rows]
+                raised = columns[series.flag]
                 values = values.copy()
                 values[raised] = [flagged(value, series.flag) for value in values[raised]]
             self._states.show_all(panel.name, name, values, at, self._start)
@@ -75,7 +92,7 @@ class LogSeries:
         self._curves.send_all(panel.name, name, at[known], values[known], start=self._start)
         if not series.deviation:
             return
-        width = SIGMAS * panel.factor * columns[series.deviation][rows]
+        width = SIGMAS * panel.factor * columns[series.deviation]
         known &= np.isfinite(width)
         shown = np.flatnonzero(known)[due(at[known], SLOW_CURVE_NS)]
         if len(shown):

@@ -76,7 +76,7 @@ def send_trajectories(
     )
     samples = rr.Points2D.columns(
         positions=np.column_stack((east.values, north.values)),
-        colors=colours[np.minimum(source.values, 1)],
+        colors=colours[np.minimum(source.values, len(colours) - 1)],
     ).partition(np.diff(east.offsets))
     recording.send_columns(f"world/samples/{vehicle}", time_columns(at, start), samples)
 

@@ -21,9 +21,9 @@ import numpy as np
 
 from vehicles.car.gnss import Fix
 from vehicles.driver.degradation.settings import PredecessorPath
-from vehicles.messages import Mode
 from vehicles.preview.received.samples import Window
-from vehicles.preview.trajectory import LEAD, PREDECESSOR, Fit
+from vehicles.preview.source_window import LEAD
+from vehicles.preview.trajectory import Fit
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
@@ -112,7 +112,7 @@ class IntendedShare:
     """Share of the offsets that is applied (0 to 1).
 
     It is 1 for an `always_intended` path and 0 for a `driven` one. For an `intended` path it is 1
-    once only the predecessor is followed, and changes over `span` (s), so that the path does not
+    while the lead is not followed, and changes over `span` (s), so that the path does not
     jump when the mode changes.
     """
 
@@ -121,24 +121,24 @@ class IntendedShare:
         self._span = span
         self._changes = path == "intended"
 
-    def advance(self, mode: Mode, span: float) -> None:
-        """Update after `span` (s) in `mode`; unchanged while no source is followed."""
+    def advance(self, span: float, *, without_lead: bool) -> None:
+        """Update after `span` (s) in which a source was followed."""
         if not self._changes:
             return
-        if mode == "predecessor":
+        if without_lead:
             self.value = min(self.value + span / self._span, 1.0)
-        elif self.value and mode in ("composite", "lead"):
+        elif self.value:
             self.value = max(self.value - span / self._span, 0.0)
 
 
 def path_offset(fit: Fit, fix: Fix) -> float:
-    """Offset (m, left positive) of a fix from the lead's samples, or else from the predecessor's.
+    """Offset (m, left positive) of a fix from the lead's samples, or else the foremost source's.
 
     e_lat of Section III-B of the fix minus that of the samples, interpolated linearly between the
     sample behind and the one ahead. NaN unless both exist.
     """
     source, project = fit.source.tolist(), fit.spline.project
-    chosen = LEAD if LEAD in source else PREDECESSOR
+    chosen = LEAD if LEAD in source else max(source)
     east_of, north_of = fit.east.item, fit.north.item  # few lie behind the fix
     forward, left = cos(fix.yaw), sin(fix.yaw)
     behind: tuple[float, float] | None = None

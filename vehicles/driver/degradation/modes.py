@@ -7,7 +7,7 @@ from typing import Final, Protocol
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import LOST, SLOWING, Situation
 from vehicles.driver.degradation.source import Source
-from vehicles.driver.degradation.sources import SourcePair
+from vehicles.driver.degradation.sources import Sources
 from vehicles.driver.degradation.stopping import (
     CREEP_SPEED,
     STANDSTILL,
@@ -34,7 +34,7 @@ class Modes(Protocol):
     def decide(
         self,
         now: int,
-        pair: SourcePair,
+        sources: Sources,
         situation: Situation,
         speed: float,
         *,
@@ -49,7 +49,7 @@ class Modes(Protocol):
 
 
 class ModeMachine:
-    """Composite → lead or predecessor → coast → stop, and back.
+    """Composite → one source alone → coast → stop, and back.
 
     The car steers along the sources that it relies on. Without any, or if all of them may have left
     the path, it coasts while a stop within the known path needs no more than comfortable braking,
@@ -77,27 +77,29 @@ class ModeMachine:
     def decide(
         self,
         now: int,
-        pair: SourcePair,
+        sources: Sources,
         situation: Situation,
         speed: float,
         *,
         fitted: bool,  # noqa: ARG002 - it steers along the last trajectory
         has_path: bool,
     ) -> tuple[Mode, str]:
-        relied = list(pair.relied.values())
+        relied = list(sources.relied.values())
         soon = (now - self._worse_at) / SECOND < self._dwell
-        outrun = self._is_outrun(now, pair, situation)
+        outrun = self._is_outrun(now, sources, situation)
         mode = None
         if relied and has_path and situation.hole > 0.0:
             mode = self._at_hole(situation, speed)
-        elif relied and has_path and pair.path_runs_out:
+        elif relied and has_path and sources.path_runs_out:
             mode = self._overdue(relied, situation, speed)
         if mode is None:
-            mode = self._next(pair, situation, speed, has_path=has_path, outrun=outrun, soon=soon)
-        slow = self._slow_mode(pair, situation, speed) if has_path and mode in SLOWING else None
+            mode = self._next(
+                sources, situation, speed, has_path=has_path, outrun=outrun, soon=soon
+            )
+        slow = self._slow_mode(sources, situation, speed) if has_path and mode in SLOWING else None
         self._is_slow = slow is not None
         mode = slow or mode
-        why = "; ".join([_missing_reason(s) for s in pair.used.values() if s not in relied])
+        why = "; ".join([_missing_reason(s) for s in sources.used.values() if s not in relied])
         if mode == "straight":
             why = why if has_path else NOTHING_RECEIVED
         elif mode == "creep":
@@ -114,7 +116,7 @@ class ModeMachine:
             why = "; ".join(filter(None, [*self._recoveries(mode, relied), why]))
             why = why or "; ".join([self._recovery_reason(source) for source in relied])
         self._mode, self._relied = mode, relied
-        self._note_lost(pair)
+        self._note_lost(sources)
         return mode, why
 
     def _recoveries(self, mode: Mode, relied: Sequence[Source]) -> list[str]:
@@ -126,15 +128,15 @@ class ModeMachine:
             if source.gives_path and (resumes or source not in self._relied)
         ]
 
-    def _note_lost(self, pair: SourcePair) -> None:
+    def _note_lost(self, sources: Sources) -> None:
         """Remember the sources that were lost since the car steered along them last."""
-        for source in pair.used.values():
+        for source in sources.used.values():
             if source.status in LOST or source.status == "probation":
                 self._lost.add(source.name)
             elif self._mode not in SLOWING and source in self._relied:
                 self._lost.discard(source.name)
 
-    def _is_outrun(self, now: int, pair: SourcePair, situation: Situation) -> bool:
+    def _is_outrun(self, now: int, sources: Sources, situation: Situation) -> bool:
         """Whether the known path has ended behind the car for longer than the probation.
 
         This happens if messages take longer to arrive than the car needs to close the gap: the car
@@ -142,7 +144,7 @@ class ModeMachine:
         """
         enough = FALLEN_BACK if self._mode in SLOWING else 0.0
         outrun = situation.known <= enough and any(
-            source.gives_path for source in pair.used.values()
+            source.gives_path for source in sources.used.values()
         )
         if not outrun:
             self._outrun_since = None
@@ -153,7 +155,7 @@ class ModeMachine:
 
     def _next(
         self,
-        pair: SourcePair,
+        sources: Sources,
         situation: Situation,
         speed: float,
         *,
@@ -162,12 +164,13 @@ class ModeMachine:
         soon: bool,
     ) -> Mode:
         """The next mode; not a better one `soon` after a worse one."""
-        relied, slows = list(pair.relied), self._mode in SLOWING
+        relied, slows = list(sources.relied.values()), self._mode in SLOWING
         if relied and has_path and not outrun and not (soon and slows):
-            if len(relied) == 1 or (soon and self._mode in relied):
-                return self._mode if self._mode in relied else relied[0]
+            alone = [sources.mode_along(source) for source in relied]
+            if len(alone) == 1 or (soon and self._mode in alone):
+                return self._mode if self._mode in alone else alone[0]
             return "composite"
-        if not slows and not outrun and (relied or not _any_lost(pair.used.values())):
+        if not slows and not outrun and (relied or not _any_lost(sources.used.values())):
             return "straight"  # nothing received yet, or no trajectory fitted
         known = 0.0 if isnan(situation.known) else situation.known
         if outrun:  # the vehicles ahead are received: fall back, no need to stop
@@ -207,7 +210,7 @@ class ModeMachine:
             return "stop"
         return None
 
-    def _slow_mode(self, pair: SourcePair, situation: Situation, speed: float) -> Mode | None:
+    def _slow_mode(self, sources: Sources, situation: Situation, speed: float) -> Mode | None:
         """Mode of a car that has stopped and drives slowly along the known path, None if it waits.
 
         It does while messages arrive, but too few for any source to pass its probation.
@@ -215,13 +218,13 @@ class ModeMachine:
         least = STOP_MARGIN if self._is_slow else FALLEN_BACK
         highest = CREEP_SPEED + STANDSTILL if self._is_slow else STANDSTILL
         received = {
-            source.freshness.known: mode
-            for mode, source in pair.used.items()
+            source.freshness.known: sources.mode_along(source)
+            for source in sources.used.values()
             if source.freshness.silence < STILL_RECEIVED
             and source.status != "distrusted"
             and source.probation.length > self._dwell
         }
-        if pair.relied or not received or not (speed < highest and situation.known > least):
+        if sources.relied or not received or not (speed < highest and situation.known > least):
             return None
         left = 2.0 * self._comfortable * (situation.known - STOP_MARGIN)
         situation.speed_limit = min(CREEP_SPEED, sqrt(left))
@@ -245,15 +248,15 @@ class ModesByReach:
     def decide(
         self,
         now: int,  # noqa: ARG002
-        pair: SourcePair,
+        sources: Sources,
         situation: Situation,  # noqa: ARG002
         speed: float,  # noqa: ARG002
         *,
         fitted: bool,
         has_path: bool,
     ) -> tuple[Mode, str]:
-        reaching = [mode for mode, one in pair.used.items() if one.reaches]
-        silent = [source for source in pair.used.values() if not source.reaches]
+        reaching = [sources.mode_along(one) for one in sources.used.values() if one.reaches]
+        silent = [source for source in sources.used.values() if not source.reaches]
         why = ", ".join(
             f"{s.name} not received yet"
             if isnan(s.freshness.age)

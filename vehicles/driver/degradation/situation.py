@@ -1,5 +1,6 @@
 """Freshness of a follower's data, in seconds and metres; SI units, NaN where unknown."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf, nan
 from typing import Final
@@ -83,14 +84,22 @@ class SourceFreshness:
         return driven, after, acceleration if age <= PREDICTED_FOR else 0.0
 
 
+UNUSED = SourceFreshness("unused")
+"""State of a vehicle that is not received."""
+NO_OTHERS: Mapping[str, SourceFreshness] = {}
+NO_WEIGHTS: Mapping[str, float] = {}
+
+
 @dataclass(slots=True)
 class Situation:
     """State of the sources, the road and the brakes of a follower at a control instant.
 
-    The first follower has one source, which is both. `known` (m) is the known path ahead of the car
-    from all sources; `comfortable_stop` and `firm_stop` are braking distances (m), `blind` (m) the
-    distance driven beyond the known path in an emergency stop. `predecessor_weight` is the
-    predecessor's weight in the trajectory; `hazard` warns the followers behind. `stops_at` (ns, 0
+    `lead` and `predecessor` are one source for the first follower, and have the status "unused" if
+    they are not received; `others` are all other sources by name, from front to back. `known` (m)
+    is the known path ahead of the car from all sources; `comfortable_stop` and `firm_stop` are
+    braking distances (m), `blind` (m) the distance driven beyond the known path in an emergency
+    stop. `weights` in the trajectory are by name, `predecessor_weight` is the predecessor's;
+    `hazard` warns the followers behind. `stops_at` (ns, 0
     for never) is the announced instant at which the car begins to stop without new data. The known
     path ends at a hole of about `hole` (m), 0 without one, which the car can cross if it is
     `crossable`. A return to the path, or sources that are rarely received, require at most
@@ -109,6 +118,8 @@ class Situation:
     hole: float = 0.0
     crossable: bool = False
     speed_limit: float = inf
+    others: Mapping[str, SourceFreshness] = field(default_factory=dict)
+    weights: Mapping[str, float] = field(default_factory=dict)
 
     def __init__(  # noqa: PLR0917 - its fields
         self,
@@ -124,6 +135,8 @@ class Situation:
         hole: float = 0.0,
         crossable: bool = False,
         speed_limit: float = inf,
+        others: Mapping[str, SourceFreshness] | None = None,
+        weights: Mapping[str, float] | None = None,
     ) -> None:
         self.lead = SourceFreshness() if lead is None else lead
         self.predecessor = SourceFreshness() if predecessor is None else predecessor
@@ -137,3 +150,5 @@ class Situation:
         self.hole = hole
         self.crossable = crossable
         self.speed_limit = speed_limit
+        self.others = NO_OTHERS if others is None else others
+        self.weights = NO_WEIGHTS if weights is None else weights

@@ -45,22 +45,26 @@ class Source:
     again. The `weight` in the trajectory is 1 while it is fresh. Once late, the weight decreases
     with the known path and returns slowly, so that no sample appears or vanishes at once.
 
+    `place` is 0 for the lead, k for the k-th vehicle ahead, -k for the k-th vehicle behind.
+
     A source that `may_leave_path` is followed only while it announces neither trouble nor a large
     offset from the path, as there is another source; else `has_left_path` is True.
     `stop_is_assumed` is True while it is silent without an announced stop. `freshness` is that of
     the last control instant, `bend` the largest curvature (1/m) of its recent poses.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0917 - usually fewer
         self,
         name: str,
         period: float,
         settings: DegradationSettings,
         delay: float = 0.0,
         trust: Trust | None = None,
+        place: int = 0,
     ) -> None:
         """`period` (s) between messages and `delay` (s) of the first one are the expected ones."""
         self.name = name
+        self.place = place
         self.trace = Trace(closes_holes=settings.reaction == "degrade")
         self.intended: IntendedPath | None = None
         self.weight = 1.0

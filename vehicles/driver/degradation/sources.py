@@ -1,11 +1,11 @@
-"""The sources of a follower: lead and predecessor, which are one for the first follower."""
+"""The sources of a follower: the vehicles that it receives, as lead and predecessor."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from math import isnan, nan
 
 from vehicles.driver.degradation.intended_path import IntendedPath, IntendedShare
 from vehicles.driver.degradation.settings import Braking, DegradationSettings
-from vehicles.driver.degradation.situation import Situation
+from vehicles.driver.degradation.situation import UNUSED, Situation
 from vehicles.driver.degradation.source import RELIED_ON, Source, reaches_ahead
 from vehicles.driver.degradation.stopping import stopping_distance
 from vehicles.driver.ego.own_state import Pose
@@ -17,36 +17,50 @@ from vehicles.preview.received.trace import Trace
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
+FOLLOWING: tuple[Mode, ...] = ("composite", "lead", "predecessor", "intermediate")
+"""Modes in which a follower steers along sources."""
 AWAITED = ("unheard", *RELIED_ON)
 """Statuses of a source whose samples may still determine a trajectory."""
 
 
-class SourcePair:
-    """Lead and predecessor (Section III-A), and their use for the trajectory.
+class Sources:
+    """The vehicles that a follower receives, and their use for the trajectory (Section III-A).
 
-    `used` are the sources of the trajectory, by the mode of a follower that steers along one alone;
-    `relied` are those relied on at the last control instant.
+    `all` are in the order of the convoy, by name. `used` are the lateral ones, through whose poses
+    the trajectory is fitted; `relied` are those relied on at the last control instant. `lead` and
+    `predecessor` are one source for the first follower, None if they are not received.
     """
 
     def __init__(
-        self, lead: Source, predecessor: Source, settings: DegradationSettings, *, uses_lead: bool
+        self,
+        sources: Sequence[Source],
+        settings: DegradationSettings,
+        *,
+        lead: str,
+        predecessor: str,
+        lateral: Collection[str],
     ) -> None:
-        """`lead` and `predecessor` are one object for the first follower, whatever the fusion."""
-        self.lead = lead
-        self.predecessor = predecessor
-        self.all = {one.name: one for one in (lead, predecessor)}
-        self.used: dict[Mode, Source] = {}
-        self.relied: dict[Mode, Source] = {}
-        if uses_lead or lead is predecessor:
-            self.used["lead"] = lead
-        if lead is not predecessor:
-            self.used["predecessor"] = predecessor
-            predecessor.may_leave_path = len(self.used) > 1 and settings.reaction == "degrade"
-        path = settings.predecessor_path if predecessor.may_leave_path else "driven"
-        if path != "driven":
-            predecessor.intended = IntendedPath()
-        self._intended = IntendedShare(settings.probation, path)
+        """`lateral` are the names of at least one source ahead."""
+        self.all = {source.name: source for source in sources}
+        self.lead = self.all.get(lead)
+        self.predecessor = self.all.get(predecessor)
+        self.used = {name: source for name, source in self.all.items() if name in lateral}
+        self.relied: dict[str, Source] = {}
         self._degrades = settings.reaction == "degrade"
+        corrects = False
+        for source in self.used.values():
+            if source is not self.lead and len(self.used) > 1 and self._degrades:
+                source.may_leave_path = True
+                if settings.predecessor_path != "driven":
+                    source.intended = IntendedPath()
+                    corrects = True
+        path = settings.predecessor_path if corrects else "driven"
+        self._intended = IntendedShare(settings.probation, path)
+        self._others = {
+            name: source
+            for name, source in self.all.items()
+            if source is not self.lead and source is not self.predecessor
+        }
         self._comfortable, self._firm = settings.comfortable, settings.firm
         self._emergency = settings.emergency
         self._assessed_at = 0
@@ -54,13 +68,19 @@ class SourcePair:
         self._hole_ahead = 0.0
         self._all_lost_at = 0
 
+    def mode_along(self, source: Source) -> Mode:
+        """Mode of a follower that steers along one source alone."""
+        if source is self.lead:
+            return "lead"
+        return "predecessor" if source is self.predecessor else "intermediate"
+
     def receive(self, pose: ReceivedPose) -> Trace:
         """Pass a pose to its source, and return the source's trace."""
         source = self.all[pose.message.vehicle]
         source.receive(pose)
         return source.trace
 
-    def windows(self, pose: Pose, settings: FitSettings, *, runs_out: bool) -> dict[Mode, Window]:
+    def windows(self, pose: Pose, settings: FitSettings, *, runs_out: bool) -> dict[str, Window]:
         """Preview data (Section III-A) of the sources that reach ahead of the ego.
 
         While the known path `runs_out`, the window extends behind by what is missing ahead, so that
@@ -70,26 +90,26 @@ class SourcePair:
         self._find_hole(pose)
         if self._hole is not None and self._hole_ahead > 0.0 and not self._crossable:
             ahead = min(ahead, self._hole_ahead)
-        windows: dict[Mode, Window] = {}
-        for mode, source in self.used.items():
+        windows: dict[str, Window] = {}
+        for name, source in self.used.items():
             known = source.freshness.known
             known = 0.0 if isnan(known) else known
             more = min(max(ahead - known, 0.0), ahead) if runs_out else 0.0
             window = source.window(pose.east, pose.north, behind + more, ahead)
             if window is not None:
-                windows[mode] = window
+                windows[name] = window
         windows = self._without_bridges(windows, behind)
-        alone, source = windows.get("predecessor"), self.predecessor
-        if alone is not None and source.intended is not None and self._intended.value > 0.0:
-            instants = source.trace.instants(alone)
-            windows["predecessor"] = source.intended.corrected(
-                alone, instants, self._intended.value
-            )
+        share = self._intended.value
+        for name, window in windows.items() if share > 0.0 else ():
+            source = self.used[name]
+            if source.intended is not None:
+                instants = source.trace.instants(window)
+                windows[name] = source.intended.corrected(window, instants, share)
         return windows
 
-    def have_bridge_points(self, windows: Mapping[Mode, Window]) -> bool:
+    def have_bridge_points(self, windows: Mapping[str, Window]) -> bool:
         return any(
-            self.used[mode].trace.has_bridge_points(window) for mode, window in windows.items()
+            self.used[name].trace.has_bridge_points(window) for name, window in windows.items()
         )
 
     @property
@@ -97,34 +117,34 @@ class SourcePair:
         """Largest curvature (1/m) of the recently received poses."""
         return max([source.bend for source in self.used.values()])
 
-    def sample_count(self, windows: Mapping[Mode, Window]) -> int:
-        return sum([self.used[mode].trace.sample_count for mode in windows])
+    def sample_count(self, windows: Mapping[str, Window]) -> int:
+        return sum([self.used[name].trace.sample_count for name in windows])
 
-    def _without_bridges(self, windows: dict[Mode, Window], behind: float) -> dict[Mode, Window]:
+    def _without_bridges(self, windows: dict[str, Window], behind: float) -> dict[str, Window]:
         """Remove bridge points if a source has received samples around the car.
 
         Samples within `behind` (m) ahead and behind are required, or samples closer together than
         the bridge is long: within a longer hole a bridge is the better guess. If no samples behind
         are used, as in the paper, the path ahead suffices.
         """
-        received: dict[Mode, Window] = {}
+        received: dict[str, Window] = {}
         bridged, longest = False, 0.0
-        for mode, window in windows.items():
-            trace = self.used[mode].trace
-            received[mode] = trace.without_bridges(window)
-            if received[mode] is not window:
+        for name, window in windows.items():
+            trace = self.used[name].trace
+            received[name] = trace.without_bridges(window)
+            if received[name] is not window:
                 bridged, longest = True, max(longest, trace.longest_bridge(window))
         if not bridged:
             return windows
-        received = {mode: window for mode, window in received.items() if reaches_ahead(window)}
+        received = {name: window for name, window in received.items() if reaches_ahead(window)}
         if behind == 0.0:
             return received or windows
-        for mode, window in received.items():
+        for name, window in received.items():
             passed = int(window.station.searchsorted(0.0, "right"))
             beside = window.station[max(passed - 1, 0) : passed + 1].tolist()
             around = beside[0] <= 0.0 <= beside[-1]
             near = -behind <= beside[0] and beside[-1] <= behind
-            if self.used[mode].weight and around and (near or beside[-1] - beside[0] < longest):
+            if self.used[name].weight and around and (near or beside[-1] - beside[0] < longest):
                 return received
         return windows
 
@@ -133,15 +153,52 @@ class SourcePair:
 
         The paper's followers without lead data follow the path driven (Section V-D.1).
         """
-        self._intended.advance(mode, span)
+        if mode not in FOLLOWING:
+            return
+        by_lead = mode == "lead" or (
+            mode == "composite" and self.lead is not None and self.lead.name in self.relied
+        )
+        self._intended.advance(span, without_lead=not by_lead)
 
-    def alpha(self, alpha: float) -> float:
-        """Weight of the predecessor, α of eq. (5), scaled by the weights of both sources."""
-        lead, ahead = self.lead.weight, self.predecessor.weight
-        if lead == ahead or lead + ahead == 0.0:
+    def weights(self, alpha: float) -> dict[str, float]:
+        """Weights of the lateral sources, which add up to 1.
+
+        That of the predecessor is α of eq. (5), the others share 1 - α equally, in the paper the
+        lead alone; without the predecessor all are equal. They are scaled by the weights of the
+        sources.
+        """
+        used = list(self.used.values())
+        others = [source for source in used if source is not self.predecessor]
+        count = len(others)
+        ahead = 0.0
+        if count < len(used) and self.predecessor is not None:
+            ahead = self._weight_of_predecessor(alpha, others, self.predecessor)
+        rest, total = 1.0 - ahead, sum([source.weight for source in others])
+        return {
+            source.name: ahead
+            if source is self.predecessor
+            else rest * (source.weight / total if total > 0.0 else 1.0 / count)
+            for source in used
+        }
+
+    def predecessor_weight(self, alpha: float, weights: Mapping[str, float]) -> float:
+        """Weight of the predecessor for the log; that of a first follower remains α of eq. (5)."""
+        if self.predecessor is None:
+            return 0.0
+        return alpha if self.predecessor is self.lead else weights.get(self.predecessor.name, 0.0)
+
+    def _weight_of_predecessor(
+        self, alpha: float, others: Sequence[Source], predecessor: Source
+    ) -> float:
+        """Weight α of eq. (5) of the predecessor, scaled by the weights of the sources."""
+        if not others:
+            return 1.0
+        own = [source.weight for source in others]
+        if max(own) == min(own) == predecessor.weight or sum(own) + predecessor.weight == 0.0:
             return alpha
-        total = (1.0 - alpha) * lead + alpha * ahead
-        return alpha * ahead / total if total > 0.0 else alpha
+        total = sum([(1.0 - alpha) / len(own) * weight for weight in own])
+        total += alpha * predecessor.weight
+        return alpha * predecessor.weight / total if total > 0.0 else alpha
 
     def assess(self, now: int, pose: Pose, acceleration: float, *, refit: bool) -> Situation:
         """Update all sources at a control instant `now` (ns); `acceleration` is the last one."""
@@ -152,12 +209,12 @@ class SourcePair:
             source.update(now, pose, span, refit=refit)
         known = nan
         self.relied = {}
-        for mode, source in self.used.items():
+        for name, source in self.used.items():
             freshness = source.freshness
             if freshness.status != "distrusted" and (isnan(known) or freshness.known > known):
                 known = freshness.known
             if source.usable and freshness.status in RELIED_ON:
-                self.relied[mode] = source
+                self.relied[name] = source
         if not any(source.gives_path for source in self.relied.values()):
             self.relied = {}
         hole = self._hole
@@ -168,8 +225,11 @@ class SourcePair:
         firm = _stop(speed, acceleration, self._firm)
         blind = _stop(speed, acceleration, self._emergency, period=span) - known
         blind = 0.0 if blind < 0.0 else blind
-        lead, predecessor = self.lead.freshness, self.predecessor.freshness
+        lead = self.lead.freshness if self.lead else UNUSED
+        predecessor = self.predecessor.freshness if self.predecessor else UNUSED
         situation = Situation(lead, predecessor, known, comfortable, firm, blind)
+        if self._others:
+            situation.others = {name: one.freshness for name, one in self._others.items()}
         if hole is not None:
             situation.hole, situation.crossable = hole.length, self._crossable
         return situation
@@ -179,7 +239,7 @@ class SourcePair:
         return self._hole is not None and self._hole.is_certain(self.bend)
 
     def _find_hole(self, pose: Pose) -> None:
-        """Find the hole at which the known path of both sources ends, if there is one."""
+        """Find the hole at which the known path of all sources ends, if there is one."""
         self._hole = None
         traces = [
             source.trace
@@ -213,7 +273,8 @@ class SourcePair:
             all_overdue = all_overdue and source.is_overdue
         self._all_lost_at = lost_at or self._all_lost_at
         earliest = self._all_lost_at if all_overdue else 0
-        for at in (brakes_at, self.predecessor.freshness.stops_at):
+        its_stop = self.predecessor.freshness.stops_at if self.predecessor else 0
+        for at in (brakes_at, its_stop):
             if at and (at < earliest or not earliest):
                 earliest = at
         return earliest

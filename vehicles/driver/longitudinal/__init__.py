@@ -3,5 +3,6 @@
 spacing      spacing to keep, and limits of the acceleration
 controller   interface of a controller, and its inputs
 gap_keeping  the law of the shipped controller
+own_path     the path driven, for vehicles behind
 laws         shipped controllers
 """

@@ -32,7 +32,8 @@ class OwnMotion:
 class SourceMotion:
     """Motion of a received vehicle in its newest pose.
 
-    spacing       arc length (m) along its path from the car's present position to that pose
+    spacing       arc length (m) along its path from the car's present position to that pose,
+                  negative for a vehicle behind
     speed         speed (m/s)
     acceleration  announced command (m/s²)
     age           time since the measurement (s)
@@ -46,10 +47,11 @@ class SourceMotion:
 
 @dataclass(slots=True)
 class VehiclesAhead:
-    """Motion of the vehicles ahead; NaN where nothing was received.
+    """Motion of the vehicles ahead, and of those behind; NaN where nothing was received.
 
     The first five are predicted to the present by the last announced accelerations; while messages
-    are missing, a follower that degrades alters them to open its gap.
+    are missing, a follower that degrades alters them and the spacings of the sources to open its
+    gap. Those of the lead are NaN unless it is a longitudinal source ([information_flow]).
 
     spacing                   arc length to the predecessor (m)
     predecessor_speed         m/s
@@ -60,7 +62,7 @@ class VehiclesAhead:
     bend                      squared speed (m²/s²) that the received path allows, and the distance
                               of its bend (m), if any
     own                       `OwnMotion`
-    sources                   `SourceMotion` of each received vehicle by its name
+    sources                   `SourceMotion` of each longitudinal source by its name, once received
     measured_gap              gap by the on-board sensor (m), predicted to the present by its rate
     measured_gap_rate         its rate (m/s)
     measured_gap_age          time since the measurement (s)
@@ -82,7 +84,16 @@ class VehiclesAhead:
     def replaced(
         self, spacing: float, lead_speed: float, lead_acceleration: float
     ) -> "VehiclesAhead":
-        """Copy with another spacing and motion of the lead; `replace` costs 1 % of a tick."""
+        """Copy with another spacing and motion of the lead; `replace` costs 1 % of a tick.
+
+        The spacings to all sources change as that to the predecessor.
+        """
+        sources, wider = self.sources, self.spacing - spacing
+        if wider:  # also NaN, without the predecessor
+            sources = {
+                name: SourceMotion(one.spacing - wider, one.speed, one.acceleration, one.age)
+                for name, one in sources.items()
+            }
         return VehiclesAhead(
             spacing,
             self.predecessor_speed,
@@ -92,7 +103,7 @@ class VehiclesAhead:
             self.curvature_ahead,
             self.bend,
             self.own,
-            self.sources,
+            sources,
             self.measured_gap,
             self.measured_gap_rate,
             self.measured_gap_age,
@@ -111,7 +122,8 @@ class LongitudinalSetup:
     parameters     `VehicleParameters` assumed of the car
     lead           name of the lead
     predecessor    name of the predecessor
-    policies       `SpacingPolicy` to each vehicle ahead by its name; to the predecessor, `policy`
+    policies       `SpacingPolicy` to each longitudinal source by its name; to the predecessor,
+                   `policy`, and negative to vehicles behind
     """
 
     policy: SpacingPolicy
@@ -129,7 +141,9 @@ class LongitudinalController(Protocol):
     """Interface of the longitudinal controller of a follower, shipped or user-defined.
 
     Each follower with `speed.followers = "gap"` has its own instance, constructed as
-    `Class(setup)`, followed by its `settings` if it has any; `setup` is a `LongitudinalSetup`.
+    `Class(setup)`, followed by its `settings` if it has any; `setup` is a `LongitudinalSetup`. A
+    class with `needs_predecessor = True` is refused where the predecessor is not a longitudinal
+    source.
 
     A controller must not keep state between calls, use a clock or draw random numbers: it is called
     up to 3 times per control instant, with the measured and with altered spacings. A law with a
@@ -137,7 +151,8 @@ class LongitudinalController(Protocol):
 
     The command is limited to [speed.gap] and to bends. With `reaction = "degrade"` the follower
     also keeps the safe distance while messages are missing. It is not called before the first pose
-    of the predecessor, until which the car keeps its speed.
+    of the predecessor, or of any source if the predecessor is not received: until then the car
+    keeps its speed.
     """
 
     def acceleration(self, speed: float, ahead: VehiclesAhead) -> float:

@@ -11,16 +11,23 @@ where there is one, else the received one.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
-from vehicles.driver.longitudinal.controller import LongitudinalSetup, VehiclesAhead
+from vehicles.driver.longitudinal.controller import (
+    LongitudinalSetup,
+    SourceMotion,
+    VehiclesAhead,
+)
 from vehicles.driver.longitudinal.gap_keeping import gap_acceleration
 from vehicles.setting import Setting
 
 
 class GapLaw:
     """The CACC law of PATH, which keeps a constant distance or time gap (Rajamani, eq. 7.39)."""
+
+    needs_predecessor: ClassVar[bool] = True
 
     def __init__(self, setup: LongitudinalSetup) -> None:
         self._policy = setup.policy
@@ -44,6 +51,7 @@ class Acc:
     u = -((v - v_p) + λ (d + h v - g)) / h. With a drive of lag τ it is string stable for h > 2 τ.
     """
 
+    needs_predecessor: ClassVar[bool] = True
     Settings = AccSettings
 
     def __init__(self, setup: LongitudinalSetup, settings: AccSettings) -> None:
@@ -69,16 +77,23 @@ class Fallback:
 class _RadioLaw:
     """A law with radio data of the predecessor, and ACC without them."""
 
+    needs_predecessor: ClassVar[bool] = True
+
     def __init__(self, setup: LongitudinalSetup, settings: Fallback) -> None:
         self._setup, self._fallback = setup, settings
         self._headway = max(setup.policy.headway, settings.fallback_headway)
 
     def acceleration(self, speed: float, ahead: VehiclesAhead) -> float:
         """Use the law, or ACC while the predecessor's data are old."""
-        source = ahead.sources.get(self._setup.predecessor)
-        if source is not None and source.age <= self._fallback.fallback_after:
+        if self._has_data(ahead):
             return self._cooperative(speed, ahead)
         return acc_acceleration(self._setup, speed, ahead, self._headway)
+
+    def _has_data(self, ahead: VehiclesAhead) -> bool:
+        return self._is_recent(ahead.sources.get(self._setup.predecessor))
+
+    def _is_recent(self, source: SourceMotion | None) -> bool:
+        return source is not None and source.age <= self._fallback.fallback_after
 
     def _cooperative(self, speed: float, ahead: VehiclesAhead) -> float:
         raise NotImplementedError
@@ -218,31 +233,59 @@ class ConsensusSettings(Fallback):
 
 
 class Consensus(_RadioLaw):
-    """Consensus over all received vehicles (Santini et al., 2017), along the path.
+    """Consensus over all longitudinal sources (Santini et al., 2017), along the path.
 
     u = -b (v - v_0) + (k / n) Σ_j (s_j - S_j), with the speed v_0 of the lead, the spacing s_j to
     each of n sources, predicted to now at v_0, and its desired value S_j at v_0. Gains are those of
     Plexe for a mass of 1000 kg.
+
+    Sources may be anywhere: spacings to vehicles behind are negative. Without the lead, v_0 is the
+    mean speed of the sources (Ren and Atkins, 2007). The errors of a convoy then obey
+    s² + b s + k λ = 0 with the lead and s² + b λ s + k λ = 0 without it, for each eigenvalue λ of
+    I - D⁻¹ A, where A is the graph of the sources and D their numbers; if the lead reaches every
+    vehicle and all λ are real, as with any sources ahead and with both neighbours, all decay. It
+    falls back to ACC while the predecessor's data are old, or those of all sources if the
+    predecessor is none of them; without data of the predecessor at all, it then keeps its speed.
     """
 
+    needs_predecessor: ClassVar[bool] = False
     Settings = ConsensusSettings
 
     def __init__(self, setup: LongitudinalSetup, settings: ConsensusSettings) -> None:
         super().__init__(setup, settings)
         self._settings = settings
+        self._needs_predecessor = not setup.policies or setup.predecessor in setup.policies
+
+    def _has_data(self, ahead: VehiclesAhead) -> bool:
+        if self._needs_predecessor:
+            return super()._has_data(ahead)
+        return any(self._is_recent(source) for source in ahead.sources.values())
 
     def _cooperative(self, speed: float, ahead: VehiclesAhead) -> float:
-        settings, setup = self._settings, self._setup
-        common = ahead.predecessor_speed if math.isnan(ahead.lead_speed) else ahead.lead_speed
-        total, count = 0.0, 0
-        for name, source in ahead.sources.items():
-            if source.age <= settings.fallback_after and name in setup.policies:
-                spacing = source.spacing + source.age * common
-                total += spacing - setup.policies[name].desired(common)
-                count += 1
-        return settings.position_gain * total / max(count, 1) - settings.speed_gain * (
+        settings, policies = self._settings, self._setup.policies
+        sources = {
+            name: source
+            for name, source in ahead.sources.items()
+            if self._is_recent(source) and name in policies
+        }
+        common = ahead.lead_speed
+        if math.isnan(common):
+            common = self._mean_speed(sources, ahead)
+        total = 0.0
+        for name, source in sources.items():
+            spacing = source.spacing + source.age * common
+            total += spacing - policies[name].desired(common)
+        return settings.position_gain * total / max(len(sources), 1) - settings.speed_gain * (
             speed - common
         )
+
+    def _mean_speed(self, sources: Mapping[str, SourceMotion], ahead: VehiclesAhead) -> float:
+        """Mean speed (m/s) of the sources, that of the predecessor predicted to now."""
+        speeds = [
+            ahead.predecessor_speed if name == self._setup.predecessor else source.speed
+            for name, source in sources.items()
+        ]
+        return sum(speeds) / len(speeds) if speeds else ahead.predecessor_speed
 
 
 def acc_acceleration(
@@ -260,5 +303,7 @@ def acc_acceleration(
     if math.isnan(gap):
         gap = ahead.spacing - setup.least_spacing
         rate = ahead.predecessor_speed - speed
+    if math.isnan(gap):  # neither a sensor nor poses of the predecessor
+        return 0.0
     standstill = setup.policy.standstill - setup.least_spacing
     return (rate + gain * (gap - standstill - headway * speed)) / headway

@@ -8,14 +8,17 @@ from dataclasses import dataclass, fields
 class SpacingPolicy:
     """The spacing to keep (m): `standstill` (m) plus `headway` (s) times speed.
 
-    Constant time headway policy; a headway of 0 keeps a constant distance.
+    Constant time headway policy; a headway of 0 keeps a constant distance. To a vehicle behind,
+    spacings are negative.
     """
 
     standstill: float
     headway: float = 0.0
 
     def __post_init__(self) -> None:
-        _require_not_negative(self)
+        behind = self.standstill < 0.0
+        _require_not_negative("standstill", -self.standstill if behind else self.standstill)
+        _require_not_negative("headway", -self.headway if behind else self.headway)
 
     def desired(self, speed: float) -> float:
         return self.standstill + self.headway * speed
@@ -37,11 +40,10 @@ class GapLimits:
     before_bends: float = 2.5
 
     def __post_init__(self) -> None:
-        _require_not_negative(self)
+        for field in fields(self):
+            _require_not_negative(field.name, getattr(self, field.name))
 
 
-def _require_not_negative(values: SpacingPolicy | GapLimits) -> None:
-    for field in fields(values):
-        value = getattr(values, field.name)
-        if not (value >= 0.0 and (math.isfinite(value) or field.name == "lateral")):
-            raise ValueError(f"{field.name} must be a number of at least 0, not {value}")
+def _require_not_negative(name: str, value: float) -> None:
+    if not (value >= 0.0 and (math.isfinite(value) or name == "lateral")):
+        raise ValueError(f"{name} must be a number of at least 0, not {value}")

@@ -1,5 +1,7 @@
 """Fusions of sources and degradation policies as plug-ins."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from scenarios.definition.schema.plug_ins.guards import PlugInError, called, finite
@@ -12,6 +14,7 @@ from vehicles.messages import Mode
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.fusion import SourceFusion, Trajectories
 from vehicles.preview.received.samples import Window
+from vehicles.preview.source_window import LEAD, PREDECESSOR, SourceWindow
 from vehicles.preview.trajectory import Fit
 
 
@@ -21,19 +24,10 @@ class GuardedFusion:
     def __init__(self, fusion: SourceFusion, name: str) -> None:
         self._fusion = fusion
         self._what = f"fusion {name!r}: fuse()"
-        self.uses_lead = getattr(fusion, "uses_lead", True)
         self.separate = getattr(fusion, "separate", False)
 
-    def fuse(
-        self,
-        lead: Window | None,
-        predecessor: Window | None,
-        alpha: float,
-        settings: FitSettings,
-    ) -> Trajectories:
-        found: object = called(
-            lambda: self._fusion.fuse(lead, predecessor, alpha, settings), self._what
-        )
+    def fuse(self, sources: Sequence[SourceWindow], settings: FitSettings) -> Trajectories:
+        found: object = called(lambda: self._fusion.fuse(sources, settings), self._what)
         result: list[tuple[float, Fit]] = []
         for entry in found if isinstance(found, list | tuple) else [found]:
             if not isinstance(entry, tuple) or len(entry) != 2 or not isinstance(entry[1], Fit):
@@ -47,12 +41,13 @@ class GuardedFusion:
 
 
 def try_fusion(fusion: SourceFusion) -> list[float]:
-    """Fuse two straight traces; returns shares and residuals."""
+    """Fuse two straight traces, and either of them alone; returns shares and residuals."""
     station = np.arange(-10.0, 40.0, 2.0)
-    lead = Window(station, 0.01 * station, station)
-    predecessor = Window(station + 1.0, 0.01 * station, station + 1.0)
-    cases = ((lead, predecessor), (None, predecessor), (lead, None))
-    found = [fusion.fuse(first, second, 0.5, FitSettings()) for first, second in cases]
+    lead = SourceWindow(LEAD, 0.5, Window(station, 0.01 * station, station))
+    ahead = Window(station + 1.0, 0.01 * station, station + 1.0)
+    predecessor = SourceWindow(PREDECESSOR, 0.5, ahead)
+    cases = ([lead, predecessor], [predecessor], [lead])
+    found = [fusion.fuse(sources, FitSettings()) for sources in cases]
     return [number for one in found for share, fit in one for number in (share, fit.residual_rms)]
 
 
@@ -93,12 +88,11 @@ FUSION = PlugInPoint(
     key="control.fusion",
     shipped={
         "composite": "vehicles.preview.fusion.CompositeFusion",
-        "predecessor": "vehicles.preview.fusion.PredecessorFusion",
         "blend": "vehicles.preview.fusion.BlendFusion",
     },
     contract=SourceFusion,
-    methods={"fuse": "lead, predecessor, alpha, settings"},
-    types=(),
+    methods={"fuse": "sources, settings"},
+    types=(SourceWindow,),
     guard=GuardedFusion,
     trial=try_fusion,
 )

@@ -96,6 +96,9 @@ class DriverBuilder:
             control=control,
             lead=setup.lead,
             predecessor=setup.predecessor,
+            places={sender: self._source_place(sender) for sender in setup.senders},
+            lateral=setup.flow.lateral,
+            longitudinal=setup.flow.longitudinal,
             least_spacing=self._scenario.least_spacings[setup.place],
             periods={sender: self._least_period(sender) for sender in setup.senders},
             delays={sender: self._usual_delay(sender) for sender in setup.senders},
@@ -110,6 +113,11 @@ class DriverBuilder:
             bends=self._bends(),
             drive_lag=setup.assumed_parameters.drive_lag,
         )
+
+    def _source_place(self, sender: str) -> int:
+        """Place of a source of a follower: 0 the lead, k the k-th vehicle ahead, -k behind."""
+        place = self._scenario.vehicle(sender).place
+        return self._setup.place - place if place else 0
 
     def _gap_keeping(self) -> GapKeeping:
         scenario = self._scenario
@@ -165,12 +173,12 @@ class DriverBuilder:
         return LoadWatch(estimator, [part for part in parts if isinstance(part, ParameterUser)])
 
     def _fit_settings(self) -> FitSettings:
-        """Settings of the fit by the largest assumed noise of the sources' receivers.
+        """Settings of the fit by the largest assumed noise of the lateral sources' receivers.
 
         The tolerance is at least five times that noise, like the paper's 10 cm for 2 cm of RTK.
         """
         steering = self._setup.steering
-        receivers = (self._scenario.vehicle(name).gnss for name in self._setup.senders)
+        receivers = (self._scenario.vehicle(name).gnss for name in self._setup.flow.lateral)
         noise = max(
             FitSettings().position_noise, *(receiver.assumed_deviation for receiver in receivers)
         )
@@ -182,12 +190,13 @@ class DriverBuilder:
         )
 
     def _bends(self) -> dict[str, BendsAhead]:
-        """Bends of each source's path, unless friction does not limit the speed."""
+        """Bends of the path of each source ahead, unless friction does not limit the speed."""
         lateral = self._scenario.usable_lateral(self._name)
         if lateral == math.inf:
             return {}
         braking = self._scenario.gap_limits.before_bends
-        return {name: BendsAhead(lateral, braking) for name in self._setup.senders}
+        ahead = [name for name in self._setup.senders if self._source_place(name) >= 0]
+        return {name: BendsAhead(lateral, braking) for name in ahead}
 
     def _gates(self) -> dict[str, InnovationGate]:
         """Gates of the sources; baseline reactions have none."""
@@ -242,7 +251,7 @@ class DriverBuilder:
             policy=self._kept_spacing(setup.place),
             limits=scenario.gap_limits,
             initial_spacing=initial_spacing,
-            period=self._usual_period(predecessor),
+            period=self._usual_period(predecessor) if predecessor in setup.senders else math.nan,
             drive_lag=setup.assumed_parameters.drive_lag,
         )
         return SpeedGuard(law, setup.degradation, car)

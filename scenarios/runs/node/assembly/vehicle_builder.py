@@ -119,11 +119,12 @@ class VehicleBuilder:
 
         Vehicles take turns over a control period, from the lead back, to spread the load. Each
         receives only from vehicles before it, so none loses time for its messages. All begin at
-        once if the lead waits for followers.
+        once if a vehicle receives others behind it.
         """
-        if self._scenario.tables.speed.lead_receives:
+        names = self._scenario.vehicle_names
+        if any(names.index(sender) > names.index(to) for sender, to in self._scenario.links):
             return 0
-        vehicles = len(self._scenario.vehicle_names)
+        vehicles = len(names)
         return round(self._setup.place * SECOND / (self.control_rate_hz * vehicles))
 
     def node(

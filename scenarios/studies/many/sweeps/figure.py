@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.schema.limit_rows import OWN_FIGURES
-from scenarios.definition.topology import directed_links
+from scenarios.definition.topology import usual_links
 from scenarios.results.channel.link_summary import SAFE_AGES_MS, LinkSummary
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.summary import RENAMED, RunSummary
@@ -107,14 +107,19 @@ VEHICLE_FIELD_HEADS = frozenset(path.split(".")[0] for path in VEHICLE_FIELDS)
 
 
 def parsed_figure(
-    text: str, vehicles: Sequence[str], own_figures: Sequence[str] = ()
+    text: str,
+    vehicles: Sequence[str],
+    own_figures: Sequence[str] = (),
+    pairs: Iterable[tuple[str, str]] = (),
 ) -> SweepFigure:
     """Parse the name of a figure; raises ScenarioError with similar names.
 
-    `own_figures` are the names of those of the user's classes.
+    `own_figures` are the names of those of the user's classes, `pairs` the links, by default those
+    of the usual information flow.
     """
     own = [f"{OWN_FIGURES}.{name}" for name in own_figures]
-    links = ("links", *(f"{sender}:{receiver}" for sender, receiver in directed_links(vehicles)))
+    ends = pairs or usual_links(vehicles)
+    links = ("links", *(f"{sender}:{receiver}" for sender, receiver in ends))
     scope, dot, _ = text.partition(".")
     if scope in vehicles and dot:
         known = [f"{scope}.{path}" for path in (*VEHICLE_FIELDS, *own)]

@@ -122,13 +122,14 @@ def planned(
     scenarios = list(_scenarios(plan))
     vehicles = max((scenario.vehicle_names for scenario in scenarios), key=len)
     own = tuple(dict.fromkeys(name for scenario in scenarios for name in scenario.own_figures))
+    pairs = dict.fromkeys(pair for scenario in scenarios for pair in scenario.links)
     digests = " ".join(scenario.digest for scenario in scenarios)
     names = dict.fromkeys(figures or [DEFAULT_FIGURE])
     return replace(
         plan,
         plug_ins=tuple(sorted({name for one in scenarios for name in one.plug_ins})),
         contents=sha256(digests.encode()).hexdigest()[:12],
-        figures=tuple(parsed_figure(text, vehicles, own) for text in names),
+        figures=tuple(parsed_figure(text, vehicles, own, pairs) for text in names),
         limits=tuple(dict.fromkeys(parsed_limit(text, vehicles, own) for text in limits)),
     )
 

@@ -90,7 +90,7 @@ def test_every_commented_key_of_the_template_is_offered() -> None:
 
 
 def test_a_complete_key_is_offered_with_its_values() -> None:
-    fusions = ["composite", "predecessor", "blend"]
+    fusions = ["composite", "blend"]
     assert offered("run", "--set", "control.fu") == [f"control.fusion={one}" for one in fusions]
     assert offered("run", "--set", "control.fusion=b") == ["control.fusion=blend"]
     assert offered("run", "--set", "links.loss_") == ["links.loss_ratio=0.0"]

@@ -10,7 +10,7 @@ from scenarios.definition.channel.rules import ANY, ROLES, specificity
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.link_tables import LinkEntry
-from scenarios.definition.topology import directed_links
+from scenarios.definition.topology import usual_links
 
 NAMES = ("v1", "v2", "v3", "v4")
 
@@ -76,7 +76,7 @@ def test_entries_that_share_no_key_or_no_link_are_no_tie() -> None:
 
 @given(
     st.sampled_from([*NAMES, *ROLES, ANY]), st.sampled_from([*NAMES, *ROLES, ANY]),
-    st.sampled_from(directed_links(NAMES)),
+    st.sampled_from(usual_links(NAMES)),
 )  # fmt: skip
 def test_each_end_counts_for_itself(sender: str, receiver: str, pair: tuple[str, str]) -> None:
     def grade(sender: str, receiver: str) -> int | None:

@@ -53,7 +53,7 @@ def test_the_lowest_value_of_the_run_s_speeds_is_reported() -> None:
 @pytest.mark.parametrize(
     "override",
     [
-        'control.fusion="predecessor"',
+        'information_flow.lateral="predecessor"',
         'control.controller="stanley"',
         "control.gains.lateral_rad_per_m=1.0",  # an unstable loop
     ],

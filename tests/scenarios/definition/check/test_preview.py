@@ -6,7 +6,7 @@ from scenarios.definition.check.findings import check
 
 SLOW_POSES = ("gnss.rate_hz=2.0",)
 LATE = ("links.latency_ms=180.0",)
-ALONE = ('control.fusion="predecessor"',)
+ALONE = ('information_flow.lateral="predecessor"',)
 GAP_KEPT = ('speed.followers="gap"', "speed.gap.headway_s=0.3")
 
 

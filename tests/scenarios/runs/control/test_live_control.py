@@ -194,7 +194,7 @@ REFUSED = [
     (b'{"kind": "cut", "sender": "v9"}', 'sender: given "v9", allowed "v1", "v2", "v3", "v4", '
      '"lead", "predecessor", "follower", "*"'),
     (b'{"kind": "cut", "sender": "v4", "receiver": "v1"}', "from v4 to v1: no such link, "
-     "followers receive from v1 and from their predecessor"),
+     "v1 receives from none"),
     (b'{"kind": "link", "loss_ratio": NaN}', "loss_ratio: given nan, allowed a finite number"),
     (b'{"kind": "link"}', "changes nothing, allowed at least one of loss_ratio, latency_ms, "
      "jitter_ms"),

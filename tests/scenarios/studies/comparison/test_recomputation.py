@@ -116,9 +116,9 @@ def test_another_controller_decides_on_the_same_inputs(lossy: Path, tmp_path: Pa
 
 
 def test_another_fusion_has_other_modes(lossy: Path) -> None:
-    result = recompute(lossy, "v3", overrides=("control.fusion=predecessor",))
+    result = recompute(lossy, "v3", overrides=("information_flow.lateral=predecessor",))
     assert result.other_modes > 20
-    assert result.settings == ("vehicle.v3.control.fusion=predecessor",)
+    assert result.settings == ("vehicle.v3.information_flow.lateral=predecessor",)
 
 
 def test_a_changed_command_is_found_where_it_is(lossy: Path, tmp_path: Path) -> None:

@@ -115,7 +115,7 @@ PLANTS = (
     Plant("lead_lost", ("modes[0]", "modes[1]"), (EXTRAPOLATE,)),
     Plant("lead_lost", ("modes[0]", "modes[1]"), (LATE,)),
     Plant("lead_lost", ("recovery[0]",), (SLOW,)),
-    Plant("predecessor_lost", (ERROR,), ("control.fusion=predecessor",)),
+    Plant("predecessor_lost", (ERROR,), ("information_flow.lateral=predecessor",)),
     Plant("predecessor_lost", ("modes[0]",), (LATE,)),
     Plant("predecessor_lost", ("recovery[0]",), (SLOW,)),
     Plant("both_lost", (ERROR,), fault=WHEELS_STRAIGHT),

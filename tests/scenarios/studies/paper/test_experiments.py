@@ -139,12 +139,14 @@ def test_an_unlogged_run_gives_the_figures_of_the_logged_run(tmp_path: Path) -> 
 def test_the_field_runs_are_a_convoy_one_car_at_a_time(tmp_path: Path) -> None:
     scenario = load_scenario("paper_field", ["duration_s=6.0"])
     runs = field_runs(scenario, tmp_path)
-    for fusion, trial in (
-        ("composite", runs.with_lead_data),
+    for lateral, trial in (
+        ("lead_and_predecessor", runs.with_lead_data),
         ("predecessor", runs.without_lead_data),
     ):
         at_once = drive_trial(
-            load_scenario("paper_field", ["duration_s=6.0", f'control.fusion="{fusion}"'])
+            load_scenario(
+                "paper_field", ["duration_s=6.0", f'information_flow.lateral="{lateral}"']
+            )
         )
         for drive, live in zip(trial.drives, at_once.drives, strict=True):
             assert drive.name == live.name
@@ -171,7 +173,9 @@ def test_a_run_of_the_field_experiment_has_only_the_cars_up_to_its_own() -> None
     run = as_run(load_scenario("paper_field"), 1, "predecessor")
     assert run.vehicle_names == ("PL1", "PL2")
     assert run.vehicle("PL2").lateral_offset_m == 0.4
-    assert run.vehicle("PL2").steering.fusion.use == "predecessor"
+    assert as_run(load_scenario("paper_field"), 2, "predecessor").vehicle("PL3").flow.lateral == (
+        "PL2",
+    )
 
 
 def a_drive(name: str, east: np.ndarray, north: np.ndarray, speed: float) -> Drive:
@@ -207,7 +211,7 @@ def test_the_lead_drives_the_sine_for_all_the_periods() -> None:
     scenario = sine_scenario(frequency)
     speed = scenario.tables.speed.set_mps
     east = np.arange(0.0, speed * scenario.duration_s, 0.5)
-    assert scenario.tables.control.fusion.use == "predecessor"
+    assert scenario.tables.information_flow.lateral.word == "predecessor"
     last = east > east[-1] - PERIODS * 2.0 * pi * speed / frequency
     path = scenario.route.path
     heights = np.array([path.at(scenario.route.start + e).north for e in east[last]])

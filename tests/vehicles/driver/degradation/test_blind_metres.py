@@ -20,7 +20,7 @@ from tests.made.vehicles.followers import SPACING, STRAIGHT, follower, lead_of
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import Situation
 from vehicles.driver.degradation.source import Source
-from vehicles.driver.degradation.sources import SourcePair
+from vehicles.driver.degradation.sources import Sources
 from vehicles.driver.ego.own_state import Pose
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.messages import GpsPose
@@ -33,7 +33,7 @@ def situation(speed: float, acceleration: float, period: float) -> Situation:
     """Situation of a follower at the origin that received its lead along a straight road."""
     settings = DegradationSettings()
     lead = Source("v1", 0.05, settings)
-    pair = SourcePair(lead, lead, settings, uses_lead=True)
+    pair = Sources([lead], settings, lead="v1", predecessor="v1", lateral=["v1"])
     for seq, east in enumerate((-KNOWN, 0.0, KNOWN)):
         lead.receive(received(START + seq, east, 0.0, 0.0, speed, seq=seq))
     pose = Pose(0.0, 0.0, 0.0, speed, 0.0)

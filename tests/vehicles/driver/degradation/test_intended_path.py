@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.transport.received_poses import received, received_fix
+from tests.made.vehicles.fusions import fit_two
 from vehicles.car.gnss import Fix
 from vehicles.driver.degradation.intended_path import (
     CAPACITY,
@@ -27,7 +28,7 @@ from vehicles.messages import Mode
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.received.samples import Window
 from vehicles.preview.received.trace import Trace
-from vehicles.preview.trajectory import Fit, fit_composite
+from vehicles.preview.trajectory import Fit
 from vehicles.schedule import MILLISECOND
 
 PERIOD = 50 * MILLISECOND
@@ -63,7 +64,7 @@ def moved_back(fixes: Sequence[Fix], offsets: Sequence[float], share: float = 1.
 
 def fit_of(window: Window, *, of_lead: bool = True) -> Fit:
     windows = (window, None) if of_lead else (None, window)
-    fit = fit_composite(*windows, alpha=0.5, settings=SETTINGS)
+    fit = fit_two(*windows, alpha=0.5, settings=SETTINGS)
     assert fit is not None
     return fit
 
@@ -104,7 +105,7 @@ def test_offsets_are_measured_from_the_lead_if_it_is_received() -> None:
     path = road("straight", 0.3)
     of_lead = moved(window_of([fix_beside(path, k, 0.0) for k in range(30)]), 10.0)
     of_predecessor = moved(window_of([fix_beside(path, k, 0.06) for k in range(30)]), 10.0)
-    fit = fit_composite(of_lead, of_predecessor, alpha=0.5, settings=SETTINGS)
+    fit = fit_two(of_lead, of_predecessor, alpha=0.5, settings=SETTINGS)
     assert fit is not None
     fix = fix_beside(path, 21, 0.2, spacing=0.5)
     assert fit.spline.project(fix.east, fix.north).lateral == pytest.approx(0.17, abs=1e-3)
@@ -257,7 +258,8 @@ def test_the_share_changes_without_a_step() -> None:
     ]  # fmt: skip
     for mode, seconds in spells:
         for _ in range(round(seconds * 50)):
-            share.advance(mode, 0.02)
+            if mode not in {"coast", "stop"}:
+                share.advance(0.02, without_lead=mode == "predecessor")
         seen.append(share.value)
     assert seen == pytest.approx([0.0, 0.6, 0.4, 1.0, 1.0, 1.0, 1.0, 0.0])
 
@@ -265,9 +267,8 @@ def test_the_share_changes_without_a_step() -> None:
 @pytest.mark.parametrize(("path", "value"), [("driven", 0.0), ("always_intended", 1.0)])
 def test_the_share_of_other_paths_stays(path: PredecessorPath, value: float) -> None:
     share = IntendedShare(1.0, path)
-    modes: tuple[Mode, ...] = ("composite", "predecessor", "lead")
-    for mode in modes:
-        share.advance(mode, 5.0)
+    for without_lead in (False, True, False):
+        share.advance(5.0, without_lead=without_lead)
         assert share.value == value
 
 

@@ -13,7 +13,7 @@ from tests.made.transport.received_poses import received
 from tests.made.vehicles.exact_drives import GNSS_HZ, START
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.source import SLOW_PROBATION, SLOW_SPEED, Source
-from vehicles.driver.degradation.sources import SourcePair
+from vehicles.driver.degradation.sources import Sources
 from vehicles.driver.ego.own_state import Pose
 from vehicles.messages import NO_ANNOUNCEMENT, Announcement, Mode, SourceStatus
 from vehicles.preview.curve_fit import FitSettings
@@ -202,7 +202,7 @@ def test_after_a_silence_positions_are_followed_once_their_offset_is_known() -> 
 def test_a_guess_over_a_long_hole_is_not_used_beside_close_samples_of_the_lead() -> None:
     """The predecessor left the path from 0 to 20 m, where samples of the lead are 7 m apart."""
     lead, ahead = Source("v1", 1.0, DEGRADE), Source("v2", 1.0, DEGRADE)
-    pair = SourcePair(lead, ahead, DEGRADE, uses_lead=True)
+    pair = Sources([lead, ahead], DEGRADE, lead="v1", predecessor="v2", lateral=["v1", "v2"])
     for seq in range(16):
         at, east = START + seq * SECOND, 7.0 * seq - 35.0
         mode: Mode = "coast" if 0.0 < east < 20.0 else "lead"
@@ -213,6 +213,6 @@ def test_a_guess_over_a_long_hole_is_not_used_beside_close_samples_of_the_lead()
             )
     windows = pair.windows(Pose(10.0, 0.0, 0.0, 7.0, 0.0), FitSettings(), runs_out=False)
     assert ahead.trace.holes
-    positions = windows["predecessor"].east.tolist() if "predecessor" in windows else []
+    positions = windows["v2"].east.tolist() if "v2" in windows else []
     assert not [east for east in positions if 0.5 < east < 20.5]
-    assert [east for east in windows["lead"].east if 0.0 < east < 20.5]
+    assert [east for east in windows["v1"].east if 0.0 < east < 20.5]

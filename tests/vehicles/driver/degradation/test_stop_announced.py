@@ -10,7 +10,7 @@ from tests.made.transport.received_poses import received
 from tests.made.vehicles.exact_drives import START
 from vehicles.driver.degradation.settings import DegradationSettings, Reaction
 from vehicles.driver.degradation.source import Source
-from vehicles.driver.degradation.sources import SourcePair
+from vehicles.driver.degradation.sources import Sources
 from vehicles.driver.ego.own_state import Pose
 from vehicles.messages import Announcement, Mode
 from vehicles.schedule import MILLISECOND, SECOND
@@ -34,7 +34,9 @@ class Reception:
         settings = DegradationSettings(reaction=reaction)
         lead, ahead = (Source(name, PERIOD / SECOND, settings) for name in ("v1", "v2"))
         self.sources = (lead, ahead)
-        self.pair = SourcePair(lead, ahead, settings, uses_lead=True)
+        self.pair = Sources(
+            [lead, ahead], settings, lead="v1", predecessor="v2", lateral=["v1", "v2"]
+        )
         self.until = {"v1": lead_until, "v2": ahead_until}
         self.announced = announced
         self.brakes_at = brakes_at

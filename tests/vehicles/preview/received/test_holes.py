@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from tests.made.transport.received_poses import received
+from tests.made.vehicles.fusions import fit_two
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.received.samples import Window
 from vehicles.preview.received.trace import Trace
-from vehicles.preview.trajectory import fit_composite
 from vehicles.schedule import SECOND
 
 SPEED, PERIOD = 20.0, SECOND // 20
@@ -113,7 +113,7 @@ def test_in_a_hole_the_trajectory_passes_the_car(road: str, hole: int) -> None:
         assert window.station[0] < 0.0
         only = Window(*(values[window.station > 0.0] for values in window))
         for name, seen in (("with one behind", window), ("by those ahead", only)):
-            fit = fit_composite(seen, None, alpha=0.5, settings=settings)
+            fit = fit_two(seen, None, alpha=0.5, settings=settings)
             assert fit is not None
             off[name].append(abs(fit.spline.project(car.east, car.north).lateral))
     assert max(off["with one behind"]) < 0.3
@@ -154,7 +154,7 @@ def test_noisy_samples_behind_a_smooth_bridge_make_no_bend() -> None:
         offset = np.concatenate((np.zeros(24), random.normal(0.0, 0.03, 4)))
         seen = Window(station, offset, station)
         for bends, settings in ((noisy, FitSettings()), (aware, FitSettings().with_stated_noise())):
-            fitted = fit_composite(seen, None, alpha=0.5, settings=settings)
+            fitted = fit_two(seen, None, alpha=0.5, settings=settings)
             assert fitted is not None
             bends.append(abs(math.sin(fitted.spline.at(33.0).yaw)))
     assert max(aware) < 0.5 * max(noisy)
@@ -167,7 +167,7 @@ def test_four_noisy_samples_make_no_bend_by_chance() -> None:
     bends = list[float]()
     for _ in range(300):
         seen = Window(station, random.normal(0.0, 0.02, 4), station)
-        fitted = fit_composite(seen, None, alpha=0.5, settings=FitSettings())
+        fitted = fit_two(seen, None, alpha=0.5, settings=FitSettings())
         assert fitted is not None
         bends.append(abs(fitted.spline.at(10.0).curvature))
     assert float(np.quantile(bends, 0.99)) < 1e-5
@@ -182,7 +182,7 @@ def test_four_samples_of_a_clear_bend_are_a_bend(radius: float) -> None:
     bends = list[float]()
     for _ in range(300):
         seen = Window(station, offset + random.normal(0.0, 0.02, 4), station)
-        fitted = fit_composite(seen, None, alpha=0.5, settings=FitSettings())
+        fitted = fit_two(seen, None, alpha=0.5, settings=FitSettings())
         assert fitted is not None
         bends.append(radius * fitted.spline.at(8.0).curvature)
     low, high = np.quantile(bends, [0.05, 0.95])

@@ -15,6 +15,7 @@ from vehicles.messages import Command, LogText, Message, TruePose
 
 LOSSES, GAPS, ALPHAS = (0.9, 0.6, 0.4, 0.2, 0.0), (1.0, 4.0, 10.0, 30.0), (0.0, 0.5, 1.0)
 FUSIONS = ("composite", "predecessor", "blend")
+"""Fusions; "predecessor" is the only lateral source of a composite trajectory."""
 CASES = [
     (loss, gap, ALPHAS[(place + number) % 3], fusion)
     for number, (loss, gap) in enumerate((loss, gap) for loss in LOSSES for gap in GAPS)
@@ -30,7 +31,9 @@ def test_friction_and_steering_rate_are_kept_and_slides_and_departures_reported(
     loss, gap, alpha, fusion = CASES[case]
     requested = [
         *(f"links.loss_ratio={loss}", f"convoy.gap_m={gap}", f"control.alpha_ratio={alpha}"),
-        f"control.fusion={fusion}",
+        "information_flow.lateral=predecessor"
+        if fusion == "predecessor"
+        else f"control.fusion={fusion}",
     ]
     results: list[Message] = []
     scenario = load_scenario("lane_change", requested)

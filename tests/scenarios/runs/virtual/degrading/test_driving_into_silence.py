@@ -8,7 +8,7 @@ from scenarios.runs.virtual.unlogged_run import run_unlogged
 from tests.made.convoys.speed_runs import drive
 from tests.made.interpreted import interpreted_only
 from vehicles.driver.degradation.source import Source
-from vehicles.driver.degradation.sources import SourcePair
+from vehicles.driver.degradation.sources import Sources
 from vehicles.driver.degradation.speed_guard import SpeedGuard
 
 LANE_M = 3.6
@@ -74,7 +74,7 @@ def test_the_log_has_the_reason_of_braking_on_a_known_path() -> None:
 
 @interpreted_only
 def test_if_none_announced_its_stop_some_would(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(SourcePair, "stops_at", lambda *_: 0)
+    monkeypatch.setattr(Sources, "stops_at", lambda *_: 0)
     assert collisions(driven("tunnel", 3.07, 1)) > 0
 
 

@@ -12,7 +12,7 @@ from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.virtual.unlogged_run import run_unlogged
 from tests.made.interpreted import interpreted_only
-from vehicles.driver.degradation.sources import SourcePair
+from vehicles.driver.degradation.sources import Sources
 from vehicles.driver.degradation.stopping import CREEP_SPEED
 from vehicles.driver.tracking import Rejoining
 from vehicles.messages import Message, Tracking, TruePose
@@ -83,7 +83,7 @@ def test_with_path_history_it_drives_on_along_the_path() -> None:
 def test_if_a_bridge_counted_as_known_it_would_leave_the_path(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(SourcePair, "_find_hole", lambda *_: None)
+    monkeypatch.setattr(Sources, "_find_hole", lambda *_: None)
     monkeypatch.setattr(Rejoining, "corrected", lambda _, __, errors, ___: errors)
     requested = [*LOOP, NO_HISTORY, "speed.lead_keeps_gap=false"]
     assert max(errors(run_unlogged(load_scenario("church_lot", requested)))) > 2.0

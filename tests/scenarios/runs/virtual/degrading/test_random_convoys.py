@@ -75,11 +75,15 @@ def drawn_convoy(case: int) -> Scenario:
         "convoy": {"vehicles": len(names), "gap_m": round(chance.uniform(6.0, 35.0), 1)},
         "control": {
             "controller": chance.choice(["slip_compensated", "feedforward_feedback"]),
-            "fusion": chance.choice(["composite", "predecessor", "blend"]),
+            "fusion": chance.choice(["composite", "blend"]),
             "alpha_ratio": chance.choice([0.0, 0.5, 1.0]),
             "degradation": {
                 "reaction": chance.choice(["degrade", "degrade", *get_args(Reaction)]),
             },
+        },
+        "information_flow": {
+            "lateral": chance.choice(["lead_and_predecessor", "predecessor", {"ahead": 3}]),
+            "longitudinal": chance.choice(["lead_and_predecessor", "bidirectional", "all"]),
         },
         "speed": {
             "set_mps": speed,
