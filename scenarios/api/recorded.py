@@ -28,6 +28,7 @@ HEADINGS = (
     "largest true error, m",
     "rms true error, m",
     "smallest true gap, m",
+    "largest true gap, m",
     "distance, m",
 )
 
@@ -150,6 +151,7 @@ def _row(vehicle: VehicleSummary) -> str:
         vehicle.cross_track_error_m_max,
         vehicle.cross_track_error_m_rms,
         vehicle.true_gap_m_min,
+        vehicle.true_gap_m_max,
         vehicle.distance_m,
     )
     cells = [escape(vehicle.name), *("-" if value is None else f"{value:.3g}" for value in figures)]

@@ -66,8 +66,8 @@ FIGURES: dict[str, Callable[[float], str]] = {
 """Figures of events in words."""
 
 
-def _pair(largest: float | None, rms: float | None) -> tuple[float, float] | None:
-    return None if largest is None or rms is None else (largest, rms)
+def _pair(first: float | None, second: float | None) -> tuple[float | None, ...] | None:
+    return None if first is None else (first, second)
 
 
 def _figures_of(event: RunEvent) -> str:
@@ -111,9 +111,13 @@ VEHICLE_COLUMNS: Sequence[Column[VehicleSummary]] = (
         100.0,
     ),
     Column("road\nerror\nmax, cm", lambda row: row.road_error_m_max, ".1f", 100.0),
-    Column("true\ngap, m\nmin", lambda row: row.true_gap_m_min, ".1f"),
     Column(
-        "self-estimated\nerror, cm\nmax / rms",
+        "true\ngap, m\nmin / max",
+        lambda row: _pair(row.true_gap_m_min, row.true_gap_m_max),
+        ".1f",
+    ),
+    Column(
+        "estimated\nerror, cm\nmax / rms",
         lambda row: _pair(row.lateral_error_m_max, row.lateral_error_m_rms),
         ".1f",
         100.0,

@@ -137,6 +137,21 @@ def certainly_apart(body: Outline, other: Outline, distance: float) -> bool:
     )
 
 
+def certainly_within(ahead: Outline, behind: Outline, distance: float) -> bool:
+    """Whether two bodies are certainly at most `distance` (m) apart.
+
+    The middle of the rear of the body ahead and of the front of the one behind belong to them. A
+    fraction of the cost of `separation`, and its value for bodies in line.
+    """
+    to_east = (ahead.east - ahead.half_length * ahead.along_east) - (
+        behind.east + behind.half_length * behind.along_east
+    )
+    to_north = (ahead.north - ahead.half_length * ahead.along_north) - (
+        behind.north + behind.half_length * behind.along_north
+    )
+    return hypot(to_east, to_north) + ROUNDING_M < distance
+
+
 def separation(body: CarBody, other: CarBody) -> Separation:
     """Distance between two bodies and its rate from their velocities, without yaw rates.
 

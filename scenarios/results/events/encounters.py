@@ -15,6 +15,7 @@ from scenarios.results.events.bodies import (
     CarBody,
     Separation,
     certainly_apart,
+    certainly_within,
     separation,
 )
 from vehicles.messages import TruePose
@@ -62,7 +63,7 @@ class Episode:
 
 @dataclass(slots=True)
 class TrueGap:
-    """Latest and smallest distance (m) between a vehicle's body and that of its predecessor.
+    """Latest and extreme distances (m) between a vehicle's body and that of its predecessor.
 
     `now_m` computes the latest one, which is rarely needed.
     """
@@ -71,6 +72,8 @@ class TrueGap:
     now_at_ns: int = 0
     min_m: float = inf
     min_at_ns: int = 0
+    max_m: float = -inf
+    max_at_ns: int = 0
     _last: tuple[CarBody, CarBody] | None = None
 
     @property
@@ -81,9 +84,11 @@ class TrueGap:
         self._last, self.now_at_ns = (ahead, behind), at
 
     def add(self, gap: float, at: int) -> None:
-        """Take the distance at an instant (ns) where it may be the smallest."""
+        """Take the distance at an instant (ns) where it may be the smallest or the largest."""
         if gap < self.min_m:
             self.min_m, self.min_at_ns = gap, at
+        if gap > self.max_m:
+            self.max_m, self.max_at_ns = gap, at
 
 
 @dataclass(slots=True)
@@ -188,7 +193,7 @@ class Encounters:
             yield from self._keep_apart(at, names, apart, place)
 
     def _is_usual(self, pair: _Pair, ahead: CarBody, behind: CarBody) -> bool:
-        """Whether neighbours are certainly neither near nor nearer than ever before."""
+        """Whether neighbours are certainly not near, nor nearer or further than ever before."""
         name, other = pair.names
         if (self._near and pair.names in self._near) or other in self._touching[name]:
             return False
@@ -196,7 +201,9 @@ class Encounters:
         faster_north = ahead.speed_north - behind.speed_north
         closing = abs(faster_east) + abs(faster_north)  # at most
         nearest = max(pair.gap.min_m, self._near_gap, self._near_time * closing, 0.0)
-        return certainly_apart(ahead, behind, nearest)
+        return certainly_apart(ahead, behind, nearest) and certainly_within(
+            ahead, behind, pair.gap.max_m
+        )
 
     def _keep_apart(
         self, at: int, pair: tuple[str, str], apart: Separation, place: tuple[float, float]

@@ -29,6 +29,7 @@ VEHICLE_CELLS: Sequence[Cell] = (
     ("at, s", lambda row: row.cross_track_error_max_at_s, 1.0, ".2f"),
     ("largest road error, cm", lambda row: row.road_error_m_max, 100.0, ".1f"),
     ("least gap, m", lambda row: row.true_gap_m_min, 1.0, ".2f"),
+    ("largest gap, m", lambda row: row.true_gap_m_max, 1.0, ".2f"),
     ("largest self-estimated error, cm", lambda row: row.lateral_error_m_max, 100.0, ".1f"),
     ("friction used, %", lambda row: row.friction_ratio_max, 100.0, ".0f"),
     ("stops", lambda row: row.reaction.stops, 1.0, "d"),

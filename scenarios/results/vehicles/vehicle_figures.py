@@ -80,9 +80,15 @@ class VehicleSummary:
     collision."""
     true_gap_min_at_s: float | None = None
     """Time of the smallest true gap."""
+    true_gap_m_max: float | None = None
+    """Largest true gap to the predecessor; null in runs before 0.6."""
+    true_gap_max_at_s: float | None = None
+    """Time of the largest true gap."""
     estimated_gap_m_min: float | None
     """Smallest estimated gap to the predecessor, bumper to bumper along the path; null in runs
     before 0.2."""
+    estimated_gap_m_max: float | None = None
+    """Largest estimated gap to the predecessor; null in runs before 0.6."""
     distance_m: float
     """Distance driven."""
     lateral_acceleration_mps2_max: float | None = None
@@ -162,7 +168,7 @@ class VehicleFigures:
         self.cross_track_error, self.road_error = Extremes(), Extremes()
         self.self_estimate = SelfEstimateErrors()
         self.tyres = TyreFigures()
-        self.estimated_gap_min = inf
+        self.estimated_gap_min, self.estimated_gap_max = inf, -inf
         self.lateral_deviation_max = -1.0
         self._accuracy_max = 0.0
         self.reaction = Reaction()
@@ -196,8 +202,11 @@ class VehicleFigures:
         self.heading_error.add(tracking.heading_error_rad)
         self.mode = mode
         self.modes[mode] += 1
-        if -inf < tracking.estimated_gap_m < self.estimated_gap_min:  # false for NaN: no gap
-            self.estimated_gap_min = tracking.estimated_gap_m
+        gap = tracking.estimated_gap_m
+        if -inf < gap < self.estimated_gap_min:  # false for NaN: no gap
+            self.estimated_gap_min = gap
+        if self.estimated_gap_max < gap < inf:
+            self.estimated_gap_max = gap
         if tracking.lateral_deviation_m > self.lateral_deviation_max:  # noqa: PLR1730 - NaN
             self.lateral_deviation_max = tracking.lateral_deviation_m
 
@@ -360,8 +369,13 @@ class VehicleFigures:
             else None,
             true_gap_m_min=gap.min_m if gap else None,
             true_gap_min_at_s=seconds(gap.min_at_ns) if gap else None,
+            true_gap_m_max=gap.max_m if gap else None,
+            true_gap_max_at_s=seconds(gap.max_at_ns) if gap else None,
             estimated_gap_m_min=self.estimated_gap_min
             if isfinite(self.estimated_gap_min)
+            else None,
+            estimated_gap_m_max=self.estimated_gap_max
+            if isfinite(self.estimated_gap_max)
             else None,
             distance_m=self.distance,
             lateral_acceleration_mps2_max=tyres.lateral_acceleration if tyres.poses else None,

@@ -28,6 +28,7 @@ MAIN_FIGURES = (
     "road_error_m_rms",
     "self_estimate_error_m_max",
     "true_gap_m_min",
+    "true_gap_m_max",
     "friction_ratio_max",
     "distance_m",
     "string.lateral_gain_l2_from_first",

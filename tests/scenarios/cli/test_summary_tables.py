@@ -102,6 +102,8 @@ def test_a_vehicle_s_row_has_true_figures_next_to_estimates() -> None:
         "12.5",
         "-",
         "10.1",
+        "/",
+        "10.1",
         "9.0",
         "/",
         "9.0",
@@ -110,9 +112,9 @@ def test_a_vehicle_s_row_has_true_figures_next_to_estimates() -> None:
     ]
     headings = [re.split(r"  +", line.strip()) for line in text.splitlines()[2:5]]
     assert headings == [
-        ["true", "road", "true", "self-estimated", "estimated", "friction"],
+        ["true", "road", "true", "estimated", "estimated", "friction"],
         ["error, cm", "error", "gap, m", "error, cm", "gap, m", "used, %"],
-        ["vehicle", "max / rms", "max, cm", "min", "max / rms", "min", "max"],
+        ["vehicle", "max / rms", "max, cm", "min / max", "max / rms", "min", "max"],
     ]
 
 

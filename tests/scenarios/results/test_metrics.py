@@ -127,7 +127,7 @@ def test_tracking_errors_are_summed_up() -> None:
     assert row.heading_error_rad_max == 0.05
 
 
-def test_modes_are_counted_and_the_smallest_gap_kept() -> None:
+def test_modes_are_counted_and_the_extreme_gaps_kept() -> None:
     modes_and_gaps = [("straight", math.nan), ("lead", 14.0), ("composite", 12.5), ("lead", 13.0)]
     row = vehicle(
         "v2",
@@ -137,9 +137,9 @@ def test_modes_are_counted_and_the_smallest_gap_kept() -> None:
         ),
     )
     assert row.ticks_by_mode == {"composite": 1, "lead": 2, "straight": 1}
-    assert row.estimated_gap_m_min == 12.5
+    assert (row.estimated_gap_m_min, row.estimated_gap_m_max) == (12.5, 14.0)
     alone = vehicle("v2", tracking("v2", 0, estimated_gap_m=math.nan))
-    assert alone.estimated_gap_m_min is None
+    assert alone.estimated_gap_m_min is alone.estimated_gap_m_max is None
 
 
 def test_the_largest_deviation_of_the_own_position_is_kept() -> None:

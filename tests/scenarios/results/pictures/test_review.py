@@ -200,7 +200,9 @@ def test_the_largest_value_drawn_is_the_table_s(drawn: Drawn) -> None:
             assert largest(values(table, "cross_track", name)) == row.cross_track_error_m_max
             assert largest(values(table, "tracking", name)) == row.lateral_error_m_max
             assert min(values(table, "true_gap", name), default=None) == row.true_gap_m_min
+            assert max(values(table, "true_gap", name), default=None) == row.true_gap_m_max
             assert min(values(table, "gap", name), default=None) == row.estimated_gap_m_min
+            assert max(values(table, "gap", name), default=None) == row.estimated_gap_m_max
             assert (row.cross_track_error_m_max is None) == (name == "v1")
             assert (row.true_gap_m_min is None) == (name == "v1")
 
