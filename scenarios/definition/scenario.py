@@ -56,6 +56,7 @@ from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
 from transport.links.laws.link_law import LinkSetting
 from vehicles.car.clock_error import VehicleClock
 from vehicles.car.tyres import GRAVITY
+from vehicles.driver.instant_draw import InstantDraw
 from vehicles.driver.longitudinal.controller import LongitudinalController, LongitudinalSetup
 from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
 from vehicles.geometry.geodesy import LocalPlane, Origin
@@ -345,11 +346,11 @@ class Scenario:
         return round((default if given is None else given) * MILLISECOND)
 
     def longitudinal_controller(
-        self, name: str, limits: GapLimits | None = None
+        self, name: str, limits: GapLimits | None = None, draw: InstantDraw | None = None
     ) -> LongitudinalController:
-        """Construct the longitudinal controller of a follower; raises PlugInError.
+        """Construct the longitudinal controller of a follower, which may `draw`.
 
-        `limits` replace those of [speed.gap].
+        `limits` replace those of [speed.gap]. Raises PlugInError.
         """
         setup = self.vehicle(name)
         start = LongitudinalSetup(
@@ -363,7 +364,7 @@ class Scenario:
             setup.predecessor or "",
             self._policies(setup),
         )
-        controller: LongitudinalController = setup.steering.longitudinal.build(start)
+        controller: LongitudinalController = setup.steering.longitudinal.build(start, draw=draw)
         return controller
 
     def _policies(self, setup: VehicleSetup) -> dict[str, SpacingPolicy]:

@@ -17,6 +17,7 @@ from vehicles.car.sending.rule import SendingRule
 from vehicles.car.sensors.gap_sensor import GapSensorSettings
 from vehicles.car.sensors.imu_settings import ImuSettings
 from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.instant_draw import InstantDraw
 from vehicles.driver.steering import LateralController
 
 
@@ -80,10 +81,10 @@ class VehicleSetup:
     def degradation(self) -> DegradationSettings:
         return self.steering.degradation.value
 
-    def controller(self) -> LateralController:
-        """Construct the lateral controller; raises PlugInError."""
+    def controller(self, draw: InstantDraw | None = None) -> LateralController:
+        """Construct the lateral controller, which may `draw`; raises PlugInError."""
         controller: LateralController = self.steering.controller.build(
-            self.assumed_parameters, self.gains
+            self.assumed_parameters, self.gains, draw=draw
         )
         return controller
 

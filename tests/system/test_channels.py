@@ -6,6 +6,7 @@ import pytest
 
 from scenarios.cli.reference.plug_in_examples import EXAMPLES
 from scenarios.definition.channel.presets import presets
+from tests.made.scenarios.random_classes import CODE, random_settings
 from tests.system.logs import Run, assert_equal_while_nothing_was_late
 from tests.system.processes import invoke, run_to_the_end, start
 from vehicles.messages import LinkVerdict
@@ -191,6 +192,20 @@ def test_a_run_with_all_plug_ins_equals_its_virtual_run(tmp_path: Path) -> None:
     assert_equal_while_nothing_was_late(wall, virtual, within_m=0.05)
     assert wall.summary["plug_ins"] == virtual.summary["plug_ins"]
     assert list(wall.summary["plug_ins"]) == ["mine"]
+
+
+SHORT = ("duration_s=2", "convoy.vehicles=3", "links.latency_ms=60")
+
+
+def test_random_classes_decide_alike_on_both_clocks(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(CODE, encoding="utf-8")
+    sets = [f"--set={one}" for one in (*SHORT, *random_settings("mine"))]
+    for out, clock in (("wall", "wall"), ("virtual", "virtual")):
+        options = ("--clock", clock, "--out", out)
+        ran = run_to_the_end("run", "lane_change", *sets, *options, folder=tmp_path)
+        assert ran.exit_code == 0, ran.err
+    wall, virtual = Run(tmp_path / "wall"), Run(tmp_path / "virtual")
+    assert_equal_while_nothing_was_late(wall, virtual, within_m=0.3)
 
 
 def _links(lines: list[str]) -> str:

@@ -9,6 +9,7 @@ bends           speed in bends of the known path ahead
 longitudinal/   longitudinal control of followers
 speed           from gaps and profiles to an acceleration
 position_limit  speed limit of a car that is uncertain of its position
+instant_draw    random numbers of the classes that decide
 reactions       commands without data
 degradation/    reactions to missing and to false messages
 convoy/         the lead's view of its own convoy: its distance from members, and waiting

@@ -33,6 +33,7 @@ from vehicles.driver.degradation.speed_guard import SpeedGuard
 from vehicles.driver.degradation.trust import Trust
 from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
+from vehicles.driver.instant_draw import InstantDraw
 from vehicles.driver.longitudinal.controller import OwnMotion, SourceMotion, VehiclesAhead
 from vehicles.driver.longitudinal.own_path import OwnPath
 from vehicles.driver.position_limit import PositionLimit
@@ -55,6 +56,9 @@ JUST_BEGUN: Final = 3
 """Up to this number of samples beyond the initial bridge make no bend: their offset from its line
 may be noise of the sample at which the bridge ends."""
 
+ONE_SOURCE: Final = ("lead", "predecessor", "intermediate")
+KEEPING: Final = ("coast", "stop", "creep", "straight")
+"""Modes in which a follower keeps its last trajectory, if its policy chose them."""
 FADE_TIME: Final = 1.0
 """Driving time (s) over which the curvature fades to zero beyond the last samples."""
 SLOWEST_FADE: Final = 1.0
@@ -93,6 +97,7 @@ class Follower:
         gates: Mapping[str, InnovationGate] | None = None,
         bends: Mapping[str, BendsAhead] | None = None,
         drive_lag: float,
+        draw: InstantDraw | None = None,
     ) -> None:
         """`alpha` in [0, 1] is the weight of the predecessor, the others share 1 - alpha.
 
@@ -101,7 +106,10 @@ class Follower:
         `periods` (s) between messages, `delays` (s) of the first message and `gates` are by source;
         without a gate only jumps are refused. `bends` by source limit the speed. `least_spacing`
         (m) to the predecessor is that at which the bumpers touch. `drive_lag` (s) is the car's.
+        `draw` has the random numbers of controllers, fusion and reaction.
         """
+        self._draw = draw
+        self._chosen: Mode | None = None
         self._drive_lag = drive_lag
         self._own_state = own_state
         self._controller = controller
@@ -194,6 +202,8 @@ class Follower:
         return self._decision
 
     def _decide(self, now: int, pose: Pose) -> Decision:
+        if self._draw is not None:
+            self._draw.now = now
         last, sources = self._decision, self._sources
         self._advance_own(now, pose)
         refit = self._refit.is_due(now)
@@ -209,6 +219,11 @@ class Follower:
             fitted=self._fitted,
             has_path=bool(self._trajectories),
         )
+        chosen = self._reaction.mode(situation, self._mode, pose.speed)
+        self._chosen = None
+        if chosen != self._mode:
+            self._mode, self._chosen = chosen, chosen
+            reason = f"chosen by the policy; {reason}" if reason else "chosen by the policy"
         sources.steer_along(self._mode, self._period)
         errors, command = self._steer(now, pose)
         held = last.steering if last else command
@@ -225,6 +240,7 @@ class Follower:
         situation.speed_limit = min(situation.speed_limit, self._rejoining.speed_limit)
         speed = self._speed_guard.command(now, pose, ahead, situation, self._mode)
         speed = self._position_limit.limited(speed, pose.speed, acceleration, self._period)
+        situation.ahead = ahead
         wanted = self._reaction.acceleration(situation, self._mode, pose.speed, speed.acceleration)
         if wanted != speed.acceleration:
             speed = SpeedCommand(wanted, min(speed.target_speed, pose.speed))
@@ -268,6 +284,13 @@ class Follower:
         slowing = degrades and self._mode in SLOWING
         runs_out = slowing or (degrades and self._sources.path_runs_out)
         windows = self._sources.windows(pose, self._settings, runs_out=runs_out)
+        chosen = self._chosen
+        if chosen in ONE_SOURCE:
+            windows = {
+                name: window
+                for name, window in windows.items()
+                if self._sources.mode_along(self._sources.all[name]) == chosen
+            }
         weights = self._sources.weights(self._alpha)
         sources = [
             SourceWindow(self._sources.all[name].place, weights[name], window)
@@ -277,7 +300,8 @@ class Follower:
         if degrades and self._fitted and not along:
             self._extrapolate(pose.speed)
         self._fitted = bool(along)
-        self._trajectories = along or self._trajectories
+        if chosen not in KEEPING:
+            self._trajectories = along or self._trajectories
         self._measure_spacings(pose)
         self._spacings_at = now
 

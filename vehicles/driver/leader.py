@@ -20,6 +20,7 @@ from vehicles.driver.degradation.situation import Situation
 from vehicles.driver.degradation.stopping import STANDSTILL
 from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
+from vehicles.driver.instant_draw import InstantDraw
 from vehicles.driver.longitudinal.controller import VehiclesAhead
 from vehicles.driver.position_limit import PositionLimit
 from vehicles.driver.speed import (
@@ -127,12 +128,14 @@ class Leader:
         watch: ConvoyWatch | None = None,
         ahead: ConvoyAhead | None = None,
         position_limit: PositionLimit | None = None,
+        draw: InstantDraw | None = None,
     ) -> None:
         """`station` (m) is the initial arc length, `limit` that of the steering command.
 
         `watch` decides whether it waits for its followers, `ahead` keeps its distance from them,
         and `position_limit` slows it down while its position is uncertain. All three are optional
-        and require a `WaitingProfile` as the speed law.
+        and require a `WaitingProfile` as the speed law. `draw` has the random numbers of the
+        controller.
         """
         self._own_state = own_state
         self._controller = controller
@@ -145,6 +148,7 @@ class Leader:
         self._watch = watch
         self._ahead = ahead
         self._position_limit = position_limit
+        self._draw = draw
         self._waiting = speed_law if isinstance(speed_law, WaitingProfile) else None
         self._held: Situation | None = None
         self._decision: Decision | None = None
@@ -169,6 +173,8 @@ class Leader:
             self._ahead.observe(received)
         if self._decision is not None and not self._control.due(now):
             return self._decision.held()
+        if self._draw is not None:
+            self._draw.now = now
         pose = self._own_state.at(now)
         errors = self._track(pose)
         steering = self._limit.limited(self._controller.steer(errors, pose.speed))

@@ -12,16 +12,25 @@ class ReactionPolicy(Protocol):
     """Interface of a degradation policy, shipped or user-defined.
 
     Each follower has its own instance, constructed as `Class()`, with its `settings` if it has any.
-    Both methods are called once per control instant. They must not use a clock or draw random
-    numbers. A class can inherit from `Extrapolate` of `vehicles.driver.reactions`, which changes
-    nothing. A class that inherits from `Degrade` has its commands altered after the shipped
-    policy: implausible poses are rejected, the car slows down within the known path, keeps the safe
-    distance and stops.
+    The methods are called once per control instant, in this order. They must not use a clock. A
+    class can inherit from `Extrapolate` of `vehicles.driver.reactions`, which changes nothing: then
+    it is the whole policy, and decides on all that was received. A class that inherits from
+    `Degrade` decides after the shipped policy: implausible poses are rejected, the car slows down
+    within the known path, keeps the safe distance and stops.
 
     `mode` is one of `convoy reference limits`; "coast" and "stop" are modes without a source.
     """
 
     degrades: ClassVar[bool]
+
+    def mode(self, situation: Situation, usual: Mode, speed: float) -> Mode:
+        """Mode to steer in, given the `usual` one, at `speed` (m/s).
+
+        "composite" fits both sources from the next refit on, "lead" and "predecessor" one of them.
+        The other modes keep the last trajectory. "stop" warns the followers behind. Without
+        `Degrade`, the usual mode is that of the sources whose samples reach ahead of the car.
+        """
+        ...
 
     def steering(
         self, mode: Mode, command: SteeringCommand, last: SteeringCommand
@@ -35,7 +44,7 @@ class ReactionPolicy(Protocol):
         `situation.lead` and `situation.predecessor` have the attributes `status`, `age` and
         `silence` (s), `known` (m of path), `speed` (m/s), `acceleration` (m/s², announced), `mode`
         and `hazard`; numbers are NaN before the first message. `situation.known` is the known path
-        ahead (m).
+        ahead (m), `situation.ahead` the `VehiclesAhead` of the longitudinal controller.
         """
         ...
 
@@ -45,9 +54,17 @@ class Extrapolate:
 
     degrades: ClassVar[bool] = False
 
+    def mode(
+        self,
+        situation: Situation,  # noqa: ARG002 - every policy is called alike
+        usual: Mode,
+        speed: float,  # noqa: ARG002
+    ) -> Mode:
+        return usual
+
     def steering(
         self,
-        mode: Mode,  # noqa: ARG002 - every policy is called alike
+        mode: Mode,  # noqa: ARG002
         command: SteeringCommand,
         last: SteeringCommand,  # noqa: ARG002
     ) -> SteeringCommand:

@@ -28,7 +28,7 @@ class LateralController(Protocol):
     parameters   `VehicleParameters` assumed of the car (SI units)
     gains        `Gains` of the table `control.gains`; a controller may ignore them
 
-    A controller may keep state. It must not use a clock or draw random numbers. `steer` is called
+    A controller may keep state. It must not use a clock. `steer` is called
     once per control instant, every 1/`control.rate_hz` seconds of the run; with `fusion = "blend"`
     once per trajectory. Wheel angles are limited to `parameters.steering_limit` (rad).
     """

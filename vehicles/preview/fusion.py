@@ -16,7 +16,7 @@ class SourceFusion(Protocol):
 
     Each follower has its own instance, constructed as `Class()`, with its `settings` if it has any.
     A follower with one lateral source always fits a composite trajectory. `fuse` is called after
-    new poses, and at least every 50 ms. It must not use a clock or draw random numbers.
+    new poses, and at least every 50 ms. It must not use a clock.
 
     A class may set `separate = True` if it returns a trajectory for each source, whose errors are
     then followed up separately.

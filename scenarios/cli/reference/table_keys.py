@@ -58,19 +58,23 @@ def _tables(
             continue
         first_places[model] = title
         text, _ = split_doc(model.__doc__ or "")
-        documented = _documented(model)
-        if issubclass(model, SettingsTable):
-            documented = {name: one.setting.doc for name, one in model.by_key.items()}
-        keys = {
-            name: _described(documented.get(name, ""), field)
-            for name, field in model.model_fields.items()
-            if name != "kind"
-        }
-        yield TableDoc(title, model, text, keys)
+        yield TableDoc(title, model, text, key_texts(model))
         for name, field in model.model_fields.items():
             inner = f"{place}.{name}".lstrip(".")
             inner += ".NAME" if get_origin(field.annotation) is dict else ""
             yield from _tables(inner, list(models_of(field.annotation)), first_places)
+
+
+def key_texts(model: type[BaseModel]) -> dict[str, str]:
+    """Return documentation, values and default of each key of a table but its `kind`."""
+    documented = _documented(model)
+    if issubclass(model, SettingsTable):
+        documented = {name: one.setting.doc for name, one in model.by_key.items()}
+    return {
+        name: _described(documented.get(name, ""), field)
+        for name, field in model.model_fields.items()
+        if name != "kind"
+    }
 
 
 def _documented(model: type[BaseModel]) -> dict[str, str]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from math import inf, nan
 from typing import Final
 
+from vehicles.driver.longitudinal.controller import VehiclesAhead
 from vehicles.messages import Mode, SourceStatus
 
 LOST: tuple[SourceStatus, ...] = ("lost", "distrusted")
@@ -103,7 +104,7 @@ class Situation:
     for never) is the announced instant at which the car begins to stop without new data. The known
     path ends at a hole of about `hole` (m), 0 without one, which the car can cross if it is
     `crossable`. A return to the path, or sources that are rarely received, require at most
-    `speed_limit` (m/s).
+    `speed_limit` (m/s). `ahead` is the motion of the vehicles ahead, once it is computed.
     """
 
     lead: SourceFreshness = field(default_factory=SourceFreshness)
@@ -120,6 +121,7 @@ class Situation:
     speed_limit: float = inf
     others: Mapping[str, SourceFreshness] = field(default_factory=dict)
     weights: Mapping[str, float] = field(default_factory=dict)
+    ahead: VehiclesAhead | None = None
 
     def __init__(  # noqa: PLR0917 - its fields
         self,
@@ -137,6 +139,7 @@ class Situation:
         speed_limit: float = inf,
         others: Mapping[str, SourceFreshness] | None = None,
         weights: Mapping[str, float] | None = None,
+        ahead: VehiclesAhead | None = None,
     ) -> None:
         self.lead = SourceFreshness() if lead is None else lead
         self.predecessor = SourceFreshness() if predecessor is None else predecessor
@@ -152,3 +155,4 @@ class Situation:
         self.speed_limit = speed_limit
         self.others = NO_OTHERS if others is None else others
         self.weights = NO_WEIGHTS if weights is None else weights
+        self.ahead = ahead

@@ -145,8 +145,8 @@ class LongitudinalController(Protocol):
     class with `needs_predecessor = True` is refused where the predecessor is not a longitudinal
     source.
 
-    A controller must not keep state between calls, use a clock or draw random numbers: it is called
-    up to 3 times per control instant, with the measured and with altered spacings. A law with a
+    A controller must not keep state between calls or use a clock: it is called up to 3 times per
+    control instant, with the measured and with altered spacings. A law with a
     derivative of its command continues from `ahead.own.acceleration`, over `ahead.own.step`.
 
     The command is limited to [speed.gap] and to bends. With `reaction = "degrade"` the follower

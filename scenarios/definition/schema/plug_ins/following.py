@@ -60,6 +60,7 @@ LONGITUDINAL = PlugInPoint(
     methods={"acceleration": "speed, ahead"},
     types=(LongitudinalSetup, VehiclesAhead, OwnMotion, SourceMotion),
     arguments="setup",
+    draws=True,
     guard=GuardedFollowing,
     trial=try_following,
 )

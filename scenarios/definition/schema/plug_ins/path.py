@@ -1,6 +1,7 @@
 """Fusions of sources and degradation policies as plug-ins."""
 
 from collections.abc import Sequence
+from typing import get_args
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from scenarios.definition.schema.plug_ins.guards import PlugInError, called, fin
 from scenarios.definition.schema.plug_ins.point import PlugInPoint
 from scenarios.definition.schema.plug_ins.steering import steering_command
 from vehicles.driver.degradation.situation import Situation
+from vehicles.driver.longitudinal.controller import VehiclesAhead
 from vehicles.driver.reactions import ReactionPolicy
 from vehicles.driver.steering import SteeringCommand
 from vehicles.messages import Mode
@@ -16,6 +18,9 @@ from vehicles.preview.fusion import SourceFusion, Trajectories
 from vehicles.preview.received.samples import Window
 from vehicles.preview.source_window import LEAD, PREDECESSOR, SourceWindow
 from vehicles.preview.trajectory import Fit
+
+MODES: tuple[Mode, ...] = tuple(mode for mode in get_args(Mode) if mode != "path")
+"""Modes of a follower."""
 
 
 class GuardedFusion:
@@ -58,6 +63,13 @@ class GuardedReaction:
         self._policy = policy
         self._what = f"reaction {name!r}"
 
+    def mode(self, situation: Situation, usual: Mode, speed: float) -> Mode:
+        what = f"{self._what}: mode()"
+        mode: object = called(lambda: self._policy.mode(situation, usual, speed), what)
+        if mode in MODES:
+            return mode
+        raise PlugInError(f"{what} returned {mode!r}, expected one of {', '.join(MODES)}")
+
     def steering(
         self, mode: Mode, command: SteeringCommand, last: SteeringCommand
     ) -> SteeringCommand:
@@ -73,11 +85,17 @@ class GuardedReaction:
 
 
 def try_reaction(policy: ReactionPolicy) -> list[object]:
-    """Call both methods without a source."""
+    """Call the methods without a source."""
     command, last = SteeringCommand(0.1, 0.1, 0.0), SteeringCommand(0.05, 0.05, 0.0)
     modes: tuple[Mode, ...] = ("composite", "coast")
+    situation = Situation()
+    situation.ahead = VehiclesAhead()
     return [
-        (policy.steering(mode, command, last), policy.acceleration(Situation(), mode, 20.0, 0.0))
+        (
+            policy.mode(situation, mode, 20.0),
+            policy.steering(mode, command, last),
+            policy.acceleration(situation, mode, 20.0, 0.0),
+        )
         for mode in modes
     ]
 
@@ -93,6 +111,7 @@ FUSION = PlugInPoint(
     contract=SourceFusion,
     methods={"fuse": "sources, settings"},
     types=(SourceWindow,),
+    draws=True,
     guard=GuardedFusion,
     trial=try_fusion,
 )
@@ -107,8 +126,13 @@ REACTION = PlugInPoint(
         "straight": "vehicles.driver.reactions.Straight",
     },
     contract=ReactionPolicy,
-    methods={"steering": "mode, command, last", "acceleration": "situation, mode, speed, wanted"},
+    methods={
+        "mode": "situation, usual, speed",
+        "steering": "mode, command, last",
+        "acceleration": "situation, mode, speed, wanted",
+    },
     types=(SteeringCommand,),
+    draws=True,
     guard=GuardedReaction,
     trial=try_reaction,
 )

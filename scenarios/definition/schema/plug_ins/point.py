@@ -4,11 +4,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, is_dataclass
 from functools import cached_property
 from importlib import import_module
+from inspect import signature
 from typing import Any, cast
 
 from pydantic import BaseModel
 
 from scenarios.definition.schema.plug_ins.guards import PlugInError, called, described
+from transport.links.link import keyed_draw
+from vehicles.driver.instant_draw import InstantDraw
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,8 @@ class PlugInPoint:
                dataclass or the Pydantic model of its parameters
     arguments  arguments of the constructor of a class without base; `settings` may follow
     guard      wraps an instance of a user's class without base, named by its dotted name
+    draws      whether the constructor of a user's class may have a parameter `draw`, for random
+               numbers of the control instant
     """
 
     name: str
@@ -40,6 +45,7 @@ class PlugInPoint:
     base: type | None = None
     arguments: str = ""
     guard: Callable[[Any, str], Any] | None = None
+    draws: bool = False
 
     @cached_property
     def short_names(self) -> Mapping[str, str]:
@@ -78,12 +84,34 @@ class PlugInPoint:
             return issubclass(found, self.base)
         return all(callable(getattr(found, one, None)) for one in self.methods)
 
-    def build(self, plugged: type[Any], use: str, *arguments: object) -> Any:
-        """Construct a class; an instance of a user's class is guarded. Raises PlugInError."""
-        given = ", ".join(filter(None, (self.arguments, "settings" * has_settings(plugged))))
+    def build(
+        self, plugged: type[Any], use: str, *arguments: object, draw: InstantDraw | None = None
+    ) -> Any:
+        """Construct a class; an instance of a user's class is guarded. Raises PlugInError.
+
+        A user's class may take `draw`; by default that of no vehicle.
+        """
+        is_own = use not in self.shipped
+        draws = is_own and self.draws and takes_draw(plugged)
+        keywords = {"draw": (draw or instant_draw(0, "")).of(self.key)} if draws else {}
+        parts = (self.arguments, "settings" * has_settings(plugged), "draw=draw" * draws)
+        given = ", ".join(filter(None, parts))
         what = f"{self.name} {use!r}: cannot be built as {plugged.__name__}({given})"
-        made = called(lambda: plugged(*arguments), what, ": ")
-        return made if use in self.shipped or self.guard is None else self.guard(made, use)
+        made = called(lambda: plugged(*arguments, **keywords), what, ": ")
+        return self.guard(made, use) if is_own and self.guard is not None else made
+
+
+def instant_draw(seed: int, vehicle: str) -> InstantDraw:
+    """Random numbers of a vehicle, keyed as those of links."""
+    return InstantDraw(keyed_draw(seed, vehicle, ""))
+
+
+def takes_draw(plugged: type[Any]) -> bool:
+    """Whether the constructor of a class has a parameter `draw`."""
+    try:
+        return "draw" in signature(plugged).parameters
+    except (TypeError, ValueError):  # of a compiled class
+        return False
 
 
 def dotted_name(kind: type) -> str:

@@ -53,6 +53,7 @@ LATERAL = PlugInPoint(
     methods={"steer": "errors, speed"},
     types=(TrackingErrors, SteeringCommand, VehicleParameters, Gains),
     arguments="parameters, gains",
+    draws=True,
     guard=GuardedSteering,
     trial=try_steering,
 )

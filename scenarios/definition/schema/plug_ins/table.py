@@ -23,6 +23,7 @@ from scenarios.definition.schema.plug_ins.point import PlugInPoint, settings_cla
 from scenarios.definition.schema.settings_table import SettingsTable, generated
 from transport.links.laws.delay.base import BaseDelay
 from transport.links.laws.link_law import LinkLaw
+from vehicles.driver.instant_draw import InstantDraw
 
 AS_ANY = cast("Any", SerializeAsAny)()
 ERROR_TYPE = "plug_in"
@@ -60,11 +61,11 @@ class PlugInTable(Table):
         """Parameters as the last argument of the constructor; empty for a class without any."""
         return ()
 
-    def build(self, *arguments: object) -> Any:
-        """Construct the class; raises PlugInError."""
+    def build(self, *arguments: object, draw: InstantDraw | None = None) -> Any:
+        """Construct the class, which may draw random numbers; raises PlugInError."""
         what = f"{self.point.name} {self.use!r}: invalid parameters"
         settings = called(self.constructor_settings, what, ": ")
-        return self.point.build(self.plugged, self.use, *arguments, *settings)
+        return self.point.build(self.plugged, self.use, *arguments, *settings, draw=draw)
 
 
 class SettingsPlugIn(PlugInTable, SettingsTable[Any]):

@@ -5,6 +5,7 @@ import math
 from scenarios.definition.channel.build import usual_delay_ms
 from scenarios.definition.road.spacing import spacing_policy
 from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.plug_ins.point import instant_draw
 from scenarios.runs.node.phases import Car, VehicleContext
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
@@ -42,25 +43,29 @@ class DriverBuilder:
         self._scenario = scenario
         self._setup = scenario.vehicle(name)
         self._route = scenario.route
+        self.draw = instant_draw(scenario.seed, name)
 
     def software(self, now: int, context: VehicleContext) -> tuple[Driver, ProfileSpeed | None]:
         """Driver that starts at `now` (ns) without memory, and its speed profile, if any."""
+        self.draw.start_at = context.start_at
         own = self._setup.predecessor is None or self._scenario.tables.speed.followers == "same"
         law = self._own_profile(context.start_at) if own else None
         return self._driver(context, now, law or self._gap_keeping()), law
 
     def human(self, context: VehicleContext) -> tuple[Driver, ProfileSpeed]:
         """Human who drives the road like the lead, with the true position."""
+        self.draw.start_at = context.start_at
         law = self._profile(context.start_at)
         body = context.car.body
         return Leader(
             own_state=ExactState(),
-            controller=self._setup.controller(),
+            controller=self._setup.controller(self.draw),
             speed_law=law,
             control=context.control,
             path=self._route.path,
             station=self.station(body),
             limit=self._command_limit(context.car),
+            draw=self.draw,
         ), law
 
     def station(self, body: Body) -> float:
@@ -71,7 +76,7 @@ class DriverBuilder:
     def _driver(self, context: VehicleContext, now: int, speed_law: SpeedLaw) -> Driver:
         setup, control = self._setup, context.control
         own_state = self._own_state(now, context)
-        controller = self._setup.controller()
+        controller = self._setup.controller(self.draw)
         load = self._load_watch(own_state, controller)
         if setup.predecessor is None:
             speed = self._scenario.tables.speed
@@ -87,6 +92,7 @@ class DriverBuilder:
                 station=self.station(context.car.body),
                 limit=self._command_limit(context.car),
                 load=load,
+                draw=self.draw,
             )
         steering = setup.steering
         return Follower(
@@ -103,15 +109,16 @@ class DriverBuilder:
             periods={sender: self._least_period(sender) for sender in setup.senders},
             delays={sender: self._usual_delay(sender) for sender in setup.senders},
             alpha=steering.alpha_ratio,
-            fusion=steering.fusion.build(),
+            fusion=steering.fusion.build(draw=self.draw),
             settings=self._fit_settings(),
             degradation=setup.degradation,
-            reaction=steering.degradation.reaction.build(),
+            reaction=steering.degradation.reaction.build(draw=self.draw),
             limit=self._command_limit(context.car),
             load=load,
             gates=self._gates(),
             bends=self._bends(),
             drive_lag=setup.assumed_parameters.drive_lag,
+            draw=self.draw,
         )
 
     def _source_place(self, sender: str) -> int:
@@ -124,7 +131,7 @@ class DriverBuilder:
         return GapKeeping(
             scenario.spacing_policy(self._setup.place),
             scenario.gap_limits,
-            scenario.longitudinal_controller(self._name),
+            scenario.longitudinal_controller(self._name, draw=self.draw),
         )
 
     def _own_state(self, now: int, context: VehicleContext) -> OwnState:

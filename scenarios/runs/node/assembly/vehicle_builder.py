@@ -16,6 +16,7 @@ from scenarios.definition.channel.build import (
 )
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.change_tables import AnyChange
+from scenarios.definition.schema.plug_ins.point import instant_draw
 from scenarios.runs.node.assembly.driver_builder import DriverBuilder
 from scenarios.runs.node.assembly.receiver_and_sender import (
     extra_instants,
@@ -245,6 +246,7 @@ class VehicleBuilder:
             node.car.imu.redraw(self._stream(seed, IMU_STREAM))
             if node.car.gap_sensor is not None:
                 node.car.gap_sensor.redraw(self._stream(seed, GAP_STREAM))
+            self._drivers.draw.numbers = instant_draw(seed, self.name).numbers
 
     def _redraw_links(self, seed: int, numbers: Mapping[str, int]) -> None:
         for incoming in self._links:

@@ -4,6 +4,7 @@ import re
 from dataclasses import fields
 from importlib.resources import files
 from inspect import getdoc
+from pkgutil import resolve_name
 from typing import get_args
 
 import pytest
@@ -228,6 +229,17 @@ def test_the_contract_of_each_plug_in_is_complete() -> None:
             if listed := split_doc(getdoc(kind) or "")[1]:
                 assert list(listed) == [one.name for one in fields(kind)]
     assert {point.key for point in POINTS} == set(EXAMPLES)
+
+
+@pytest.mark.parametrize("name", ["stanley", "acc", "cacc", "ploeg", "flatbed", "consensus"])
+def test_the_parameters_of_shipped_controllers_are_those_of_their_settings(name: str) -> None:
+    (place,) = (point.shipped[name] for point in POINTS if name in point.shipped)
+    printed_rows = rows(sections("plug-ins")[f"parameters of {name}"])
+    settings = fields(resolve_name(place).Settings)
+    assert len(printed_rows) == len(settings)
+    for (key, text), one in zip(printed_rows, settings, strict=True):
+        assert key.startswith(one.name)
+        assert text.endswith(f"default {one.default:g}")
 
 
 def test_every_exit_code_is_printed() -> None:

@@ -1,0 +1,106 @@
+"""Degradation policies of the user: modes that they choose, and what the car does in them."""
+
+from collections.abc import Callable
+
+import pytest
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.runs.virtual.unlogged_run import run_unlogged
+from vehicles.messages import Message, Tracking
+from vehicles.schedule import SECOND
+
+CODE = """
+from dataclasses import dataclass
+from vehicles.driver.reactions import Degrade, Extrapolate
+
+class Always(Extrapolate):
+    @dataclass
+    class Settings:
+        mode: str = "lead"
+    def __init__(self, settings):
+        self.wanted = settings.mode
+    def mode(self, situation, usual, speed):
+        return self.wanted if usual == "composite" else usual
+
+class StopWhenSilent(Extrapolate):
+    @dataclass
+    class Settings:
+        silence_s: float = 0.3
+    def __init__(self, settings):
+        self.silence = settings.silence_s
+    def mode(self, situation, usual, speed):
+        return "stop" if situation.predecessor.silence > self.silence else usual
+    def acceleration(self, situation, mode, speed, wanted):
+        assert situation.ahead.own.step < 0.1
+        return -4.0 if mode == "stop" and speed > 0.0 else wanted
+
+class Shipped(Degrade):
+    pass
+
+class Wrong(Extrapolate):
+    def mode(self, situation, usual, speed):
+        return "path"
+"""
+Module = Callable[[str], str]
+
+
+class TrackingTape:
+    kinds: frozenset[type[Message]] = frozenset({Tracking})
+
+    def __init__(self) -> None:
+        self.rows: list[Tracking] = []
+
+    def listen(self, _at: int, message: Message) -> None:
+        if isinstance(message, Tracking) and message.vehicle == "v3":
+            self.rows.append(message)
+
+
+def scenario_of(reaction: str, *more: str) -> Scenario:
+    sets = ["convoy.vehicles=3", "duration_s=1.5", "control.own_state=exact", *more]
+    return load_scenario("lane_change", [f"control.degradation.reaction={reaction}", *sets])
+
+
+def tracking(reaction: str, *more: str) -> list[Tracking]:
+    tape = TrackingTape()
+    run_unlogged(scenario_of(reaction, *more), [tape])
+    return tape.rows
+
+
+@pytest.mark.parametrize("mode", ["lead", "predecessor"])
+def test_a_chosen_source_alone_is_fitted(module: Module, mode: str) -> None:
+    """The noise of the other source, 1 m, does not reach it; v2 itself follows a noisy lead."""
+    other = {"lead": "v2", "predecessor": "v1"}[mode]
+    noisy = f"vehicle.{other}.gnss.position_noise_m=1.0"
+    name, quiet = module(CODE), "gnss.position_noise_m=0.0"
+    own = f"{{use='{name}.Always',mode='{mode}'}}"
+    rows = tracking(own, quiet, noisy)[10:]
+    assert {row.mode for row in rows} == {mode}
+    errors = [abs(row.lateral_error_m) for row in rows]
+    both = [abs(row.lateral_error_m) for row in tracking("extrapolate", quiet, noisy)[10:]]
+    assert max(errors) < {"lead": 0.25, "predecessor": 0.7}[mode] * max(both)
+
+
+def test_a_policy_of_ones_own_stops_a_car_and_warns(module: Module) -> None:
+    """v3 is cut off for 0.7 s: it brakes from 0.3 s of silence until it receives again."""
+    cut = "change=[{kind='cut',at_s=0.4,for_s=0.7,sender='*',receiver='v3'}]"
+    rows = tracking(f"{module(CODE)}.StopWhenSilent", cut)
+    stopping = [row for row in rows if row.mode == "stop"]
+    start = rows[0].decided_at_ns
+    seconds = [(row.decided_at_ns - start) / SECOND for row in stopping]
+    assert seconds[0] == pytest.approx(0.4 + 0.3, abs=0.1)
+    assert seconds[-1] == pytest.approx(1.1, abs=0.1)
+    assert {row.mode for row in rows if row not in stopping} <= {"composite", "straight", "coast"}
+    assert all(row.hazard for row in stopping)
+    assert all(row.reason.startswith("chosen by the policy") for row in stopping[:1])
+
+
+def test_a_policy_that_inherits_the_shipped_one_equals_it(module: Module) -> None:
+    lossy = "links.loss_ratio=0.8"
+    own, shipped = tracking(f"{module(CODE)}.Shipped", lossy), tracking("degrade", lossy)
+    assert list(map(repr, own)) == list(map(repr, shipped))
+
+
+def test_a_mode_of_the_lead_is_refused(module: Module) -> None:
+    with pytest.raises(ScenarioError, match=r"reaction: .*mode\(\) returned 'path', expected one"):
+        scenario_of(f"{module(CODE)}.Wrong")
