@@ -30,6 +30,11 @@ def transfer(key: RunKey) -> Transfer:
     )
 
 
+def empty_transfer() -> Transfer:
+    """F(jω) of empty cars at the speed of the base case."""
+    return trace_propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_CAR[0])
+
+
 def predict_case(findings: Findings, key: RunKey) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Predict the largest tracking and true errors (m) of the followers of a case."""
     alpha = 1.0 if key == NO_LEAD_DATA else 0.5

@@ -116,8 +116,8 @@ def base_true(findings: Findings) -> Answer:
         reason="every car adds its own error to half of its predecessor's (linear theory: "
         f"{in_cm(expected)}), which tracking errors do not show. "
         + (
-            "Since true errors level off, the convoy is string stable in the sense of Swaroop and "
-            "Hedrick and of Ploeg et al., though Definition 1 fails (row on bounded errors below)"
+            "It levels off, so it is string stable in the sense of Swaroop and Hedrick and of "
+            "Ploeg et al., though Definition 1 fails (row on bounded errors below)"
             if levels_off(long)
             else f"Along eight cars they do not level off{off_the_road(long)}"
         ),
@@ -161,8 +161,11 @@ def reduced_by_lead_data(findings: Findings) -> Answer:
         **by_runs(findings, is_less, LONG_WITH, LONG_WITHOUT),
         ours=f"the eighth car is {cm(with_data.cross_track[-1])} off the lead's path with the "
         f"lead's data and {cm(without.cross_track[-1])} without; it adds {cm(growth[0])} to its "
-        f"predecessor's error, without the data {cm(growth[1])}",
-        reason="with the lead's data errors stay bounded, although they grow along the first cars",
+        f"predecessor's error, without the data {cm(growth[1])}"
+        f"{better_laws(findings, LONG_WITH, 'cross_track')}",
+        reason="with the lead's data errors stay bounded, although they grow along the first cars"
+        if levels_off(with_data)
+        else f"with the lead's data errors do not stay bounded{off_the_road(with_data)}",
         numbers={"with_m_max": with_data.cross_track, "without_m_max": without.cross_track},
     )
 

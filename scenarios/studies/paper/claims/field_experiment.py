@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarios.results.drives import Trial
+from scenarios.studies.paper.claims.base_case import levels_off
 from scenarios.studies.paper.claims.claim import Answer, Claims, by_runs
 from scenarios.studies.paper.experiments import BASE_SPEED, LANE
 from scenarios.studies.paper.findings import TOLERANCE_M, Findings, Tally, cm, in_cm
@@ -14,6 +15,7 @@ from scenarios.studies.paper.keys import (
     FIELD_SLIP_COMPENSATED,
     FIELD_WITH,
     FIELD_WITHOUT,
+    LONG_WITH,
     Part,
 )
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS
@@ -145,7 +147,7 @@ def field_not_amplified(findings: Findings) -> Answer:
             else ""
         ),
         reason=f"without the lead's data the factor is {without:.2f}. Two followers do not show "
-        f"whether errors level off; in simulations of eight cars they do. {_tracking_rms(errors)}",
+        f"whether errors level off{_of_eight_cars(findings)}. {_tracking_rms(errors)}",
         numbers=numbers_of(errors) | {"slip_compensated_m_rms": slip.cross_track_rms},
     )
 
@@ -184,6 +186,14 @@ def field_on_the_road(findings: Findings) -> Answer:
         f"{cm(LANE_MARGIN)} on each side of a car",
         numbers={"cross_track_error_m_max": true},
     )
+
+
+def _of_eight_cars(findings: Findings) -> str:
+    """Describe whether errors level off in the simulation of eight cars, if it was run."""
+    if not findings.has(LONG_WITH):
+        return ""
+    do = "do" if levels_off(findings.trials[LONG_WITH]) else "do not"
+    return f"; in simulations of eight cars they {do}"
 
 
 def settled_errors(trial: Trial) -> SettledErrors:

@@ -19,7 +19,11 @@ from scenarios.studies.paper.experiments import (
 )
 from scenarios.studies.paper.findings import Findings, Tally, cm, in_cm
 from scenarios.studies.paper.keys import BASE, NOISE_WITH, NOISE_WITHOUT, RunKey, Setup
-from scenarios.studies.paper.linear_prediction import predict_errors, transfer
+from scenarios.studies.paper.linear_prediction import (
+    empty_transfer,
+    predict_errors,
+    transfer,
+)
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS
 from vehicles.theory.propagation import propagation
 from vehicles.theory.string_stability import largest_weight, peak
@@ -66,9 +70,11 @@ def alpha_chain(findings: Findings) -> Answer:
         phases=Tally(sum(level), len(level), "weights"),
         reason="each car passes on the share α of its error. Theory ensures this at every "
         f"frequency below α* = 1/‖F‖∞ = {largest_weight(loaded):.2f} (at "
-        f"{peak(loaded).frequency:.0f} rad/s, the steering's mode, which the fit smooths). For the "
-        f"paper's G with steering actuation and empty cars α* = {empty:.4f}, just below its 0.5 "
-        "(convoy check prints it)",
+        f"{peak(loaded).frequency:.0f} rad/s, the steering's mode, which the fit smooths). Empty "
+        f"cars have α* = {largest_weight(empty_transfer()):.2f}: at the paper's α = 0.5 their "
+        f"α‖F‖∞ is {0.5 * peak(empty_transfer()).magnitude:.2f}, and theory ensures nothing. For "
+        f"the paper's G with steering actuation and empty cars α* = {empty:.4f}, just below its "
+        "0.5 (convoy check prints it)",
         numbers={
             f"{name}_m_max_at_alpha_{alpha:g}": errors
             for alpha in ALPHAS
@@ -77,7 +83,11 @@ def alpha_chain(findings: Findings) -> Answer:
                 ("theory", expected[alpha]),
             )
         }
-        | {"largest_alpha_f_ratio": largest_weight(loaded), "largest_alpha_g_ratio": empty},
+        | {
+            "largest_alpha_f_ratio": largest_weight(loaded),
+            "largest_alpha_f_of_empty_cars_ratio": largest_weight(empty_transfer()),
+            "largest_alpha_g_ratio": empty,
+        },
     )
 
 

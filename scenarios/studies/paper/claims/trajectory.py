@@ -63,7 +63,7 @@ def one_change(findings: Findings) -> Answer:
     return Answer(
         ours=f"at most {in_a_second} within a second on the road of the base case, whose segments "
         f"last a second each; this trajectory uses {window:.2f} s of road, with up to {in_window} "
-        "changes",
+        f"change{'s' if in_window != 1 else ''}",
         holds=in_a_second <= 1,
         reason="the road was chosen accordingly. A lane change of 3.6 m at 30 m/s needs arcs of "
         f"less than a second on radii up to {max(quick):.0f} m",

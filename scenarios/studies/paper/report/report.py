@@ -232,8 +232,9 @@ def _method() -> Iterator[str]:
         "## Method",
         "",
         "- Errors. The *tracking error* is a car's distance from the trajectory it has fitted; "
-        "this is the error in the paper. The *true error* is the distance from the path that the "
-        "lead has driven. Lists contain the largest error of each follower, front to back. "
+        "this is the error in the figures of V-C. The *true error* is the distance from the path "
+        "that the lead has driven; this is e_lat in Section IV-B, and decides whether a car is "
+        "off the track. Lists contain the largest error of each follower, front to back. "
         f"Differences below {1000 * TOLERANCE_M:.0f} mm are ignored.",
         "- Convoy. Four of the paper's cars, 15 m from centre to centre (0.5 s at 30 m/s), with "
         "the paper's law and gains. Controllers do not know the load. Poses are sent at 20 Hz "
