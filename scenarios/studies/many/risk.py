@@ -97,11 +97,13 @@ def run_risk(
 
 
 def estimate_risk(query: RiskQuery, engine: Engine) -> Risk:
-    can_split = bool(query.limit.row.live) or query.measure == "silence"
+    live = query.limit.row.live
+    can_split = live != "end" and (bool(live) or query.measure == "silence")
     if query.method == "splitting":
         if not can_split:
             wrong = f"given splitting, but no figure approaches the limit {query.limit}"
-            raise ScenarioError([f"--method: {wrong}; use counting or --measure silence"])
+            instead = "counting" if live == "end" else "counting or --measure silence"
+            raise ScenarioError([f"--method: {wrong}; use {instead}"])
         return _split(query, 0, engine)
     most = query.max_runs
     counts_only = query.method == "counting" or not can_split

@@ -1,6 +1,7 @@
 """Figures of the user's classes in limits, sweeps, searches and comparisons."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
@@ -10,7 +11,7 @@ from scenarios.definition.schema.plug_ins.guards import PlugInError
 from scenarios.results.limits.evaluation import broken_by
 from scenarios.results.summary import RunSummary
 from scenarios.studies.comparison.figure_diff import figure_differences
-from scenarios.studies.many.limit_history import watch_limit
+from scenarios.studies.many.limit_history import Measure, watch_limit
 from scenarios.studies.many.risk import RiskQuery, estimate_risk
 from scenarios.studies.many.sweeps.plan import figures_of, planned
 from scenarios.studies.many.variant import Variant, limited_variant
@@ -153,8 +154,14 @@ def test_a_limit_of_the_command_line_names_own_figures(module: Module, limit: st
         variant(module(CODE), limit)
 
 
-def test_a_limit_that_nothing_approaches_is_counted_only() -> None:
-    run, limit = limited_variant("lane_change", [], "v3.distrust")
-    query = RiskQuery(variant=run, limit=limit, max_runs=300)
+@pytest.mark.parametrize(
+    ("text", "measure"),
+    [("v3.distrust", "limit"), ("lateral_gain_l2=2", "limit"), ("lateral_gain_l2=2", "silence")],
+)
+def test_a_limit_that_nothing_approaches_is_counted_only(text: str, measure: Measure) -> None:
+    run, limit = limited_variant("lane_change", [], text)
+    query = RiskQuery(variant=run, limit=limit, measure=measure, max_runs=300)
     found = estimate_risk(query, SyntheticEngine(lambda _: False))
     assert (found.method, found.runs) == ("counting", 300)
+    with pytest.raises(ScenarioError, match="--method: given splitting, but no figure approaches"):
+        estimate_risk(replace(query, method="splitting"), SyntheticEngine(lambda _: False))
