@@ -138,7 +138,7 @@ def _refused_speeds(speeds: Sequence[float]) -> Iterator[str]:
 @click.command(
     epilog="""\b
 Examples:
-  convoy reproduce --out paper                   all cases, 1 to 2 minutes
+  convoy reproduce --out paper                   all cases: 7 minutes of processor time
   convoy reproduce --case base --case a
 """
 )

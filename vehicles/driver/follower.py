@@ -161,10 +161,9 @@ class Follower:
         self._mode: Mode = "straight"
         self._refit = Timer(REFIT_AFTER)
         self._spacings: dict[str, float] = {}
-        self._spacings_at = 0
+        self._spacings_at = self._decided_at = 0
         self._own = OwnMotion()
         self._measured: GapMeasurement | None = None
-        self._decided_at = 0
         self._decision: Decision | None = None
 
     def step(
@@ -202,8 +201,6 @@ class Follower:
         return self._decision
 
     def _decide(self, now: int, pose: Pose) -> Decision:
-        if self._draw is not None:
-            self._draw.now = now
         last, sources = self._decision, self._sources
         self._advance_own(now, pose)
         refit = self._refit.is_due(now)
@@ -211,19 +208,7 @@ class Follower:
             self._fit(now, pose)
         acceleration = last.actuation.acceleration if last else 0.0
         situation = sources.assess(now, pose, acceleration, refit=refit)
-        self._mode, reason = self._modes.decide(
-            now,
-            sources,
-            situation,
-            pose.speed,
-            fitted=self._fitted,
-            has_path=bool(self._trajectories),
-        )
-        chosen = self._reaction.mode(situation, self._mode, pose.speed)
-        self._chosen = None
-        if chosen != self._mode:
-            self._mode, self._chosen = chosen, chosen
-            reason = f"chosen by the policy; {reason}" if reason else "chosen by the policy"
+        reason = self._decide_mode(now, situation, pose.speed)
         sources.steer_along(self._mode, self._period)
         errors, command = self._steer(now, pose)
         held = last.steering if last else command
@@ -267,6 +252,23 @@ class Follower:
             remarks=remarks,
         )
 
+    def _decide_mode(self, now: int, situation: Situation, speed: float) -> str:
+        """Set the mode, which the policy may choose, and return its reason."""
+        self._mode, reason = self._modes.decide(
+            now,
+            self._sources,
+            situation,
+            speed,
+            fitted=self._fitted,
+            has_path=bool(self._trajectories),
+        )
+        chosen = self._reaction.mode(situation, self._mode, speed)
+        if chosen == self._mode:
+            self._chosen = None
+            return reason
+        self._mode = self._chosen = chosen
+        return f"chosen by the policy; {reason}" if reason else "chosen by the policy"
+
     def _log_stop(self, situation: Situation) -> None:
         before, self._stops_behind = self._stops_behind, self._speed_guard.stops_behind
         if self._stops_behind and not before:
@@ -292,6 +294,8 @@ class Follower:
                 if self._sources.mode_along(self._sources.all[name]) == chosen
             }
         weights = self._sources.weights(self._alpha)
+        if chosen in ONE_SOURCE:
+            weights = {name: 1.0 / len(windows) for name in windows}
         sources = [
             SourceWindow(self._sources.all[name].place, weights[name], window)
             for name, window in windows.items()
@@ -395,6 +399,8 @@ class Follower:
 
     def _advance_own(self, now: int, pose: Pose) -> None:
         """Motion of the car at the control instant `now` (ns), for the longitudinal controller."""
+        if self._draw is not None:
+            self._draw.now = now
         step = (now - self._decided_at) / SECOND if self._decided_at else 0.0
         self._decided_at = now
         if self._longitudinal[-1].place < 0:

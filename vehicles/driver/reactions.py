@@ -26,7 +26,8 @@ class ReactionPolicy(Protocol):
     def mode(self, situation: Situation, usual: Mode, speed: float) -> Mode:
         """Mode to steer in, given the `usual` one, at `speed` (m/s).
 
-        "composite" fits both sources from the next refit on, "lead" and "predecessor" one of them.
+        "composite" fits all sources from the next refit on, "lead" and "predecessor" one of them,
+        "intermediate" those between.
         The other modes keep the last trajectory. "stop" warns the followers behind. Without
         `Degrade`, the usual mode is that of the sources whose samples reach ahead of the car.
         """

@@ -32,7 +32,7 @@ from scenarios.studies.paper.keys import (
 )
 from vehicles.preview.curve_fit import Trajectory
 
-BASE_SEEDS = 4
+BASE_SEEDS = 3
 """Number of noisy runs of the base case, with and without the lead's data."""
 
 OTHER_SEEDS = 2
@@ -51,13 +51,13 @@ are repeated up to the end of the first.
 RADII = (200.0, 250.0, 300.0, 400.0, 500.0, 700.0, 1000.0)
 """Radii (m) of the curves; the paper states only hundreds of metres."""
 
-ALPHAS = (0.0, 0.25, 0.5, 0.75, 1.0)
+ALPHAS = (0.0, 0.5, 0.75, 1.0)
 """Weights α of the predecessor in convoys of eight cars; 0.5 is the paper's."""
 
-PREVIEWS_S = (0.4, 0.6, 0.8, 1.0, 1.2)
+PREVIEWS_S = (0.4, 0.8, 1.0)
 """Previews (s); 0.8 is the paper's, and 1.0 s are the 30 m of Section III-A at 30 m/s."""
 
-LOSSES_PERCENT = (30.0, 60.0, 90.0)
+LOSSES_PERCENT = (30.0, 60.0)
 """Shares (%) of messages that each link loses."""
 
 LATENCIES_MS = (100.0, 200.0, 400.0)

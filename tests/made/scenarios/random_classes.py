@@ -37,8 +37,11 @@ class Fuses:
     def __init__(self, *, draw):
         self.draw = draw
 
-    def fuse(self, lead, predecessor, alpha, settings):
-        fit = fit_composite(lead, predecessor, alpha=self.draw("alpha"), settings=settings)
+    def fuse(self, sources, settings):
+        alpha = self.draw("alpha")
+        weights = [alpha if one.place == 1 else 1.0 - alpha for one in sources]
+        shared = [one._replace(weight=share) for one, share in zip(sources, weights)]
+        fit = fit_composite(shared, settings)
         return [] if fit is None else [(1.0, fit)]
 
 class Reacts(Extrapolate):

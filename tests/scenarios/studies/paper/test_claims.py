@@ -25,6 +25,7 @@ from scenarios.studies.paper.claims.field_experiment import settled_errors, shar
 from scenarios.studies.paper.claims.information import noise_rms
 from scenarios.studies.paper.claims.string_stability import (
     MANY,
+    bounded_along_the_convoy,
     definition_1_norms,
     l2_norms,
     largest_gains,
@@ -59,7 +60,8 @@ from tests.scenarios.studies.paper.findings import (
     findings_with_all_claims_true,
     trial_of,
 )
-from vehicles.theory.propagation import Transfer
+from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS
+from vehicles.theory.propagation import Transfer, trace_propagation
 from vehicles.theory.string_stability import peak
 
 SIMULATED = (
@@ -400,7 +402,7 @@ def test_cars_that_slow_down_do_not_hold_a_claim_on_errors() -> None:
     findings = findings_with_all_claims_true()
     lead, first, last = trial_of((0.0, 0.0)).drives
     stands = replace(last, speed=np.zeros(len(last.speed)))
-    findings.trials[RunKey("loss", value=90.0)] = Trial((lead, first, stands))
+    findings.trials[RunKey("loss", value=60.0)] = Trial((lead, first, stands))
     assert judgements(findings)["loss_varied"] == "undecided"
 
 
@@ -413,6 +415,15 @@ def test_noise_is_pooled_over_seeds_once_it_is_stationary() -> None:
     assert noise_rms([first, second]) == pytest.approx(
         ((0.5 * (0.03**2 + 0.04**2)) ** 0.5, (0.5 * (0.05**2 + 0.12**2)) ** 0.5)
     )
+
+
+def test_the_gain_of_empty_cars_is_stated_in_the_row_on_bounded_errors() -> None:
+    """The peak of F by a fine sweep of frequencies, with the paper's weight of one half."""
+    frequencies = np.linspace(0.01, 60.0, 60_000)
+    gain = np.abs(trace_propagation(LINCOLN_MKZ, NOMINAL_GAINS, 30.0).at(frequencies)).max()
+    answer = bounded_along_the_convoy(findings_with_all_claims_true())
+    assert answer.numbers["alpha_norm_f_of_empty_cars_ratio"] == pytest.approx(0.5 * gain, rel=1e-6)
+    assert gain > 2.0
 
 
 def test_laws_with_smaller_errors_are_named_in_the_row() -> None:
