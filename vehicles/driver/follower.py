@@ -108,9 +108,8 @@ class Follower:
         (m) to the predecessor is that at which the bumpers touch. `drive_lag` (s) is the car's.
         `draw` has the random numbers of controllers, fusion and reaction.
         """
-        self._draw = draw
+        self._draw, self._drive_lag = draw, drive_lag
         self._chosen: Mode | None = None
-        self._drive_lag = drive_lag
         self._own_state = own_state
         self._controller = controller
         self._speed_guard = speed_guard

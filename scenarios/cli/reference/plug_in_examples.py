@@ -87,7 +87,7 @@ class OnlyCloseSources:
         """\
 [control.fusion]
 use = "mine.OnlyCloseSources"
-distance_m = 30.0
+distance_m = 15.0
 """,
     ),
     "control.degradation.reaction": PlugInExample(
