@@ -9,6 +9,8 @@ from shutil import copyfile, copytree, ignore_patterns, rmtree, which
 
 import pytest
 
+from tests.made.scenarios.random_classes import CODE, random_settings
+
 ROOT = Path(__file__).parents[2]
 NO_RADIO = "change=[{kind='cut', at_s=1, for_s=2.5}]"
 CRASH = "change=[{kind='crash', vehicle='v2', at_s=1, for_s=1.5}]"
@@ -27,12 +29,15 @@ COMPILED_VARIABLE = "CONVOY_COMPILED"
 """Variable with the folder of a compiled installation, which `.ci/compiled` builds."""
 
 
-def python(folder: Path, *arguments: str) -> str:
-    """Run this interpreter on the project in `folder`; return its standard output."""
+def python(folder: Path, *arguments: str, modules: Path | None = None) -> str:
+    """Run this interpreter on the project in `folder`; return its standard output.
+
+    `modules` is another folder of modules.
+    """
     done = subprocess.run(
         [sys.executable, *arguments],
         cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(folder)},
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(map(str, filter(None, (folder, modules))))},
         capture_output=True,
         text=True,
         check=False,
@@ -65,11 +70,13 @@ def install(project: Path, into: Path, *, compiled: bool) -> Path:
     return into
 
 
-def run_files(folder: Path, out: Path, scenario: str, *changed: str) -> dict[str, bytes]:
-    """Log and summary of a virtual run."""
+def run_files(
+    folder: Path, out: Path, scenario: str, *changed: str, modules: Path | None = None
+) -> dict[str, bytes]:
+    """Log and summary of a virtual run, with classes in the folder `modules`."""
     changes = (part for setting in changed for part in ("--set", setting))
     run = ("run", scenario, "--clock", "virtual", "--quiet", "--out", str(out), *changes)
-    python(folder, "-m", "scenarios.cli", *run)
+    python(folder, "-m", "scenarios.cli", *run, modules=modules)
     return {name: (out / name).read_bytes() for name in ("run.mcap", "summary.json")}
 
 
@@ -106,6 +113,20 @@ def test_compiled_runs_have_the_same_bytes(
 ) -> None:
     expected = run_files(plain, tmp_path / "plain", *run)
     assert run_files(compiled, tmp_path / "compiled", *run) == expected
+
+
+def test_random_classes_decide_alike_in_compiled_runs(
+    compiled: Path, plain: Path, tmp_path: Path
+) -> None:
+    modules = tmp_path / "own"
+    modules.mkdir()
+    (modules / "mine.py").write_text(CODE, encoding="utf-8")
+    sets = ("duration_s=3", "links.loss_ratio=0.3", *random_settings("mine"))
+    expected, found = (
+        run_files(folder, tmp_path / f"run{number}", "lane_change", *sets, modules=modules)
+        for number, folder in enumerate((plain, compiled))
+    )
+    assert found == expected
 
 
 def test_both_installations_have_the_python_interface(

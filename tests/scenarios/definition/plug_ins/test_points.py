@@ -217,7 +217,52 @@ class Flat(ErrorTerm):
     def at(self, body, now):
         return 0.1
 """
+DRIVING = """
+import time
+from vehicles.driver.reactions import Extrapolate
+
+class Undecided:
+    def __init__(self, setup):
+        pass
+    def acceleration(self, speed, ahead):
+        return None
+
+class Clocked(Undecided):
+    def acceleration(self, speed, ahead):
+        return time.perf_counter()
+
+class Bare:
+    def fuse(self, sources, settings):
+        return 1.0
+
+class Needy(Bare):
+    def __init__(self, draw, more):
+        pass
+
+class Brakes(Extrapolate):
+    def acceleration(self, situation, mode, speed, wanted):
+        return float("-inf")
+
+class Truthy:
+    def holds(self, pose):
+        return 1
+
+class Infinite:
+    def add(self, pose):
+        pass
+    def value(self):
+        return float("inf")
+"""
 OTHER_MISTAKES = {
+    "control.longitudinal=D.Undecided": "control.longitudinal: controller 'D.Undecided': accelera",
+    "control.longitudinal=D.Clocked": "control.longitudinal: results differ between equal calls",
+    "control.longitudinal=D.Bare": "control.longitudinal: controller 'D.Bare': not a class with a",
+    "control.fusion=D.Bare": "control.fusion: fusion 'D.Bare': fuse() returned float, expected a",
+    "control.fusion=D.Needy": "control.fusion: fusion 'D.Needy': cannot be built as Needy(draw=dr",
+    "control.degradation.reaction=D.Brakes": "control.degradation.reaction: reaction 'D.Brakes': a",
+    "event=[{use='D.Truthy'}]": "event[0]: event 'D.Truthy': holds() returned 1, expected True or",
+    "event=[{use='D.Truthy',more=1}]": "event[0].more: unknown key",
+    "figure=[{use='D.Infinite'}]": "figure[0]: figure 'D.Infinite': value() returned inf, expected",
     "links.loss={use='C.Half'}": "links.loss.ratio: missing",
     "links.loss={use='C.Half',ratio='a'}": 'links.loss.ratio: given "a", allowed a number',
     "links.loss=C.Dice": "links.loss: law 'C.Dice': judge() has other verdicts if messages come in",
@@ -232,10 +277,11 @@ OTHER_MISTAKES = {
 
 
 @pytest.mark.parametrize("mistake", OTHER_MISTAKES)
-def test_a_mistake_in_channel_or_sensors_is_one_clear_line(mistake: str, module: Module) -> None:
-    names = {"C": module(CHANNEL), "E": module(EMISSION)}
+def test_a_mistake_at_another_point_is_one_clear_line(mistake: str, module: Module) -> None:
+    names = {"C": module(CHANNEL), "E": module(EMISSION), "D": module(DRIVING)}
+    gap = ["speed.followers=gap"] if "longitudinal" in mistake else []
     with pytest.raises(ScenarioError) as refused:
-        load_scenario("lane_change", [_named(mistake, names)])
+        load_scenario("lane_change", [*gap, _named(mistake, names)])
     (line,) = refused.value.lines
     wanted = OTHER_MISTAKES[mistake]
     for short, name in names.items():
@@ -271,6 +317,26 @@ def test_a_law_of_ones_own_equals_the_shipped_one(module: Module) -> None:
     described = [one.describe() for one in link_effects(own.links["v1", "v2"], 20.0)]
     assert "Half, ratio 0.4" in described
     assert 0.3 < sum(one.outcome == "dropped" for one in verdicts[0]) / 200 < 0.5
+
+
+def test_a_loss_law_of_a_dozen_lines_runs_from_the_command_line(
+    module: Module, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Messages over two gaps are lost more often than those over one, as the law states."""
+    code = EXAMPLES["links.loss"].code
+    assert len(code.split("\n")) <= 12
+    monkeypatch.chdir(tmp_path)
+    loss = f'links.loss={{use="{module(code)}.LossOverDistance",reach_m=60}}'
+    options = ["--set", loss, *(f"--set={one}" for one in ("convoy.vehicles=3", "duration_s=2"))]
+    ran = CliRunner().invoke(cli, ["run", "lane_change", *options, "--clock=virtual", "--out=out"])
+    assert ran.exit_code == 0, ran.output
+    links = from_json((tmp_path / "out" / "summary.json").read_text()).links
+    lost = {(one.sender, one.receiver): one.loss_ratio for one in links}
+    spacing = load_scenario("lane_change").route.spacings[1]
+    for pair, gaps in ((("v1", "v2"), 1), (("v2", "v3"), 1), (("v1", "v3"), 2)):
+        expected = (gaps * spacing / 60) ** 2
+        assert lost[pair] == pytest.approx(expected, abs=3 * (expected / 40) ** 0.5)
+    assert (lost["v1", "v3"] or 0) > (lost["v1", "v2"] or 0)
 
 
 def test_a_log_is_readable_without_the_modules_of_its_classes(
