@@ -84,7 +84,8 @@ def _class_problem(context: Mapping[str, Any], _given: object) -> str:
     use, names = str(context["use"]), context["names"]
     text = context["text"] if "." in use else f"given {toml_repr(use)}"
     allowed = ", ".join(map(toml_repr, names))
-    return f"{text}, allowed {allowed} or your own package.module.Class{did_you_mean(use, names)}"
+    hint = did_you_mean(use, context["own"]) or did_you_mean(use, names)
+    return f"{text}, allowed {allowed} or your own package.module.Class{hint}"
 
 
 def _renamed(location: Location, given: object) -> str:

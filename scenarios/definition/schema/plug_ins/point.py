@@ -1,10 +1,14 @@
 """A plug-in point, and the classes that fit it."""
 
-from collections.abc import Callable, Mapping
+import re
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, is_dataclass
 from functools import cached_property
 from importlib import import_module
 from inspect import signature
+from pathlib import Path
 from typing import Any, cast
 
 from pydantic import BaseModel
@@ -12,6 +16,8 @@ from pydantic import BaseModel
 from scenarios.definition.schema.plug_ins.guards import PlugInError, called, described
 from transport.links.link import keyed_draw
 from vehicles.driver.instant_draw import InstantDraw
+
+_CLASS = re.compile(r"^class (\w+)", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -76,6 +82,23 @@ class PlugInPoint:
                 wanted = [f"the base {dotted_name(self.base)}"]
             raise PlugInError(f"{self.name} {use!r}: not a class with {' and '.join(wanted)}")
         return cast("type[Any]", found)
+
+    def own_names(self, use: str) -> Iterator[str]:
+        """Yield names that a dotted name may have been meant to be.
+
+        These are the classes of its module that fit or, without such a module, all classes in the
+        modules of the working folder.
+        """
+        name = use.rpartition(".")[0]
+        if (module := sys.modules.get(name)) is not None:
+            for one, value in vars(module).items():
+                if self._fits(value) and value.__module__ == name:
+                    yield f"{name}.{one}"
+            return
+        for path in sorted(Path().glob("*.py")):
+            with suppress(OSError):
+                for one in _CLASS.findall(path.read_text(encoding="utf-8", errors="replace")):
+                    yield f"{path.stem}.{one}"
 
     def _fits(self, found: object) -> bool:
         if not isinstance(found, type):

@@ -165,7 +165,9 @@ def plug_in(point: PlugInPoint, shipped: Any = PlugInTable) -> Any:
             is_absent = isinstance(error.__cause__, ImportError)
             if info.context == RECORDED and is_absent and point.base in {None, *MODEL_BASES}:
                 return _absent(point).model_validate(table)
-            raise _custom_error(str(error), {"use": use, "names": list(point.shipped)}) from error
+            own = [*point.own_names(use)] if "." in use else []
+            context = {"use": use, "names": list(point.shipped), "own": own}
+            raise _custom_error(str(error), context) from error
         named = {**table, "use": point.short_names.get(use, use)}
         try:
             return model.model_validate(named)

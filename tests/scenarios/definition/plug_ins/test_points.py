@@ -131,6 +131,18 @@ def test_a_mistake_is_one_clear_line(mistake: str, module: Module) -> None:
     assert wanted in line
 
 
+@pytest.mark.parametrize("use", ["M.Modeled", "M_.Modelled"])
+def test_a_similar_own_class_is_suggested(
+    use: str, module: Module, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    name = module(LATERAL)
+    given = use.replace("M", name, 1)
+    with pytest.raises(ScenarioError) as refused:
+        load_scenario("lane_change", [f"control.controller={given}"])
+    assert f"{name}.Modelled?" in refused.value.lines[0]
+
+
 def test_a_longitudinal_controller_needs_followers_that_keep_a_gap(module: Module) -> None:
     name = module(EXAMPLES["control.longitudinal"].code)
     with pytest.raises(
