@@ -93,6 +93,8 @@ def _drivers(report: CheckReport) -> Iterator[Row]:
     followers = dict(list(report.control.items())[1:])
     yield "control", f"at {report.control_rate_hz:g} Hz"
     yield from _grouped_rows("controller", report.control, _controller)
+    if report.gap_policy is not None:
+        yield from _grouped_rows("longitudinal law", followers, _longitudinal)
     yield from _grouped_rows("information flow", report.information_flow, _flow)
     yield from _grouped_rows("fusion", followers, _fusion)
     limits = {name: report.control[name] | limit for name, limit in report.largest_alpha.items()}
@@ -112,6 +114,10 @@ def _controller(settings: Mapping[str, Any]) -> str:
     load = "learns" if settings["estimate_slip"] else "does not know"
     load = "knows" if settings["knows_loading"] else load
     return f"{plug_in_text(settings['controller'])}, gains {gains}, {load} the load"
+
+
+def _longitudinal(settings: Mapping[str, Any]) -> str:
+    return plug_in_text(settings["longitudinal"])
 
 
 def plug_in_text(given: str | Mapping[str, Any]) -> str:

@@ -50,6 +50,9 @@ USUAL_GNSS_RATE = 20.0
 SLACK_S = 0.5
 """Time (s) without a record of replayed vehicles up to which there is no warning."""
 
+GROWTH_M = 1.0
+"""Growth of a gap by a follower's limit of acceleration up to which there is no warning."""
+
 STEP = 0.05
 """Time step (s) at which the lead's planned run is sampled."""
 
@@ -330,6 +333,7 @@ def _warnings(scenario: Scenario, run: _Run, held: HeldBraking | None) -> tuple[
         *receiver_warnings(scenario),
         *sampled_loop_warnings(scenario, run.speed_range),
         *_speed_warnings(scenario, run),
+        *_acceleration_warnings(scenario, run),
         *braking_warnings(held, run.braking_max),
         *slip_warnings(scenario, run.speeds, run.curvatures),
     )
@@ -391,6 +395,24 @@ def _lowered(scenario: Scenario, run: _Run) -> Iterator[tuple[float, float]]:
         least = float(np.min(speeds, initial=inf))
         if least < set_speed and (first == 0 or least < speeds[0]):
             yield least, set_speed
+
+
+def _acceleration_warnings(scenario: Scenario, run: _Run) -> Iterator[str]:
+    """Warn if followers that keep a gap cannot accelerate like the lead, and fall behind."""
+    if scenario.tables.speed.followers != "gap" or len(scenario.vehicle_names) == 1:
+        return
+    most = scenario.gap_limits.acceleration
+    speed, behind, growth = float(run.speeds[0]), 0.0, 0.0
+    for planned in run.speeds.tolist():
+        speed = min(speed + most * STEP, planned)
+        behind = behind + (planned - speed) * STEP if speed < planned else 0.0
+        growth = max(growth, behind)
+    if growth > GROWTH_M:
+        hardest = float(np.max(np.diff(run.speeds))) / STEP
+        yield (
+            f"the lead accelerates at up to {hardest:.1f} m/s², followers at up to {most:g} m/s²: "
+            f"gaps grow by up to {growth:.1f} m. Raise speed.gap.acceleration_mps2_max."
+        )
 
 
 def _speed_warnings(scenario: Scenario, run: _Run) -> Iterator[str]:

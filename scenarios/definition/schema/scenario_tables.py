@@ -134,8 +134,9 @@ class SteeringTable(Table):
                    in curves compensated; "feedforward_feedback": the paper's law; "stanley";
                    "pure_pursuit"; or your own class, "module.Class" (convoy reference plug-ins). A
                    table with parameters has the name as its key `use`
-    longitudinal   longitudinal controller of a follower with speed.followers = "gap": "gap", or
-                   your own class, likewise
+    longitudinal   longitudinal controller of a follower with speed.followers = "gap": "gap": the
+                   law of PATH with a time gap; "acc": no radio data but the gap; "cacc": PATH;
+                   "ploeg"; "flatbed"; "consensus"; or your own class, likewise
     fusion         "composite": one trajectory from all lateral sources of [information_flow];
                    "blend": one steering command from each; or your own class
     trajectory     "fitted": curve fitted to the samples. Baselines that are inaccurate for radii

@@ -52,6 +52,10 @@ SETTINGS = {
     "control.alpha_ratio=0.7": ("largest α", r"\(17.7 rad/s\). α 0.7 is above it: errors at 17.7"),
     "control.preview_s=1.1": ("fusion", "preview 1.1 s"),
     "speed.followers=gap": ("followers drive", r"3 m \+ 0.5 s · speed; acceleration up to 2,"),
+    "vehicle.v3.control={longitudinal={use='ploeg',gap_gain_per_s2=0.3}}": (
+        "longitudinal law",
+        "ploeg .*gap_gain_per_s2 0.3.*: v3",
+    ),
     "vehicle.v2.lateral_offset_m=0.4": ("start off the path", "v2: 0.4 m left"),
     "convoy.on_vehicle_failure=continue": ("on vehicle failure", "continue"),
     "convoy.clock_uncertainty_ms_max=9": ("clocks", "within 9 ms"),
@@ -104,7 +108,8 @@ def rows(text: str) -> list[tuple[str, str]]:
 @pytest.mark.parametrize("setting", SETTINGS)
 def test_a_setting_is_printed_in_its_row(setting: str) -> None:
     what, expected = SETTINGS[setting]
-    found = rows(checked("lane_change", "--set", setting))
+    name = "highway" if "longitudinal" in setting else "lane_change"
+    found = rows(checked(name, "--set", setting))
     values = [figure for row, figure in found if row == what]
     assert any(re.search(expected, figure) for figure in values), found
 
