@@ -225,8 +225,15 @@ def _field_differences(a: Any, b: Any, start_a: int, start_b: int) -> Iterator[F
             of_a, of_b = tuple(of_a), tuple(of_b)
         elif name.endswith(INSTANT) and (of_a or of_b):  # 0: no such instant
             of_a, of_b = of_a and of_a - start_a, of_b and of_b - start_b
-        if of_a != of_b and not (_is_nan(of_a) and _is_nan(of_b)):
+        if of_a != of_b and not _is_same(of_a, of_b):
             yield FieldDifference(name, of_a, of_b)
+
+
+def _is_same(of_a: Any, of_b: Any) -> bool:
+    """Whether two values are equal, where NaN equals NaN, also inside lists."""
+    if isinstance(of_a, tuple) and isinstance(of_b, tuple):
+        return len(of_a) == len(of_b) and all(map(_is_same, of_a, of_b))
+    return bool(of_a == of_b) or (_is_nan(of_a) and _is_nan(of_b))
 
 
 def _is_nan(value: Any) -> bool:

@@ -34,6 +34,7 @@ def follower(
     *,
     lead: str = "v1",
     predecessor: str = "v2",
+    between: Sequence[str] = (),
     alpha: float = 0.5,
     fusion: str = "composite",
     speed: float = 10.0,
@@ -42,9 +43,10 @@ def follower(
 ) -> Follower:
     """A follower that extrapolates without data, or reacts as `degradation` configures.
 
-    With the fusion "predecessor" it steers along the predecessor only.
+    With the fusion "predecessor" it steers along the predecessor only. It also receives vehicles
+    `between` lead and predecessor, from front to back.
     """
-    names = tuple(dict.fromkeys((lead, predecessor)))
+    names = tuple(dict.fromkeys((lead, *between, predecessor)))
     law = law or ProfileSpeed(SpeedProfile((0.0,), (speed,)), START, 1.0 / CONTROL_HZ)
     return Follower(
         own_state=PoseEstimator(CAR),
@@ -64,11 +66,11 @@ def follower(
         control=Cadence(START, CONTROL_HZ),
         lead=lead,
         predecessor=predecessor,
-        places={name: place for place, name in enumerate(names)},
+        places={name: len(names) - place if place else 0 for place, name in enumerate(names)},
         lateral=names[-1:] if fusion == "predecessor" else names,
         longitudinal=names,
         least_spacing=CAR.length,
-        periods={lead: 1.0 / GNSS_HZ, predecessor: 1.0 / GNSS_HZ},
+        periods=dict.fromkeys(names, 1.0 / GNSS_HZ),
         alpha=alpha,
         fusion=FUSION_OF.get(fusion, FUSION_OF["composite"]),
         settings=FitSettings(),

@@ -1,0 +1,115 @@
+"""A follower with more than two sources: weights, modes, and what it protects."""
+
+from collections.abc import Sequence
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.made.vehicles.exact_drives import Source as Received
+from tests.made.vehicles.exact_drives import Step, drive, on, received_from
+from tests.made.vehicles.followers import BEND, SPACING, follower, modes
+from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.degradation.source import Source
+from vehicles.driver.degradation.sources import Sources
+from vehicles.driver.ego.own_state import Pose
+
+SETTINGS = DegradationSettings()
+CUT_AT, SPEED, AT = 3.0, 10.0, 30.0
+
+
+def sources(weights: Sequence[float], *, lateral: Sequence[str] = ()) -> Sources:
+    """Sources v1 (the lead) to vn (the predecessor), with weights of their own."""
+    names = [f"v{place}" for place in range(1, len(weights) + 1)]
+    made = []
+    for place, (name, weight) in enumerate(zip(names, weights, strict=True)):
+        source = Source(name, 0.05, SETTINGS, 0.0, None, len(names) - place if place else 0)
+        source.weight = weight
+        made.append(source)
+    return Sources(made, SETTINGS, lead="v1", predecessor=names[-1], lateral=lateral or names)
+
+
+@given(weights=st.lists(st.floats(0.0, 1.0), min_size=2, max_size=6), alpha=st.floats(0.0, 1.0))
+def test_weights_add_up_to_one_and_a_lost_source_has_none(
+    weights: list[float], alpha: float
+) -> None:
+    found = sources(weights).weights(alpha)
+    assert sum(found.values()) == pytest.approx(1.0)
+    assert all(0.0 <= weight <= 1.0 for weight in found.values())
+    # α of eq. (5) for the predecessor, the rest equally: relative to each other as they are.
+    own = [(1.0 - alpha) / (len(weights) - 1) * weight for weight in weights[:-1]]
+    own.append(alpha * weights[-1])
+    if sum(own) > 1e-6:
+        expected = [weight / sum(own) for weight in own]
+        assert list(found.values()) == pytest.approx(expected, abs=1e-6)
+
+
+def test_weights_of_usual_flows() -> None:
+    fresh = (1.0, 1.0, 1.0)
+    assert sources(fresh).weights(0.5) == {"v1": 0.25, "v2": 0.25, "v3": 0.5}
+    assert sources(fresh, lateral=["v3"]).weights(0.3) == {"v3": 1.0}
+    assert sources(fresh, lateral=["v1", "v2"]).weights(0.3) == {"v1": 0.5, "v2": 0.5}
+    assert sources(fresh, lateral=["v1", "v3"]).weights(0.3) == {"v1": 0.7, "v3": 0.3}
+
+
+def driven(*silent: str, seconds: float = 5.5) -> list[Step]:
+    """A follower behind three cars in a bend, some of which are silent from CUT_AT on."""
+    names = ("v1", "v2", "v3")
+    received = [
+        Received(
+            name,
+            BEND,
+            AT + (3 - place) * SPACING,
+            SPEED,
+            ((0.0, CUT_AT if name in silent else 99.0),),
+        )
+        for place, name in enumerate(names)
+    ]
+    driver = follower(predecessor="v3", between=("v2",), degradation=SETTINGS)
+    return drive(driver, on(BEND, AT, SPEED), seconds, received_from(*received))
+
+
+def test_without_the_predecessor_it_steers_along_the_others_and_falls_back() -> None:
+    steps = driven("v3")
+    last, situation = steps[-1].decision, steps[-1].decision.situation
+    assert [mode for mode, _ in modes(steps)] == ["straight", "composite"]
+    assert "v3 silent" in last.reason
+    assert "v1" not in last.reason
+    assert "v2" not in last.reason
+    assert (situation.predecessor.status, situation.others["v2"].status) == ("lost", "fresh")
+    assert situation.weights["v3"] == 0.0
+    assert situation.weights["v1"] == situation.weights["v2"] == 0.5
+    assert last.fit is None or {0, 2} == set(last.fit.source.tolist())
+    off = [BEND.project(s.body.east, s.body.north, AT + s.body.distance).lateral for s in steps]
+    assert max(map(abs, off)) < 0.1
+    # The predecessor may have braked: the car falls back although both others drive on.
+    assert steps[-1].body.speed < SPEED - 1.0
+
+
+def test_one_vehicle_between_lead_and_predecessor_is_enough() -> None:
+    steps = driven("v1", "v3")
+    last = steps[-1].decision
+    assert [mode for mode, _ in modes(steps)] == ["straight", "composite", "intermediate"]
+    assert "v1 silent" in last.reason
+    assert "v3 silent" in last.reason
+    message = last.tracking("v4", 1, steps[-1].now)
+    assert message.statuses() == {"v2": "fresh"}
+    assert message.other_weight_ratio == (last.situation.weights["v2"],) > (0.5,)
+    assert message.other_age_s[0] < 0.1 < message.lead_age_s
+
+
+def test_without_any_source_it_slows_down() -> None:
+    steps = driven("v1", "v2", "v3")
+    began = [mode for mode, _ in modes(steps)]
+    assert began[:2] == ["straight", "composite"]
+    assert set(began[2:]) <= {"coast", "stop"}
+    assert len(began) > 2
+
+
+def test_a_vehicle_that_is_not_received_is_unused() -> None:
+    found = Sources(
+        [Source("v1", 0.05, SETTINGS)], SETTINGS, lead="v1", predecessor="v3", lateral=["v1"]
+    )
+    situation = found.assess(1, Pose(0.0, 0.0, 0.0, SPEED, 0.0), 0.0, refit=True)
+    assert (situation.lead.status, situation.predecessor.status) == ("unheard", "unused")
+    assert found.predecessor_weight(0.5, found.weights(0.5)) == 0.0

@@ -1,0 +1,153 @@
+"""Consensus with any information flow, against the eigenvalues and an integration of its errors.
+
+The linear model is that of Santini et al., 2017, and of Ren and Atkins, 2007, for a constant gap:
+with the errors e of the positions, e'' = -b P e' - k H e, where H = I - D⁻¹ A over the followers, A
+is the graph of the sources and D their numbers; P is I with the lead's speed, else H.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from vehicles.driver.ego.own_state import Pose
+from vehicles.driver.longitudinal.controller import (
+    LongitudinalSetup,
+    OwnMotion,
+    SourceMotion,
+    VehiclesAhead,
+)
+from vehicles.driver.longitudinal.laws import Consensus, ConsensusSettings
+from vehicles.driver.longitudinal.own_path import OwnPath
+from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
+from vehicles.schedule import MILLISECOND
+
+Floats = NDArray[np.float64]
+
+FOLLOWERS, SPACING, SPEED = 6, 12.0, 20.0
+LAW = ConsensusSettings()
+FLOWS: dict[str, Callable[[int, int], bool]] = {
+    "predecessor": lambda place, other: other == place - 1,
+    "lead and predecessor": lambda place, other: other in {0, place - 1},
+    "three ahead": lambda place, other: place - 3 <= other < place,
+    "bidirectional": lambda place, other: abs(place - other) == 1,
+    "bidirectional and lead": lambda place, other: abs(place - other) == 1 or other == 0,
+    "all": lambda place, other: other != place,
+}
+
+
+def sources_of(flow: str, place: int) -> list[int]:
+    return [other for other in range(FOLLOWERS + 1) if FLOWS[flow](place, other)]
+
+
+def system(flow: str) -> Floats:
+    """State matrix of the errors e and e' of the followers, with that of the lead 0."""
+    coupling, damping = np.eye(FOLLOWERS), np.eye(FOLLOWERS)
+    for place in range(1, FOLLOWERS + 1):
+        sources = sources_of(flow, place)
+        for other in (one for one in sources if one > 0):
+            coupling[place - 1, other - 1] -= 1.0 / len(sources)
+        if 0 not in sources:
+            damping[place - 1] = coupling[place - 1]
+    zero, one = np.zeros((FOLLOWERS, FOLLOWERS)), np.eye(FOLLOWERS)
+    return np.block([[zero, one], [-LAW.position_gain * coupling, -LAW.speed_gain * damping]])
+
+
+def commands(flow: str, positions: Floats, speeds: Floats) -> list[float]:
+    """Commands of the shipped law, from exact poses without delay."""
+    result = []
+    for place in range(1, FOLLOWERS + 1):
+        sources = sources_of(flow, place)
+        policies = {f"v{other}": SpacingPolicy((place - other) * SPACING) for other in sources}
+        setup = LongitudinalSetup(
+            SpacingPolicy(SPACING),
+            GapLimits(),
+            lead="v0",
+            predecessor=f"v{place - 1}",
+            policies=policies,
+        )
+        motions = {
+            f"v{other}": SourceMotion(positions[other] - positions[place], speeds[other], 0.0, 0.0)
+            for other in sources
+        }
+        ahead = VehiclesAhead(
+            spacing=positions[place - 1] - positions[place],
+            predecessor_speed=speeds[place - 1],
+            lead_speed=speeds[0] if 0 in sources else math.nan,
+            own=OwnMotion(),
+            sources=motions,
+        )
+        result.append(Consensus(setup, LAW).acceleration(speeds[place], ahead))
+    return result
+
+
+@pytest.mark.parametrize("flow", FLOWS)
+def test_errors_decay_with_any_flow_from_the_lead_to_all(flow: str) -> None:
+    assert np.linalg.eigvals(system(flow)).real.max() < 0.0
+
+
+@pytest.mark.parametrize("flow", FLOWS)
+def test_the_law_is_the_linear_model(flow: str) -> None:
+    """Commands in drawn states, and errors 300 s after a disturbance."""
+    matrix, random = system(flow), np.random.default_rng(1)
+    rest = -SPACING * np.arange(FOLLOWERS + 1)
+    errors = random.normal(size=(20, 2 * FOLLOWERS))
+    for error in errors:
+        positions = rest + np.concatenate(([0.0], error[:FOLLOWERS]))
+        speeds = SPEED + np.concatenate(([0.0], error[FOLLOWERS:]))
+        expected = (matrix @ error)[FOLLOWERS:]
+        assert commands(flow, positions, speeds) == pytest.approx(expected.tolist(), abs=1e-9)
+    solution = solve_ivp(lambda _, error: matrix @ error, (0.0, 300.0), errors[0], rtol=1e-8)
+    assert np.abs(solution.y[:, -1]).max() < 1e-2 * np.abs(errors[0]).max()
+
+
+def test_a_vehicle_behind_pulls_back_and_pushes() -> None:
+    rest, speeds = -SPACING * np.arange(FOLLOWERS + 1), np.full(FOLLOWERS + 1, SPEED)
+    for back, sign in ((-2.0, -1.0), (2.0, 1.0)):
+        moved = rest.copy()
+        moved[3] += back
+        assert commands("bidirectional", moved, speeds)[1] * sign > 0.0
+        assert commands("predecessor", moved, speeds)[1] == pytest.approx(0.0)
+
+
+def test_old_sources_do_not_count_and_a_wider_gap_widens_all_spacings() -> None:
+    policies = {"v1": SpacingPolicy(2 * SPACING), "v4": SpacingPolicy(-SPACING)}
+    setup = LongitudinalSetup(
+        SpacingPolicy(SPACING), GapLimits(), predecessor="v2", policies=policies
+    )
+    law = Consensus(setup, LAW)
+    behind = SourceMotion(-SPACING, SPEED, 0.0, 0.0)
+    late = SourceMotion(2 * SPACING + 9.0, SPEED, 0.0, 2 * LAW.fallback_after)
+    ahead = VehiclesAhead(spacing=SPACING, sources={"v1": late, "v4": behind})
+    assert law.acceleration(SPEED, ahead) == pytest.approx(0.0)
+    wider = ahead.replaced(SPACING - 3.0, math.nan, math.nan)
+    assert law.acceleration(SPEED, wider) == pytest.approx(-3.0 * LAW.position_gain)
+    none = VehiclesAhead(sources={"v1": late})
+    assert law.acceleration(SPEED, none) == 0.0
+
+
+@pytest.mark.parametrize("radius", [math.inf, 40.0, -15.0])
+def test_the_spacing_to_vehicles_behind_is_the_arc_length(radius: float) -> None:
+    """A straight, a bend, and loops of 15 m that the car has driven through three times."""
+    path, curvature = OwnPath(), 1.0 / radius
+    wrong = []
+    for tick in range(1200):
+        here = 0.25 * tick
+        pose = at(here, curvature)
+        path.extend(tick * 20 * MILLISECOND, pose)
+        for name, gap in (("v4", 8.0), ("v5", 30.0)):
+            place = at(here - gap, curvature)
+            wrong.append(path.spacing(name, place.east, place.north, pose) + gap)
+    assert np.abs(wrong).max() < 0.02 + 0.5**2 * abs(curvature)
+
+
+def at(station: float, curvature: float) -> Pose:
+    """Pose on a straight, and then on a circle."""
+    driven = max(station - 60.0, 0.0)
+    angle, straight = driven * curvature, min(station, 60.0)
+    east = straight + (math.sin(angle) / curvature if curvature else driven)
+    north = (1.0 - math.cos(angle)) / curvature if curvature else 0.0
+    return Pose(east, north, angle, SPEED, SPEED * curvature)
