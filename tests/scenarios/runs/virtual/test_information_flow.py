@@ -1,0 +1,130 @@
+"""Five cars that use three vehicles ahead: one link is cut, and everything that shows sources."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from scenarios.cli.live.status_tables import VEHICLE_COLUMNS
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.results.log_queries.explain import RecordedKnowledge
+from scenarios.results.metrics import Metrics
+from scenarios.results.pictures.review import review
+from scenarios.results.pictures.run_drawing import open_drawing
+from scenarios.results.summary import RunSummary
+from scenarios.runs.control.run_status import RunStatus, StatusBoard
+from scenarios.runs.observer import OnMessage
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual.logged_run import run_virtual
+from tests.made.transport.recording import Table, columns
+from transport.log.reader import LogReader
+from transport.picture.option import parse_rerun_option
+from vehicles.messages import CompositeTrajectory, Tracking
+
+CUT_AT, END = 1.0, 2.5
+FLOW = (
+    *("convoy.vehicles=5", f"duration_s={END}", "speed.set_mps=15.0", "links.loss_ratio=0.2"),
+    "information_flow={lateral={ahead=3}, longitudinal={ahead=3, behind=1}}",
+    f"change=[{{kind='cut', at_s={CUT_AT}, sender='v4', receiver='v5'}}]",
+    f"limits.sources=[{{vehicle='v5', source='v4', status='lost', after_s={CUT_AT}, within_s=0.8}},"
+    f"{{vehicle='v5', source='v3', status='lost', after_s={CUT_AT}, within_s=0.8}}]",
+)
+
+
+@dataclass(frozen=True)
+class FlowRun:
+    folder: Path
+    scenario: Scenario
+    summary: RunSummary
+    status: RunStatus
+    live: Table
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> FlowRun:
+    folder = tmp_path_factory.mktemp("flow")
+    scenario = load_scenario("lane_change", FLOW)
+    metrics = Metrics.of(scenario)
+    board = StatusBoard(scenario, "run", metrics)
+    option = parse_rerun_option(f"save={folder / 'live.rrd'}")
+    with open_drawing(option, scenario, folder / "run.mcap", metrics) as view:
+        observers = [OnMessage(view.draw), board]
+        summary = run_virtual(scenario, folder, Stop(), metrics=metrics, observers=observers)
+    status = RunStatus.of(board.status(scenario.start_at_ns).text.encode())
+    return FlowRun(folder, scenario, summary, status, columns(folder / "live.rrd"))
+
+
+def decisions(run: FlowRun, vehicle: str) -> list[Tracking]:
+    messages = LogReader(run.folder / "run.mcap").messages(("tracking",))
+    return [one for _, _, one in messages if isinstance(one, Tracking) and one.vehicle == vehicle]
+
+
+def test_the_others_carry_on_after_the_loss_of_the_predecessor(run: FlowRun) -> None:
+    last = decisions(run, "v5")[-1]
+    assert (last.mode, last.lead_status, last.predecessor_status) == (
+        "composite",
+        "unused",
+        "lost",
+    )
+    assert last.statuses() == {"v2": "fresh", "v3": "fresh"}
+    assert "v4 silent" in last.reason
+    assert sum(last.other_weight_ratio) + last.predecessor_weight_ratio == pytest.approx(1.0)
+    assert {one.mode for one in decisions(run, "v4")} == {"straight", "composite"}
+    # v4 has four sources: the lead, two vehicles between, and one behind, which gives no path.
+    assert list(decisions(run, "v4")[-1].statuses()) == ["v2", "v5"]
+    assert decisions(run, "v4")[-1].other_weight_ratio[1] == 0.0
+    assert run.summary.events == ()
+
+
+def test_samples_have_the_places_of_their_sources(run: FlowRun) -> None:
+    used: dict[str, set[int]] = {}
+    for _, _, one in LogReader(run.folder / "run.mcap").messages(("trajectory",)):
+        assert isinstance(one, CompositeTrajectory)
+        used.setdefault(one.vehicle, set()).update(one.sample_source)
+    assert used == {"v2": {0}, "v3": {0, 1}, "v4": {0, 1, 2}, "v5": {1, 2, 3}}
+
+
+def test_links_and_limits_count_every_source(run: FlowRun) -> None:
+    rows = {(row.sender, row.receiver): row for row in run.summary.links}
+    assert set(rows) == set(run.scenario.links)
+    assert ("v2", "v5") in rows
+    assert ("v5", "v4") in rows
+    for row in rows.values():
+        assert row.age_ms_mean is not None
+        assert row.age_ms_mean > 20.0
+        assert row.false_alarms.counted is not None
+    by_source = {figure.limit: figure for figure in run.summary.limits}
+    lost, fresh = (
+        next(one for name, one in by_source.items() if name.startswith(f"sources[{place}]"))
+        for place in (0, 1)
+    )
+    assert not lost.broken
+    assert fresh.broken
+
+
+def test_the_explanation_and_the_status_name_every_source(run: FlowRun) -> None:
+    knowledge = RecordedKnowledge(run.folder / "run.mcap", "v5").at(END - 0.1)
+    assert knowledge.steered_along == ("v2", "v3")
+    assert {one.sender: one.use for one in knowledge.sources} == dict.fromkeys(
+        ("v2", "v3", "v4"), "lateral and longitudinal"
+    )
+    behind = RecordedKnowledge(run.folder / "run.mcap", "v4").at(END - 0.1)
+    assert behind.sources[-1].sender == "v5"
+    assert behind.sources[-1].use == "longitudinal"
+    vehicle = next(one for one in run.status.vehicles if one.name == "v5")
+    assert vehicle.others.keys() == {"v2", "v3"}
+    assert vehicle.predecessor is not None
+    (sources,) = (column for column in VEHICLE_COLUMNS if column.heading == "sources")
+    assert sources.value(vehicle) == "ahead lost"
+
+
+def test_the_picture_has_every_source_live_and_from_the_log(run: FlowRun) -> None:
+    option = parse_rerun_option(f"save={run.folder / 'again.rrd'}")
+    review(run.folder / "run.mcap", option, wait=lambda _: pytest.fail("waits"))
+    again = columns(run.folder / "again.rrd")
+    for name in ("plots/age", "plots/received", "sources"):
+        for pair in ("v5/v2", "v5/v3", "v4/v2", "v4/v5"):
+            entity = f"/{name}/{pair}"
+            assert run.live[entity] == again[entity]
+    samples = "/world/samples/v5"
+    assert run.live[samples] == again[samples]
