@@ -101,11 +101,13 @@ def _toml(value: Any) -> str:
 
 def degradation_page() -> None:
     print_text(
-        "Reaction of a follower to missing data. Its sources are the lead and the predecessor. A "
-        "source is fresh, late, lost, or distrusted as implausible. While the predecessor is late "
-        "or the lead is lost, the follower opens its gap. Without any source, it slows down so "
-        "that it stops within its known path. A source that returns is used again after a "
-        "probation."
+        "Reaction of a follower to missing data. Its sources are the vehicles of "
+        "[information_flow], by default the lead and the predecessor. A source is fresh, late, "
+        "lost, or distrusted as implausible. The follower steers along the sources that remain. "
+        "It keeps the safe distance to the predecessor only: while that is late, or the lead is "
+        "lost, it opens its gap, whatever else it receives. Without any lateral source, it slows "
+        "down so that it stops within its known path. A source that returns is used again after "
+        "a probation."
     )
     _print_tables("control.degradation")
 

@@ -11,6 +11,7 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from scenarios.definition.schema.flow_table import WORDS, SourcesTable
 from scenarios.definition.schema.scenario_tables import ScenarioTables
 from scenarios.definition.schema.settings_table import SettingsTable
 from scenarios.definition.validation.model_fields import models_of
@@ -122,6 +123,8 @@ def _values(field: FieldInfo) -> Iterator[str]:
         yield " | ".join(f'"{word}"' for word in words)
     elif get_origin(annotation) is dict:
         yield "a table for each name"
+    elif annotation is SourcesTable:
+        yield " | ".join(f'"{word}"' for word in WORDS) + " | list | table"
     elif any(part is bool for part in _parts(annotation)):
         yield "true or false"
     elif str in _parts(annotation):
@@ -149,6 +152,8 @@ def _default(field: FieldInfo) -> Iterator[str]:
     default = field.default
     if field.is_required():
         yield "required"
+    elif isinstance(default, SourcesTable):
+        yield f'default "{default.word}"'
     elif isinstance(default, bool):
         yield f"default {str(default).lower()}"
     elif isinstance(default, int | float):

@@ -37,7 +37,7 @@ class ModeLimit(DeadlineTable):
 
 
 class SourceLimit(DeadlineTable):
-    """Deadline for the status of a source: the lead or the predecessor.
+    """Deadline for the status of a source, such as the lead or the predecessor.
 
     vehicle   the follower
     source    the vehicle that it receives from

@@ -7,7 +7,7 @@ innovation_gate  plausibility of a pose by its innovations
 trust            use or refusal of received poses, by gate and reachability
 reception        statistics of one source's messages: period, share, age, probation
 source           one source: its trace, its status, its weight
-sources          lead and predecessor together
+sources          all sources together, and their weights
 intended_path    the lead's path, from the offset that the predecessor announces
 modes            the mode: sources to steer along, slowing down, stopping
 stopping         braking distances, and announced stops

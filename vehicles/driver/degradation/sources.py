@@ -1,4 +1,4 @@
-"""The sources of a follower: the vehicles that it receives, as lead and predecessor."""
+"""The sources of a follower: the vehicles that it receives."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from math import isnan, nan

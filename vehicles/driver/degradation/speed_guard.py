@@ -98,7 +98,8 @@ class SpeedGuard:
     Beyond the paper, whose followers drive the profile whatever they receive. The guard stops
     within the known path while no source is received, opens the gap while the predecessor is late
     or the lead is lost, keeps the safe distance of Shalev-Shwartz, Shammah and Shashua, 2017 (RSS),
-    and catches up afterwards.
+    and catches up afterwards. It protects the gap to the predecessor, which must be received,
+    whatever other vehicles are received: their poses do not show whether it brakes.
 
     `stops_behind` is True while the predecessor is assumed to stop as announced and this takes more
     than comfortable braking. While `is_slowed` is set, the car falls back for another reason, and

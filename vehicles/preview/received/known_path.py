@@ -1,4 +1,4 @@
-"""The known path ahead: what received positions of lead and predecessor cover together.
+"""The known path ahead: what received positions of all sources cover together.
 
 A curve over a hole in a trace is a guess: a source that turned within the hole was beside it. A
 follower is blind within a hole, unless positions of the other source cover it.
