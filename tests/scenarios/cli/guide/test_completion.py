@@ -58,6 +58,16 @@ def test_channels_and_links_are_offered() -> None:
     assert offered("run", "--set", "links.preset=bu") == ["links.preset=bursty"]
 
 
+def test_information_flows_and_their_links_are_offered() -> None:
+    lateral = "information_flow.lateral"
+    assert offered("run", "--set", f"{lateral}=pre") == [f"{lateral}=predecessor"]
+    assert f"{lateral}.ahead=" in offered("run", "--set", lateral)
+    words = offered("run", "--set", "vehicle.v3.information_flow.longitudinal=")
+    assert "vehicle.v3.information_flow.longitudinal=bidirectional" in words
+    flow = ("--set", "information_flow.longitudinal=bidirectional")
+    assert offered("channel", "show", "lane_change", *flow, "--link", "v4") == ["v4:v3"]
+
+
 def test_vehicles_are_those_of_the_given_scenario() -> None:
     assert offered("vehicle", "--name", "") == ["v1", "v2", "v3", "v4"]
     assert offered("vehicle", "mine.toml", "--name", "a") == ["ann"]

@@ -13,7 +13,7 @@ from scenarios.results.pictures.review import review
 from scenarios.results.pictures.run_drawing import open_drawing
 from scenarios.results.summary import RunSummary
 from scenarios.runs.control.run_status import RunStatus, StatusBoard
-from scenarios.runs.observer import OnMessage
+from scenarios.runs.observer import Observer, OnMessage
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.transport.recording import Table, columns
@@ -48,7 +48,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> FlowRun:
     board = StatusBoard(scenario, "run", metrics)
     option = parse_rerun_option(f"save={folder / 'live.rrd'}")
     with open_drawing(option, scenario, folder / "run.mcap", metrics) as view:
-        observers = [OnMessage(view.draw), board]
+        observers: list[Observer] = [OnMessage(view.draw), board]
         summary = run_virtual(scenario, folder, Stop(), metrics=metrics, observers=observers)
     status = RunStatus.of(board.status(scenario.start_at_ns).text.encode())
     return FlowRun(folder, scenario, summary, status, columns(folder / "live.rrd"))

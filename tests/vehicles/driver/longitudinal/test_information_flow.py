@@ -93,10 +93,10 @@ def test_errors_decay_with_any_flow_from_the_lead_to_all(flow: str) -> None:
 def test_the_law_is_the_linear_model(flow: str) -> None:
     """Commands in drawn states, and errors 300 s after a disturbance."""
     matrix, random = system(flow), np.random.default_rng(1)
-    rest = -SPACING * np.arange(FOLLOWERS + 1)
+    rest = -SPACING * np.arange(FOLLOWERS + 1.0)
     errors = random.normal(size=(20, 2 * FOLLOWERS))
     for error in errors:
-        positions = rest + np.concatenate(([0.0], error[:FOLLOWERS]))
+        positions: Floats = rest + np.concatenate(([0.0], error[:FOLLOWERS]))
         speeds = SPEED + np.concatenate(([0.0], error[FOLLOWERS:]))
         expected = (matrix @ error)[FOLLOWERS:]
         assert commands(flow, positions, speeds) == pytest.approx(expected.tolist(), abs=1e-9)
@@ -105,7 +105,7 @@ def test_the_law_is_the_linear_model(flow: str) -> None:
 
 
 def test_a_vehicle_behind_pulls_back_and_pushes() -> None:
-    rest, speeds = -SPACING * np.arange(FOLLOWERS + 1), np.full(FOLLOWERS + 1, SPEED)
+    rest, speeds = -SPACING * np.arange(FOLLOWERS + 1.0), np.full(FOLLOWERS + 1, SPEED, np.float64)
     for back, sign in ((-2.0, -1.0), (2.0, 1.0)):
         moved = rest.copy()
         moved[3] += back
