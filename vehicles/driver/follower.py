@@ -20,16 +20,12 @@ from vehicles.driver.command_limit import CommandLimit
 from vehicles.driver.decision import Decision
 from vehicles.driver.degradation.innovation_gate import InnovationGate
 from vehicles.driver.degradation.intended_path import path_offset
-from vehicles.driver.degradation.modes import (
-    ModeMachine,
-    Modes,
-    ModesByReach,
-)
+from vehicles.driver.degradation.modes import Modes
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import SLOWING, Situation, SourceFreshness
 from vehicles.driver.degradation.source import Source
 from vehicles.driver.degradation.sources import Sources
-from vehicles.driver.degradation.speed_guard import SpeedGuard
+from vehicles.driver.degradation.speed_guard import SpeedOverride
 from vehicles.driver.degradation.trust import Trust
 from vehicles.driver.ego.own_state import OwnState, Pose
 from vehicles.driver.ego.slip_estimator import LoadWatch
@@ -77,7 +73,7 @@ class Follower:
         *,
         own_state: OwnState,
         controller: LateralController,
-        speed_guard: SpeedGuard,
+        speed_guard: SpeedOverride,
         control: Cadence,
         lead: str,
         predecessor: str,
@@ -149,9 +145,7 @@ class Follower:
         self._own_path = OwnPath()
         self._degrades = degradation.reaction == "degrade"
         self._reaction = reaction
-        self._modes: Modes = ModesByReach()
-        if self._degrades:
-            self._modes = ModeMachine(degradation)
+        self._modes: Modes = reaction.modes(degradation)
         self._trajectories: tuple[tuple[float, Fit], ...] = ()
         self._driven = 0.0
         self._behind: dict[int, PathBehind] = {}

@@ -3,7 +3,16 @@
 from dataclasses import replace
 from typing import ClassVar, Protocol
 
+from vehicles.driver.degradation.modes import ModeMachine, Modes, ModesByReach
+from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import Situation
+from vehicles.driver.degradation.speed_guard import (
+    GuardedCar,
+    NoOverride,
+    SpeedGuard,
+    SpeedOverride,
+)
+from vehicles.driver.speed import SpeedLaw
 from vehicles.driver.steering import SteeringCommand
 from vehicles.messages import Mode
 
@@ -12,11 +21,15 @@ class ReactionPolicy(Protocol):
     """Interface of a degradation policy, shipped or user-defined.
 
     Each follower has its own instance, constructed as `Class()`, with its `settings` if it has any.
-    The methods are called once per control instant, in this order. They must not use a clock. A
-    class can inherit from `Extrapolate` of `vehicles.driver.reactions`, which changes nothing: then
-    it is the whole policy, and decides on all that was received. A class that inherits from
-    `Degrade` decides after the shipped policy: implausible poses are rejected, the car slows down
-    within the known path, keeps the safe distance and stops.
+    `mode`, `steering` and `acceleration` are called once per control instant, in this order. They
+    must not use a clock. A class can inherit from `Extrapolate` of `vehicles.driver.reactions`,
+    which changes nothing: then it is the whole policy, and decides on all that was received. A
+    class that inherits from `Degrade` decides after the shipped policy: implausible poses are
+    rejected, the car slows down within the known path, keeps the safe distance and stops.
+
+    The shipped policy has two parts, which a class may replace by objects of its own: `modes()`
+    returns the one whose `decide` gives the usual mode, `guard()` the one whose `command` overrides
+    the longitudinal controller.
 
     `mode` is one of `convoy reference limits`; "coast" and "stop" are modes without a source.
     """
@@ -47,6 +60,14 @@ class ReactionPolicy(Protocol):
         and `hazard`; numbers are NaN before the first message. `situation.known` is the known path
         ahead (m), `situation.ahead` the `VehiclesAhead` of the longitudinal controller.
         """
+        ...
+
+    def modes(self, settings: DegradationSettings) -> Modes:
+        """Make the object that decides the usual mode, a `ModeMachine` of `Degrade`."""
+        ...
+
+    def guard(self, law: SpeedLaw, settings: DegradationSettings, car: GuardedCar) -> SpeedOverride:
+        """Make the object that overrides the speed `law`, a `SpeedGuard` of `Degrade`."""
         ...
 
 
@@ -80,11 +101,28 @@ class Extrapolate:
     ) -> float:
         return wanted
 
+    def modes(self, settings: DegradationSettings) -> Modes:  # noqa: ARG002
+        return ModesByReach()
+
+    def guard(
+        self,
+        law: SpeedLaw,
+        settings: DegradationSettings,  # noqa: ARG002
+        car: GuardedCar,  # noqa: ARG002
+    ) -> SpeedOverride:
+        return NoOverride(law)
+
 
 class Degrade(Extrapolate):
     """Slow down within the known path, and stop."""
 
     degrades: ClassVar[bool] = True
+
+    def modes(self, settings: DegradationSettings) -> Modes:
+        return ModeMachine(settings)
+
+    def guard(self, law: SpeedLaw, settings: DegradationSettings, car: GuardedCar) -> SpeedOverride:
+        return SpeedGuard(law, settings, car)
 
 
 class Hold(Extrapolate):

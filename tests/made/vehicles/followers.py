@@ -10,7 +10,7 @@ from transport.codec import RefusedMessageError
 from transport.links.gate import PoseGate
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.degradation.speed_guard import GuardedCar, SpeedGuard
+from vehicles.driver.degradation.speed_guard import GuardedCar
 from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.follower import Follower
 from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
@@ -51,7 +51,7 @@ def follower(
     return Follower(
         own_state=PoseEstimator(CAR),
         controller=SlipCompensated(CAR),
-        speed_guard=SpeedGuard(
+        speed_guard=REACTION_OF[degradation.reaction].guard(
             law,
             degradation,
             GuardedCar(

@@ -2,9 +2,10 @@
 
 from math import inf, nan
 
+from tests.made.vehicles.fusions import REACTION_OF
 from vehicles.driver.degradation.settings import DegradationSettings, Reaction
 from vehicles.driver.degradation.situation import Situation, SourceFreshness
-from vehicles.driver.degradation.speed_guard import GuardedCar, SpeedGuard
+from vehicles.driver.degradation.speed_guard import GuardedCar
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.longitudinal.controller import VehiclesAhead
 from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
@@ -48,7 +49,8 @@ class Road:
             initial_spacing=self.spacing,
             period=PERIOD / SECOND,
         )
-        self.guard = SpeedGuard(law, DegradationSettings(reaction=reaction), car)
+        settings = DegradationSettings(reaction=reaction)
+        self.guard = REACTION_OF[reaction].guard(law, settings, car)
         self.law = law
         self.has_sensor = has_sensor
         self.sensed: list[tuple[float, float]] = []

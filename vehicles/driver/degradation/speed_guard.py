@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from math import inf, isfinite, isnan, nan, sqrt
-from typing import Final
+from typing import Final, Protocol
 
 from vehicles.car.tyres import GRAVITY
 from vehicles.driver.degradation.reception import AgeWatch
@@ -52,6 +52,39 @@ CLOSER: Final = 0.5
 
 LIMIT_TIME: Final = 0.5
 """Time constant (s) with which a car slows to a speed limit."""
+
+
+class SpeedOverride(Protocol):
+    """Overrides the speed law of a follower; the attributes are those of `SpeedGuard`."""
+
+    is_slowed: bool
+    stops_behind: bool
+    brakes_at: int
+
+    def command(
+        self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation, mode: Mode
+    ) -> SpeedCommand:
+        """Command at `now` (ns) while the car steers along `mode`, once per control instant."""
+        ...
+
+
+class NoOverride:
+    """Leaves the speed law of a follower as it is, whatever is received."""
+
+    def __init__(self, law: SpeedLaw) -> None:
+        self._law = law
+        self.is_slowed = self.stops_behind = False
+        self.brakes_at = 0
+
+    def command(
+        self,
+        now: int,
+        pose: Pose,
+        ahead: VehiclesAhead,
+        situation: Situation,  # noqa: ARG002 - for SpeedGuard
+        mode: Mode,  # noqa: ARG002
+    ) -> SpeedCommand:
+        return self._law.command(now, pose, ahead)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +146,6 @@ class SpeedGuard:
         self._keeping = law if self._keeps_gap else GapKeeping(car.policy, car.limits)
         self._settings = settings
         self._comfortable, self._emergency = settings.comfortable, settings.emergency
-        self._degrades = settings.reaction == "degrade"
         self._car = car
         self._friction = car.friction * GRAVITY
         self._ages = AgeWatch(settings, car.period)
@@ -139,8 +171,6 @@ class SpeedGuard:
         """Command at `now` (ns) while the car steers along `mode`, once per control instant."""
         usual = self._law.command(now, pose, ahead)
         span = self._advance(now, pose.speed)
-        if not self._degrades:
-            return usual
         self.stops_behind = False
         predecessor, emergency = situation.predecessor, self._available_braking(pose)
         sample = self._sample(now, pose, ahead, predecessor)

@@ -1,16 +1,23 @@
 """Fusions of sources and degradation policies as plug-ins."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import get_args
 
 import numpy as np
 
-from scenarios.definition.schema.plug_ins.guards import PlugInError, called, finite
+from scenarios.definition.schema.plug_ins.guards import PlugInError, called, finite, own_name
 from scenarios.definition.schema.plug_ins.point import PlugInPoint
 from scenarios.definition.schema.plug_ins.steering import steering_command
+from vehicles.driver.degradation.modes import Modes
+from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import Situation
+from vehicles.driver.degradation.sources import Sources
+from vehicles.driver.degradation.speed_guard import GuardedCar, SpeedOverride
+from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.longitudinal.controller import VehiclesAhead
-from vehicles.driver.reactions import ReactionPolicy
+from vehicles.driver.reactions import Extrapolate, ReactionPolicy
+from vehicles.driver.speed import SpeedCommand, SpeedLaw
 from vehicles.driver.steering import SteeringCommand
 from vehicles.messages import Mode
 from vehicles.preview.curve_fit import FitSettings
@@ -19,6 +26,7 @@ from vehicles.preview.received.samples import Window
 from vehicles.preview.source_window import LEAD, PREDECESSOR, SourceWindow
 from vehicles.preview.trajectory import Fit
 
+BASELINE = Extrapolate()
 MODES: tuple[Mode, ...] = tuple(mode for mode in get_args(Mode) if mode != "path")
 """Modes of a follower."""
 
@@ -82,6 +90,71 @@ class GuardedReaction:
         what = f"{self._what}: acceleration()"
         value = called(lambda: self._policy.acceleration(situation, mode, speed, wanted), what)
         return finite(value, f"{what} returned", "acceleration (m/s²)")
+
+    def modes(self, settings: DegradationSettings) -> Modes:
+        what = f"{self._what}: modes()"
+        modes = called(lambda: getattr(self._policy, "modes", BASELINE.modes)(settings), what)
+        return GuardedModes(modes, f"{what}.decide()") if own_name(modes) else modes
+
+    def guard(self, law: SpeedLaw, settings: DegradationSettings, car: GuardedCar) -> SpeedOverride:
+        what = f"{self._what}: guard()"
+        make = getattr(self._policy, "guard", BASELINE.guard)
+        override = called(lambda: make(law, settings, car), what)
+        return GuardedOverride(override, f"{what}.command()") if own_name(override) else override
+
+
+class GuardedModes:
+    """Wraps the modes of a user's policy, and converts their faults to PlugInError."""
+
+    def __init__(self, modes: Modes, what: str) -> None:
+        self._modes = modes
+        self._what = what
+
+    def decide(
+        self,
+        now: int,
+        sources: Sources,
+        situation: Situation,
+        speed: float,
+        *,
+        fitted: bool,
+        has_path: bool,
+    ) -> tuple[Mode, str]:
+        decision: object = called(
+            lambda: self._modes.decide(
+                now, sources, situation, speed, fitted=fitted, has_path=has_path
+            ),
+            self._what,
+        )
+        if isinstance(decision, tuple) and len(decision) == 2 and decision[0] in MODES:
+            return decision[0], str(decision[1])
+        raise PlugInError(f"{self._what} returned {decision!r}, expected a mode and its reason")
+
+
+class GuardedOverride:
+    """Wraps the speed override of a user's policy, and converts its faults to PlugInError."""
+
+    def __init__(self, override: SpeedOverride, what: str) -> None:
+        self._override = override
+        self._what = what
+        self.is_slowed = self.stops_behind = False
+        self.brakes_at = 0
+
+    def command(
+        self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation, mode: Mode
+    ) -> SpeedCommand:
+        with suppress(AttributeError):
+            self._override.is_slowed = self.is_slowed
+        command: object = called(
+            lambda: self._override.command(now, pose, ahead, situation, mode), self._what
+        )
+        if not isinstance(command, SpeedCommand):
+            given = type(command).__name__
+            raise PlugInError(f"{self._what} returned {given}, expected a SpeedCommand")
+        finite(command.acceleration, f"{self._what} returned", "acceleration (m/s²)")
+        self.stops_behind = bool(getattr(self._override, "stops_behind", False))
+        self.brakes_at = int(getattr(self._override, "brakes_at", 0))
+        return command
 
 
 def try_reaction(policy: ReactionPolicy) -> list[object]:

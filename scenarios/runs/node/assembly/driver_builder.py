@@ -16,7 +16,7 @@ from vehicles.driver.convoy.ahead import ConvoyAhead, ConvoyMember
 from vehicles.driver.convoy.watch import ConvoyBehind, ConvoyWatch
 from vehicles.driver.decision import Driver
 from vehicles.driver.degradation.innovation_gate import InnovationGate
-from vehicles.driver.degradation.speed_guard import GuardedCar, SpeedGuard
+from vehicles.driver.degradation.speed_guard import GuardedCar, SpeedOverride
 from vehicles.driver.ego.late_fixes import LatePoseEstimator
 from vehicles.driver.ego.own_state import ExactState, OwnState
 from vehicles.driver.ego.pose_estimator import PoseEstimator
@@ -25,6 +25,7 @@ from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader, WaitingProfile
 from vehicles.driver.longitudinal.spacing import SpacingPolicy
 from vehicles.driver.position_limit import PositionLimit
+from vehicles.driver.reactions import ReactionPolicy
 from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.curve_fit import FitSettings
@@ -95,10 +96,11 @@ class DriverBuilder:
                 draw=self.draw,
             )
         steering = setup.steering
+        reaction: ReactionPolicy = steering.degradation.reaction.build(draw=self.draw)
         return Follower(
             own_state=own_state,
             controller=controller,
-            speed_guard=self._speed_guard(speed_law, setup.predecessor),
+            speed_guard=self._speed_guard(reaction, speed_law, setup.predecessor),
             control=control,
             lead=setup.lead,
             predecessor=setup.predecessor,
@@ -112,7 +114,7 @@ class DriverBuilder:
             fusion=steering.fusion.build(draw=self.draw),
             settings=self._fit_settings(),
             degradation=setup.degradation,
-            reaction=steering.degradation.reaction.build(draw=self.draw),
+            reaction=reaction,
             limit=self._command_limit(context.car),
             load=load,
             gates=self._gates(),
@@ -248,8 +250,10 @@ class DriverBuilder:
             self._scenario.gap_limits,
         )
 
-    def _speed_guard(self, law: SpeedLaw, predecessor: str) -> SpeedGuard:
-        """Build the guard that overrides `law` while messages fail."""
+    def _speed_guard(
+        self, reaction: ReactionPolicy, law: SpeedLaw, predecessor: str
+    ) -> SpeedOverride:
+        """Build the guard of the policy, which overrides `law` while messages fail."""
         scenario, setup = self._scenario, self._setup
         initial_spacing = self._route.spacings[setup.place]
         car = GuardedCar(
@@ -261,7 +265,7 @@ class DriverBuilder:
             period=self._usual_period(predecessor) if predecessor in setup.senders else math.nan,
             drive_lag=setup.assumed_parameters.drive_lag,
         )
-        return SpeedGuard(law, setup.degradation, car)
+        return reaction.guard(law, setup.degradation, car)
 
     def _convoy_watch(self, now: int, body: Body) -> ConvoyWatch:
         senders, route = self._setup.senders, self._route

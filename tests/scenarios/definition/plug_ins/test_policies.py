@@ -13,6 +13,7 @@ from vehicles.schedule import SECOND
 CODE = """
 from dataclasses import dataclass
 from vehicles.driver.reactions import Degrade, Extrapolate
+from vehicles.driver.speed import SpeedCommand
 
 class Always(Extrapolate):
     @dataclass
@@ -37,6 +38,25 @@ class StopWhenSilent(Extrapolate):
 
 class Shipped(Degrade):
     pass
+
+class Parts(Degrade):
+    def modes(self, settings):
+        return self
+    def guard(self, law, settings, car):
+        return Brakes(settings.comfortable.deceleration, car.least_spacing)
+    def decide(self, now, sources, situation, speed, *, fitted, has_path):
+        return "creep", f"{len(sources.all)} sources"
+
+class Brakes:
+    def __init__(self, braking, least_spacing):
+        self.braking, self.least = braking, least_spacing
+    def command(self, now, pose, ahead, situation, mode):
+        assert not ahead.spacing < self.least and mode == "creep"
+        return SpeedCommand(-self.braking, 0.0)
+
+class Faulty(Parts):
+    def decide(self, now, sources, situation, speed, *, fitted, has_path):
+        return "creep"
 
 class Wrong(Extrapolate):
     def mode(self, situation, usual, speed):
@@ -99,6 +119,21 @@ def test_a_policy_that_inherits_the_shipped_one_equals_it(module: Module) -> Non
     lossy = "links.loss_ratio=0.8"
     own, shipped = tracking(f"{module(CODE)}.Shipped", lossy), tracking("degrade", lossy)
     assert list(map(repr, own)) == list(map(repr, shipped))
+
+
+def test_both_parts_of_the_shipped_policy_are_replaced(module: Module) -> None:
+    name = module(CODE)
+    scenario = scenario_of(f"{name}.Parts")
+    tape = TrackingTape()
+    summary = run_unlogged(scenario, [tape])
+    assert {(row.mode, row.reason) for row in tape.rows} == {("creep", "2 sources")}
+    lead, *followers = summary.vehicles
+    braked = 0.5 * scenario.vehicle("v2").degradation.comfortable.deceleration * 1.5**2
+    for row in followers:
+        assert lead.distance_m - row.distance_m == pytest.approx(braked, abs=0.05)
+    faulty = run_unlogged(scenario_of(f"{name}.Faulty"))
+    assert faulty.outcome == "failed"
+    assert f"reaction '{name}.Faulty': modes().decide() returned 'creep', expected" in faulty.reason
 
 
 def test_a_mode_of_the_lead_is_refused(module: Module) -> None:
