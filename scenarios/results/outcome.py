@@ -188,7 +188,7 @@ def _stopped(summary: RunSummary) -> Iterator[str]:
     blind = max((vehicle.reaction.blind_m for vehicle in summary.vehicles), default=0.0)
     beyond = f", up to {blind:.1f} m blind" if blind >= 0.05 else ""
     yield (
-        f"{_share(summary, stopped)} braked for lack of data, first {first.vehicles[0]} "
+        f"{_share(summary, stopped)} braked without a reliable source, first {first.vehicles[0]} "
         f"{first.when}{beyond}"
     )
 

@@ -19,6 +19,7 @@ from scenarios.results.log_queries.explain import (
 COLUMNS: Sequence[Column[KnownSource]] = (
     Column("source", lambda source: source.sender, left=True),
     Column("use", lambda source: source.use.replace(" and ", "\n"), left=True),
+    Column("status", lambda source: source.status or None, left=True),
     Column("newest\nmessage", lambda source: source.number),
     Column("measured\nat, s", lambda source: source.measured_at_s, ".2f"),
     Column("available\nat, s", lambda source: source.received_at_s, ".2f"),

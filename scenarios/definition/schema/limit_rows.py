@@ -75,7 +75,7 @@ _ROWS = (
              doc="times that a follower has no usable path for events.path_lost_s",
              example=0, word="path_lost", event="path_lost", live="silence",
              by_truth=False, by_decisions=True),
-    LimitRow(key="stops_max", doc="times that a follower begins to stop for lack of data",
+    LimitRow(key="stops_max", doc="times that a follower begins to stop without a reliable source",
              example=0, word="stop", event="stop", live="silence",
              by_truth=False, by_decisions=True),
     LimitRow(key="distrusts_max", doc="times that a follower rejects a source as implausible",

@@ -69,7 +69,7 @@ def _what(event: RunEvent) -> str:
             known, blind = figures.get("known_m"), figures.get("predicted_blind_m")
             ends = "" if known is None else f"; {road_known(known)}"
             beyond = f"; predicted blind distance {blind:.1f} m" if blind else ""
-            text = f"{first} brakes to a stop for lack of data{ends}{beyond}"
+            text = f"{first} brakes to a stop without a reliable source{ends}{beyond}"
         case "own":
             text = first
         case "distrust":

@@ -73,6 +73,7 @@ class KnownSource:
     path_left_m: float | None
     received_ratio: float | None
     missing: tuple[MissingMessage, ...]
+    status: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,12 +101,15 @@ class Explanation:
             "straight": "drove straight, as it had received nothing",
             "coast": "extrapolated its last trajectory",
             "creep": f"crossed a hole in {sources}",
-            "stop": f"braked for lack of data, along {sources}",
+            "stop": f"braked to a stop along {sources}",
         }.get(self.mode, f"followed {sources}")
         if self.mode == "composite" and len(self.steered_along) > 1:
             action = f"followed {sources.replace('path', 'composite trajectory', 1)}"
         parts = [f"At {self.decided_at_s:.2f} s {self.vehicle} {action}."]
         ahead = [source for source in self.sources if source.use != "longitudinal"]
+        unused = [f"{s.sender} {STATUS_WORDS[s.status]}" for s in ahead if s.status in STATUS_WORDS]
+        if unused:
+            parts.append(f"Not relied on: {', '.join(unused)}.")
         if ahead:
             parts.append(f"Known path ahead: {', '.join(map(_known_path, ahead))}.")
         parts += [
@@ -114,6 +118,14 @@ class Explanation:
             if source.missing
         ]
         return " ".join(parts)
+
+
+STATUS_WORDS = {
+    "lost": "(lost)",
+    "distrusted": "(distrusted)",
+    "probation": "(on probation after a loss)",
+}
+"""Statuses of sources that a follower does not rely on, in words."""
 
 
 def _known_path(source: KnownSource) -> str:
@@ -328,7 +340,8 @@ class RecordedKnowledge:
         decision = excerpt.decision(requested)
         if decision is None or requested > self._reader.last_at:
             raise self._error(requested)
-        now, mode, reason, statuses = decision
+        now, mode, reason, recorded = decision
+        statuses = self._statuses(recorded)
         return Explanation(
             vehicle=self.vehicle,
             decided_at_s=self._seconds(now),
@@ -336,23 +349,26 @@ class RecordedKnowledge:
             reason=reason,
             steered_along=self._steered_along(mode, statuses),
             log_faults=self._reader.notice,
-            sources=tuple(self._known(excerpt, sender, now) for sender in self.senders),
+            sources=tuple(
+                self._known(excerpt, sender, now, statuses.get(sender, ""))
+                for sender in self.senders
+            ),
         )
 
-    def _steered_along(self, mode: str, statuses: Sequence[str]) -> tuple[str, ...]:
-        """Lateral sources along whose path the vehicle steers; a composite leaves lost ones out.
+    def _statuses(self, recorded: Sequence[str]) -> Mapping[str, str]:
+        """Statuses of the sources, from the `recorded` ones of lead, predecessor and all others."""
+        ends = self.setup.predecessor or "", self.setup.lead
+        return dict(zip(ends, reversed(recorded[:2]), strict=True)) | statuses_in(recorded[2])
 
-        `statuses` are the recorded ones of lead, predecessor and all others.
-        """
+    def _steered_along(self, mode: str, statuses: Mapping[str, str]) -> tuple[str, ...]:
+        """Lateral sources along whose path the vehicle steers; a composite leaves lost ones out."""
         setup, lateral = self.setup, self.setup.flow.lateral
         ends = setup.lead, setup.predecessor or ""
         if mode in {"lead", "predecessor"}:
             return (ends[mode == "predecessor"],)
         if mode == "intermediate":
             lateral = tuple(name for name in lateral if name not in ends)
-        by_name = dict(zip(reversed(ends), reversed(statuses[:2]), strict=True))
-        by_name |= statuses_in(statuses[2])
-        kept = [name for name in lateral if by_name.get(name, "") in RELIED_ON]
+        kept = [name for name in lateral if statuses.get(name, "") in RELIED_ON]
         return tuple(kept) if mode in {"composite", "intermediate"} and kept else lateral
 
     def _error(self, requested: int) -> LogError:
@@ -382,7 +398,7 @@ class RecordedKnowledge:
             for sender in self.senders
         }
 
-    def _known(self, excerpt: _Excerpt, sender: str, now: int) -> KnownSource:
+    def _known(self, excerpt: _Excerpt, sender: str, now: int, status: str) -> KnownSource:
         poses, verdicts = excerpt.poses[sender], excerpt.verdicts[sender]
         received = [
             verdict
@@ -416,6 +432,7 @@ class RecordedKnowledge:
             path_left_m=self._path_left(excerpt, sender, received, now),
             received_ratio=_received(verdicts.values(), without.values(), now),
             missing=tuple(missing),
+            status=status,
         )
 
     def _seconds(self, at: int) -> float:

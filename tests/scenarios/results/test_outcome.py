@@ -78,7 +78,7 @@ def test_the_worst_incident_comes_first() -> None:
 @pytest.mark.parametrize(
     ("events", "begin"),
     [
-        (STOPS, "2 of 4 vehicles braked for lack of data, first v3 at 7.50 s"),
+        (STOPS, "2 of 4 vehicles braked without a reliable source, first v3 at 7.50 s"),
         ((event("path_lost", 1.0, "v2"),), "1 of 4 vehicles lost its path"),
         ((event("slide", 1.0, "v2"),), "1 of 4 vehicles slid"),
         ((event("distrust", 1.0, "v1", "v2"),), "sources distrusted: v1"),

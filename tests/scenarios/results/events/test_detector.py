@@ -210,7 +210,7 @@ def test_a_stop_is_an_event_with_known_path_and_predicted_blind_distance() -> No
         {"known_m": 12.5, "predicted_blind_m": 3.25, "duration_s": 1.0}
     )
     assert first.line.startswith(
-        "stop: v2 brakes to a stop for lack of data; 12.5 m of known path; "
+        "stop: v2 brakes to a stop without a reliable source; 12.5 m of known path; "
     )
     assert "predicted blind distance 3.2 m" in first.line
     assert second.at_s == pytest.approx(54 / 50)
@@ -219,7 +219,9 @@ def test_a_stop_is_an_event_with_known_path_and_predicted_blind_distance() -> No
     assert "ended 23.2 m behind the car; predicted blind distance 40.0 m" in event.line
     untold = {"mode": "stop", "known_m": nan, "blind_m": nan}
     (event,) = detected(tracking("v2", 0, **untold))
-    assert event.line == "stop: v2 brakes to a stop for lack of data, 0.00 s after the start"
+    assert (
+        event.line == "stop: v2 brakes to a stop without a reliable source, 0.00 s after the start"
+    )
 
 
 def test_each_distrust_of_a_source_is_an_event() -> None:

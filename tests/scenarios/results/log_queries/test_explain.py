@@ -163,6 +163,10 @@ def test_explanations_of_a_hundred_instants_match_the_log(log: Path, plain: Reco
         assert (found.mode, found.reason) == (decision.mode, decision.reason)
         assert [source.sender for source in found.sources] == senders(vehicle)
         check_source(plain, plane, found, start, decision.decided_at_ns)
+        for source in found.sources:
+            is_lead = source.sender == "v1"
+            status = decision.lead_status if is_lead else decision.predecessor_status
+            assert source.status == status
         assert all(source.sender in found.sentence for source in found.sources)
         reported += len(found.sources)
     assert reported > INSTANTS  # the draw is not of leads only
