@@ -17,8 +17,8 @@ NEIGHBOUR_SHARE: Final = 0.3
 turn a long chord."""
 STEEPEST: Final = 0.5
 """Largest slope of a curve against its chord."""
-HARDEST_BRAKING: Final = 8.0
-"""Largest acceleration (m/s²) of a car along the road."""
+HARDEST_BRAKING: Final = 12.0
+"""Largest acceleration (m/s²) of a car along the road: the hardest braking of any scenario."""
 REACH_RATIO: Final = 1.5
 REACH_MARGIN: Final = 3.0
 """A car covers at most this ratio times speed times duration, plus this margin (m)."""

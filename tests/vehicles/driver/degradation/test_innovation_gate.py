@@ -400,7 +400,7 @@ def test_jumps_are_detected_at_any_stated_accuracy() -> None:
 def test_full_braking_to_a_standstill_is_trusted() -> None:
     for rate_hz in (1.0, 5.0, 20.0):
         fixes = measured_fixes(
-            lambda seconds, body: Actuation(0.0, -8.0 if seconds > 2.0 and body.speed else 0.0),
+            lambda seconds, body: Actuation(0.0, -12.0 if seconds > 2.0 and body.speed else 0.0),
             seconds=12.0, speed=30.0, rate_hz=rate_hz,
         )  # fmt: skip
         assert not reasons(judged(fixes))
