@@ -400,11 +400,12 @@ class Follower:
             self._own_path.extend(now, pose)
         last = self._decision
         command = last.actuation.acceleration if last else 0.0
+        before = self._own.achieved if pose.speed > 0.0 else 0.0  # it stood, as its drive assumes
         self._own = OwnMotion(
             step,
             command,
             self._own.distance + pose.speed * step,
-            achieved_acceleration(self._own.achieved, command, step, self._drive_lag),
+            achieved_acceleration(before, command, step, self._drive_lag),
         )
 
     def _bend(self, pose: Pose) -> tuple[float, float] | None:
