@@ -11,7 +11,7 @@ from numpy.random import Generator
 from vehicles.car.dynamics import Body
 from vehicles.car.parameters import VehicleParameters
 from vehicles.messages import TruePose
-from vehicles.schedule import MILLISECOND, SECOND, Cadence
+from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer
 from vehicles.setting import Setting
 
 MISSED = 2
@@ -37,7 +37,9 @@ class GapSensorSettings:
     reach: Annotated[
         float, Setting("longest measured gap; 0: there is no sensor", "m", 0, 1000, name="range")
     ] = 0.0
-    rate: Annotated[float, Setting("rate", "hz", 0.1, 200)] = 20.0
+    rate: Annotated[
+        float, Setting("rate, at instants of control; up to control.rate_hz", "hz", 0.1, 500)
+    ] = 20.0
     latency: Annotated[
         int,
         Setting(
@@ -89,10 +91,10 @@ TargetAt = Callable[[int], TruePose | None]
 
 
 class GapSensor:
-    """Sensor that measures every 1/`rate` s from `start_at` (ns) on.
+    """Sensor that measures every 1/`rate` s, at the next instant of control.
 
-    `random` belongs to this sensor: it draws two normal numbers per instant of measurement, in
-    order of time, with or without a predecessor in view.
+    True poses of both cars exist at these instants only. `random` belongs to this sensor: it draws
+    two normal numbers per measurement, in order of time, with or without a predecessor in view.
     """
 
     def __init__(
@@ -100,15 +102,17 @@ class GapSensor:
         settings: GapSensorSettings,
         own: VehicleParameters,
         target: VehicleParameters,
-        start_at: int,
+        control: Cadence,
         random: Generator,
     ) -> None:
-        """`own` and `target` are this car and its predecessor."""
+        """`own` and `target` are this car and its predecessor; it starts with the `control`."""
         self._settings = settings
         self._front = own.body_offset + 0.5 * own.length
         self._rear = target.body_offset - 0.5 * target.length
-        self._cadence = Cadence(start_at, settings.rate)
-        self._valid_for = settings.latency + round(MISSED * SECOND / settings.rate)
+        self._control = control
+        period = round(SECOND / min(settings.rate, control.rate_hz))
+        self._due = Timer(period, control.start_at, steady=True)
+        self._valid_for = settings.latency + MISSED * period
         self._random = random
         self._pending: deque[_Sample] = deque()
 
@@ -117,12 +121,12 @@ class GapSensor:
         self._random = random
 
     def measure(self, body: Body, now: int, target_at: TargetAt) -> GapMeasurement | None:
-        """Measure if `now` (ns) is an instant of measurement; return one that is available now.
+        """Measure if `now` (ns) is an instant of measurement; return what becomes available now.
 
         The measurement is that of `latency` ago. Its pose of the predecessor is `target_at` that
         instant, which arrives in the meantime.
         """
-        if self._cadence.index(now) is not None:
+        if self._control.due(now) and self._due.is_due(now):
             self._pending.append(_Sample(now, body, *self._random.standard_normal(2).tolist()))
         made: GapMeasurement | None = None
         while self._pending and self._pending[0].at + self._settings.latency <= now:

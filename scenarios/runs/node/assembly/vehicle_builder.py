@@ -86,8 +86,6 @@ class VehicleBuilder:
         rates_hz = [scenario.control_rate_hz, self._setup.gnss.rate]
         if not self._setup.has_exact_state:
             rates_hz.append(self._setup.imu_rate_hz)  # usually that of control
-        if self._setup.gap_sensor is not None:
-            rates_hz.append(self._setup.gap_sensor.rate)
         self.rates_hz = tuple(dict.fromkeys(rates_hz))
         self.target: TruePoses | None = None
         self._replay = replay
@@ -332,7 +330,8 @@ class VehicleBuilder:
             return None
         target = self._scenario.vehicle(setup.predecessor).parameters
         random = self._stream(self._scenario.seed, GAP_STREAM)
-        return GapSensor(setup.gap_sensor, setup.parameters, target, start_at, random)
+        control = Cadence(start_at, self.control_rate_hz)
+        return GapSensor(setup.gap_sensor, setup.parameters, target, control, random)
 
     def _stream(self, seed: int, key: int) -> np.random.Generator:
         return np.random.Generator(np.random.PCG64([seed, self._setup.place, key]))

@@ -12,7 +12,7 @@ from vehicles.car.dynamics import Body
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.sensors.gap_sensor import GapMeasurement, GapSensor, GapSensorSettings
 from vehicles.messages import TruePose
-from vehicles.schedule import MILLISECOND, SECOND
+from vehicles.schedule import MILLISECOND, SECOND, Cadence
 
 EXACT = GapSensorSettings(reach=100.0, gap_noise=0.0, gap_rate_noise=0.0)
 TRUCK = replace(LINCOLN_MKZ, length=12.0, front_axle_distance=3.0, rear_axle_distance=3.0)
@@ -44,7 +44,7 @@ def measured(
     seed: int = 1,
 ) -> list[tuple[int, GapMeasurement]]:
     """Measurements behind a car that stays where it is, with the instants of their arrival."""
-    sensor = GapSensor(settings, LINCOLN_MKZ, TRUCK, 0, np.random.default_rng(seed))
+    sensor = GapSensor(settings, LINCOLN_MKZ, TRUCK, Cadence(0, 100.0), np.random.default_rng(seed))
     ticks = range(0, round(seconds * SECOND), TICK)
     taken = [(now, sensor.measure(own, now, target_at)) for now in ticks]
     return [(now, one) for now, one in taken if one is not None]
