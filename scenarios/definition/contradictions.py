@@ -30,6 +30,9 @@ FASTEST_RATE = 20_000.0
 """Fastest rate (1/s) of a car's tyres or steering that runs in real time; the paper's car has 206.
 A truck's mass on a toy's inertia would take hours per second."""
 
+MOST_PERIODS = 10_000
+"""Number of periods of the lead's speed, each of which has 64 points."""
+
 MARGIN = 1000.0
 """Distance (m) of the road from the reach of the plane, so that noise does not leave it."""
 
@@ -199,10 +202,24 @@ def _senders(tables: ScenarioTables) -> Iterator[Problem]:
         return
 
 
+def _oscillation(tables: ScenarioTables) -> Iterator[Problem]:
+    speed, oscillation = tables.speed, tables.speed.oscillation
+    if oscillation.amplitude_mps > speed.set_mps:
+        allowed = f"allowed at most {speed.set_mps:g}, the set speed"
+        yield "speed.oscillation.amplitude_mps", f"given {oscillation.amplitude_mps:g}, {allowed}"
+    if tables.duration_s is None:
+        yield "duration_s", 'missing, needed with speed.lead = "oscillating"'
+    elif tables.duration_s * oscillation.frequency_hz > MOST_PERIODS:
+        allowed = f"allowed at most {MOST_PERIODS / tables.duration_s:.3g} for this duration"
+        yield "speed.oscillation.frequency_hz", f"given {oscillation.frequency_hz:g}, {allowed}"
+
+
 def _speed(tables: ScenarioTables) -> Iterator[Problem]:
     speed = tables.speed
     if speed.lead == "profile" and not speed.profile:
         yield "speed.profile", 'missing, needed with speed.lead = "profile"'
+    if speed.lead == "oscillating":
+        yield from _oscillation(tables)
     for index, (before, after) in enumerate(itertools.pairwise(speed.profile), 1):
         if after.at_s <= before.at_s:
             allowed = f"allowed more than {before.at_s}, the entry before"

@@ -428,6 +428,11 @@ def _speed_warnings(scenario: Scenario, run: _Run) -> Iterator[str]:
     yield from _friction_warnings(cars, run)
     if speed.profile and speed.lead != "profile":
         yield f'speed.profile is not used with speed.lead = "{speed.lead}". Set it to "profile".'
+    if speed.oscillation != type(speed.oscillation)() and speed.lead != "oscillating":
+        yield (
+            f'speed.oscillation is not used with speed.lead = "{speed.lead}". Set it to '
+            '"oscillating".'
+        )
     lowered = list(_lowered(scenario, run)) if speed.lead == "set" else []
     if lowered:
         slowest, set_speed = min(lowered)

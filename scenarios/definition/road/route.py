@@ -28,6 +28,8 @@ from vehicles.geometry.smoothing import SmoothedPath
 RUN_UP = 10.0
 """Length (m) of the straight behind the last vehicle."""
 
+KNOTS_PER_PERIOD = 64
+"""Points per period of an oscillating speed: their chords lie within 0.12 % of the amplitude."""
 STRAIGHT = 1e-6
 """Curvature (1/m) below which a path counts as straight."""
 
@@ -107,7 +109,7 @@ def plan_route(tables: ScenarioTables) -> Route:
         if smoothed is not None and start == smoothed.start:
             path = _straight_before(path, start)
     else:
-        wanted, ratio = _wanted(tables.speed), 1.0
+        wanted, ratio = _wanted(tables.speed, tables.duration_s or 0.0), 1.0
         until = tables.duration_s or LONGEST
         profile = slowed(wanted, path, start, _limits(tables.speed), until)
     first_speed = profile.at(0.0)[0]
@@ -214,12 +216,24 @@ def curvature(segment: SegmentTable) -> float:
     return segment.curvature_per_m or 0.0
 
 
-def _wanted(table: SpeedTable) -> SpeedProfile:
-    """Return the configured speed over time, before it is lowered in curves."""
+def _wanted(table: SpeedTable, duration: float) -> SpeedProfile:
+    """Return the configured speed over `duration` (s), before it is lowered in curves."""
+    if table.lead == "oscillating":
+        return _oscillating(table, duration)
     if table.lead != "profile":
         return SpeedProfile((0.0,), (table.set_mps,))
     times = tuple(point.at_s for point in table.profile)
     return SpeedProfile(times, tuple(point.speed_mps for point in table.profile))
+
+
+def _oscillating(table: SpeedTable, duration: float) -> SpeedProfile:
+    oscillation = table.oscillation
+    step = 1.0 / (KNOTS_PER_PERIOD * oscillation.frequency_hz)
+    count = max(math.ceil((duration - oscillation.from_s) / step), 0) + 1
+    phase = 2.0 * math.pi * np.arange(count) / KNOTS_PER_PERIOD
+    speeds = table.set_mps + oscillation.amplitude_mps * np.sin(phase)
+    times = oscillation.from_s + step * np.arange(count)
+    return SpeedProfile(tuple(times.tolist()), tuple(np.maximum(speeds, 0.0).tolist()))
 
 
 def _limits(table: SpeedTable) -> Limits:

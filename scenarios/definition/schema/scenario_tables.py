@@ -188,6 +188,19 @@ class ProfilePoint(Table):
     speed_mps: Speed
 
 
+class OscillationTable(Table):
+    """Sinusoidal speed of the lead around speed.set_mps, with speed.lead = "oscillating".
+
+    amplitude_mps  amplitude
+    frequency_hz   frequency
+    from_s         beginning, after the start of the run
+    """
+
+    amplitude_mps: NotNegative = 1.0
+    frequency_hz: float = Field(default=0.2, ge=0.001, le=5)
+    from_s: NotNegative = 0.0
+
+
 class GapTable(Table):
     """Gap keeping: standstill_m + headway_s * speed, bumper to bumper.
 
@@ -206,7 +219,7 @@ class GapTable(Table):
 class SpeedTable(Table):
     """Speed of the convoy.
 
-    lead                           "set" speed, "profile", or "recorded" in the trace
+    lead                           "set" speed, "profile", "oscillating", or "recorded" in the trace
     lead_waits                     whether the lead slows down while it receives nothing from a
                                    follower, or a follower falls behind
     lead_keeps_gap                 whether the lead keeps the gap of [speed.gap] to members of its
@@ -216,6 +229,7 @@ class SpeedTable(Table):
                                    further on. Default: on a closed path
     set_mps                        set speed
     profile                        points of the profile
+    oscillation                    sinusoidal speed around set_mps
     followers                      "same" speed as the lead at the same time, or keep a "gap"
     lateral_acceleration_mps2_max  set speeds and profiles are lowered in curves to keep it
     acceleration_mps2_max          acceleration of the lead after curves
@@ -226,11 +240,12 @@ class SpeedTable(Table):
     gap                            gap keeping
     """
 
-    lead: Literal["set", "profile", "recorded"] = "set"
+    lead: Literal["set", "profile", "oscillating", "recorded"] = "set"
     lead_waits: bool = False
     lead_keeps_gap: bool | None = None
     set_mps: float = Field(default=20.0, ge=0.1, le=100)
     profile: Annotated[tuple[ProfilePoint, ...], Field(strict=False)] = ()
+    oscillation: OscillationTable = OscillationTable()
     followers: Literal["same", "gap"] = "same"
     lateral_acceleration_mps2_max: float = Field(default=3.0, ge=0.1, le=20)
     acceleration_mps2_max: float = Field(default=1.5, ge=0.1, le=10)
