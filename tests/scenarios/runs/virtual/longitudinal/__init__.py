@@ -1,0 +1,1 @@
+"""Longitudinal control of whole convoys."""
