@@ -11,6 +11,9 @@ from scenarios.definition.schema.path_tables import PointsPath, SmoothedPathTabl
 from scenarios.definition.traces.part import PATH_KEYS
 from vehicles.geometry.smoothing import SmoothedPath
 
+CUT_RATIO = 0.5
+"""Half width of an automatic smoothing, in smallest radii, above which a warning is due."""
+
 FAR_FROM_POINTS = 0.5
 """Distance (m) between path and recorded points above which a warning is due."""
 
@@ -63,21 +66,21 @@ def recording_warnings(
 def _width_warnings(table: PointsPath, smoothed: SmoothedPath, keys: str) -> Iterator[str]:
     """Warn of an automatic half width that cuts curves, or that removes too little noise."""
     source, used, is_lead = table.source or "path", smoothed.half_width, keys == PATH_KEYS
+    sharpest = float(np.max(np.abs(smoothed.path.curvature)))
     if used < table.smoothing_m:
-        radius = 1.0 / float(np.max(np.abs(smoothed.path.curvature)))
         yield (
             f"{source}: the path is smoothed over a half width of {used:g} m, because a car cannot "
             f"drive the tight turns at the {table.smoothing_m:g} m for noise of "
             f"{smoothed.noise:.2g} m: the {'lead' if is_lead else 'vehicle'} steers after noise, "
-            f"the smallest radius is {radius:.1f} m. "
+            f"the smallest radius is {1.0 / sharpest:.1f} m. "
             f"{'Set path.smoothing_m, or leave' if is_lead else 'Leave'} the turns out with "
             f"{keys}from_s and {keys}to_s."
         )
-    elif table.narrower_m and used > USUAL_SMOOTHING:
+    elif table.narrower_m and used > USUAL_SMOOTHING and used * sharpest > CUT_RATIO:
         yield (
             f"{source}: the points scatter by {table.noise_m:.2g} m, so the half width of the "
-            f"smoothing is {used:g} m instead of {USUAL_SMOOTHING:g}: tight curves are cut"
-            + (". Set path.smoothing_m to change it" if is_lead else "")
+            f"smoothing is {used:g} m instead of {USUAL_SMOOTHING:g}: bends with a smaller radius "
+            "are cut" + (". Set path.smoothing_m to change it" if is_lead else "")
         )
 
 

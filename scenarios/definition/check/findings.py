@@ -370,15 +370,27 @@ def _vehicle_warnings(scenario: Scenario) -> Iterator[str]:
             )
 
 
-def _friction_warnings(cars: Sequence[VehicleParameters], run: _Run) -> Iterator[str]:
+def _friction_warnings(
+    scenario: Scenario, cars: Sequence[VehicleParameters], run: _Run
+) -> Iterator[str]:
     """Warn if the lead's plan, which all follow, exceeds the grip of the most slippery tyres."""
     least = min((car.friction for car in cars if car.tyres == "brush"), default=inf)
     if run.lateral_max > least * GRAVITY:
         yield (
             f"curves are planned at {run.lateral_max:.1f} m/s², tyres hold up to "
             f"{least * GRAVITY:.1f} m/s² (parameters.friction_ratio = {least:g}): cars will slide. "
-            "Lower speed.set_mps or speed.lateral_acceleration_mps2_max."
+            f"{_slower_in_curves(scenario)}."
         )
+
+
+def _slower_in_curves(scenario: Scenario) -> str:
+    """Return what reduces the lateral acceleration of the lead."""
+    lead, road = scenario.tables.speed.lead, scenario.route.smoothed
+    if lead != "recorded":
+        key = "set_mps" if lead == "set" else "profile"
+        return f"Lower speed.{key} or speed.lateral_acceleration_mps2_max"
+    noise = f" = {road.half_width:g} if they are noise of the points" if road else ""
+    return f'Set speed.lead = "set", or raise path.smoothing_m{noise}'
 
 
 def _lowered(scenario: Scenario, run: _Run) -> Iterator[tuple[float, float]]:
@@ -425,7 +437,7 @@ def _speed_warnings(scenario: Scenario, run: _Run) -> Iterator[str]:
             f"the path has a smallest radius of {1.0 / run.sharpest:.1f} m, cars turn at "
             f"{tightest:.1f} m: they will leave the path. Raise path.smoothing_m or the radius."
         )
-    yield from _friction_warnings(cars, run)
+    yield from _friction_warnings(scenario, cars, run)
     if speed.profile and speed.lead != "profile":
         yield f'speed.profile is not used with speed.lead = "{speed.lead}". Set it to "profile".'
     if speed.oscillation != type(speed.oscillation)() and speed.lead != "oscillating":
@@ -445,5 +457,5 @@ def _speed_warnings(scenario: Scenario, run: _Run) -> Iterator[str]:
         yield (
             f"the recorded speed takes curves at {run.lateral_max:.1f} m/s², more than "
             f"speed.lateral_acceleration_mps2_max = {speed.lateral_acceleration_mps2_max:g}, which "
-            'applies to set speeds only. Set speed.lead = "set" to apply it.'
+            f"applies to set speeds only. {_slower_in_curves(scenario)}."
         )

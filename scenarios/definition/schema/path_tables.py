@@ -72,7 +72,8 @@ class TracePath(SmoothedPathTable):
     to_m         the same end
     pauses       "keep": the lead waits where the recorded car stood or the recording paused;
                  "cut": it drives on
-    smoothing_m  half width of the smoothing window; if omitted, more where the noise requires it
+    smoothing_m  half width of the smoothing window; if omitted, more where noise and speed require
+                 it
     closed       whether the drive ends where it begins
     laps         laps of a closed drive
     """

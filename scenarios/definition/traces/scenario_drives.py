@@ -25,6 +25,15 @@ shifted to the origin. With an origin in the scenario it is the reach of the pla
 CURVATURE_NOISE = 0.004
 """Largest noise of curvature (1/m) after smoothing: 0.4 m/s² of lateral acceleration at 10 m/s."""
 
+LATERAL_NOISE = 0.1
+"""Largest noise of lateral acceleration (m/s²) in a drive that is fast throughout."""
+
+HARD_BEND = 4.0
+"""Lateral acceleration (m/s²) of a drive in its tightest bends."""
+
+SLOW_RATIO, SPEED_SPAN_S = 0.05, 2.0
+"""Share of the points that are slower than a drive is throughout, and time (s) of their speeds."""
+
 WIDEST = 500.0
 """Largest half width (m) of the smoothing."""
 
@@ -159,12 +168,30 @@ def points_of(trace: DriveInPlane, table: TracePath) -> PointsPath:
 
 
 def _needed_smoothing(trace: DriveInPlane) -> float:
-    """Return the half width (m) that reduces noise to CURVATURE_NOISE; see `smooth_path`."""
+    """Return the half width (m) that reduces noise to CURVATURE_NOISE; see `smooth_path`.
+
+    A fast drive has wide bends only. There it also reduces noise to LATERAL_NOISE, up to half the
+    smallest radius.
+    """
     steps = step_lengths(np.array((trace.east_m, trace.north_m)))
     moved = steps[steps > 0.0]
     spacing = max(float(np.median(moved)) if moved.size else 0.0, MERGED_NOISE * trace.noise_m)
-    kept = 20.0 * trace.noise_m * math.sqrt(spacing) / CURVATURE_NOISE
-    return min(float(math.ceil(math.pow(kept, 0.4))), WIDEST)
+    kept = 20.0 * trace.noise_m * math.sqrt(spacing)
+    square = _slow_speed(trace) ** 2
+    fast = min(math.pow(kept * square / LATERAL_NOISE, 0.4), 0.5 * square / HARD_BEND)
+    width = max(math.pow(kept / CURVATURE_NOISE, 0.4), fast)
+    return min(float(math.ceil(width)), WIDEST)
+
+
+def _slow_speed(trace: DriveInPlane) -> float:
+    """Speed (m/s) over SPEED_SPAN_S that a drive nearly always exceeds; 0 without times."""
+    times = trace.time_s
+    first = np.arange(np.searchsorted(times, times[-1:] - SPEED_SPAN_S).sum())
+    if not first.size:
+        return 0.0
+    last = np.searchsorted(times, times[first] + SPEED_SPAN_S)
+    moved = np.hypot(*(one[last] - one[first] for one in (trace.east_m, trace.north_m)))
+    return float(np.quantile(moved / (times[last] - times[first]), SLOW_RATIO))
 
 
 _KEPT = (

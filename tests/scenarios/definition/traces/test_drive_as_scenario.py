@@ -3,8 +3,10 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from scenarios.definition.check.findings import report_of
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.definition.schema.path_tables import PointsPath
@@ -51,6 +53,21 @@ def test_the_speed_is_set_without_times_and_where_it_is_configured(tmp_path: Pat
     assert load_scenario(timed).tables.speed.lead == "recorded"
     for override in ("speed.set_mps=7", 'speed.lead="set"'):
         assert load_scenario(timed, [override]).tables.speed.lead == "set"
+
+
+@pytest.mark.parametrize("speed", [8.0, 30.0])
+def test_noise_of_the_points_is_no_bend_of_the_road(tmp_path: Path, speed: float) -> None:
+    """Bends are no harder than the true 1.5 m/s² by more than half of it, at any speed."""
+    times, radius = np.arange(0.0, 20.0, 0.05), speed**2 / 1.5
+    noise = np.random.default_rng(1).normal(0.0, 0.02, (2, times.size))
+    angles = speed * times / radius
+    east, north = radius * np.sin(angles) + noise[0], radius * (1 - np.cos(angles)) + noise[1]
+    path = tmp_path / "bend.csv"
+    points = zip(times.tolist(), east.tolist(), north.tolist(), [speed] * times.size, strict=True)
+    path.write_bytes(as_plane_csv([*points]))
+    report = report_of(load_scenario(path))
+    assert 1.4 < report.lateral_acceleration_mps2_max < 2.3
+    assert (report.deviation_m_max or 1.0) < 0.1
 
 
 def test_keys_of_the_path_can_be_overridden(tmp_path: Path) -> None:
