@@ -55,9 +55,10 @@ class ReactionPolicy(Protocol):
     def acceleration(self, situation: Situation, mode: Mode, speed: float, wanted: float) -> float:
         """Acceleration (m/s²) at `speed` (m/s), given the `wanted` one.
 
-        `situation.lead` and `situation.predecessor` have the attributes `status`, `age` and
-        `silence` (s), `known` (m of path), `speed` (m/s), `acceleration` (m/s², announced), `mode`
-        and `hazard`; numbers are NaN before the first message. `situation.known` is the known path
+        `situation.lead`, `situation.predecessor` and the values of `situation.others`, by the names
+        of all other sources, have the attributes `status`, `age` and `silence` (s), `known` (m of
+        path), `speed` (m/s), `acceleration` (m/s², announced), `mode` and `hazard`; numbers are NaN
+        before the first message. `situation.known` is the known path
         ahead (m), `situation.ahead` the `VehiclesAhead` of the longitudinal controller.
         """
         ...

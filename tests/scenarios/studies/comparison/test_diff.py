@@ -43,6 +43,15 @@ def test_two_runs_of_one_seed_are_identical(tmp_path: Path) -> None:
     assert "identical" in result.output
 
 
+def test_runs_that_start_at_other_times_have_equal_messages(tmp_path: Path) -> None:
+    """With sources between lead and predecessor, whose figures are NaN before their first pose."""
+    requested = ["duration_s=0.2", "information_flow.lateral={ahead=2}"]
+    for name, more in (("a", []), ("b", ["start_at=2026-02-03T00:00:00Z"])):
+        run_virtual(load_scenario("lane_change", requested + more), tmp_path / name, Stop())
+    logs = (LogReader(tmp_path / name / "run.mcap") for name in ("a", "b"))
+    assert compare_messages(*logs).is_equal
+
+
 def test_one_flipped_verdict_is_found(whole: Path, tmp_path: Path) -> None:
     verdicts = [m for _, _, m in LogReader(whole).messages(("verdict",), ("v3",))]
     chosen = verdicts[len(verdicts) // 2]
