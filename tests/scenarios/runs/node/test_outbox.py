@@ -8,13 +8,14 @@ from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.probe import NoProbe, Probe, Usage
 from scenarios.runs.node.sink import BusSink, Sink
-from tests.made.scenarios.messages import START, at, gps
+from tests.made.scenarios.messages import START, at, gps, truth
 from tests.made.transport.links import inbox as inbox_of
 from tests.made.vehicles.decision_messages import log_messages
 from transport.bus.memory_bus import MemoryBus
 from transport.clock import ticks
 from transport.codec import decode, encode
 from transport.links.inbox import Inbox
+from transport.links.true_poses import TruePoses
 from transport.topics import TOPIC_OF, TOPICS, Topic, key
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
@@ -113,6 +114,7 @@ def outbox(
     inbox: Inbox | None = None,
     probe: Probe | None = None,
     sink: Sink | None = None,
+    target: TruePoses | None = None,
 ) -> Outbox:
     return Outbox(
         vehicle="v3",
@@ -122,6 +124,7 @@ def outbox(
         inbox=inbox or receiving_inbox(),
         probe=probe or NoProbe(),
         start_at=START,
+        target=target,
     )
 
 
@@ -310,6 +313,22 @@ def refuse(inbox: Inbox, wrong: Iterable[bytes]) -> None:
     for data in wrong:
         inbox.on_bytes("convoy/v1/gps", data)
     inbox.take(at(1.0))
+
+
+def test_true_poses_too_late_for_the_gap_sensor_are_reported_once_and_counted() -> None:
+    bus, target = UrgentBus(), TruePoses("v2")
+    box = outbox(bus, target=target)
+    target.newest_at(at(0.5))
+    for seconds in (0.4, 0.5, 0.6):
+        pose = replace(truth("v2", 0, 1.0, 0.0), true_at_ns=at(seconds))
+        target.on_bytes(target.key, encode(pose))
+    for seconds in (1.0, 2.0):
+        box.publish(at(seconds), BODY, None, HELD)
+    health = [one for one in bus.published if isinstance(one, Health)]
+    assert [one.late_messages for one in health] == [2, 2]
+    (line,) = [one for one in bus.published if isinstance(one, LogText)]
+    assert line.level == "warning"
+    assert line.text.startswith("2 ")
 
 
 def test_on_sent_receives_what_the_bus_carries() -> None:
