@@ -95,6 +95,11 @@ class _RadioLaw:
     def _is_recent(self, source: SourceMotion | None) -> bool:
         return source is not None and source.age <= self._fallback.fallback_after
 
+    def _lead_speed(self, ahead: VehiclesAhead) -> float:
+        """Speed (m/s) of the lead, NaN without recent data of it."""
+        recent = self._is_recent(ahead.sources.get(self._setup.lead))
+        return ahead.lead_speed if recent else math.nan
+
     def _cooperative(self, speed: float, ahead: VehiclesAhead) -> float:
         raise NotImplementedError
 
@@ -116,8 +121,8 @@ class Cacc(_RadioLaw):
     """Cooperative adaptive cruise control of PATH at a constant gap (Rajamani, eq. 7.39).
 
     u = (1 - c1) a_p + c1 a_l + α3 (v - v_p) + α4 (v - v_l) - ω² (d + h v - g),
-    α3 = -(2 ξ - c1 (ξ + sqrt(ξ² - 1))) ω, α4 = -(ξ + sqrt(ξ² - 1)) ω c1. Without data of the lead
-    c1 is 0. Its law has h = 0: set `speed.gap.headway_s` to 0.
+    α3 = -(2 ξ - c1 (ξ + sqrt(ξ² - 1))) ω, α4 = -(ξ + sqrt(ξ² - 1)) ω c1. Without recent data
+    of the lead c1 is 0. Its law has h = 0: set `speed.gap.headway_s` to 0.
     """
 
     Settings = CaccSettings
@@ -129,10 +134,10 @@ class Cacc(_RadioLaw):
 
     def _cooperative(self, speed: float, ahead: VehiclesAhead) -> float:
         settings = self._settings
-        share, lead_speed, lead_acceleration = 0.0, 0.0, 0.0
-        if not (math.isnan(ahead.lead_speed) or math.isnan(ahead.lead_acceleration)):
-            share = settings.lead_share
-            lead_speed, lead_acceleration = ahead.lead_speed, ahead.lead_acceleration
+        share, lead_acceleration = settings.lead_share, ahead.lead_acceleration
+        lead_speed = self._lead_speed(ahead)
+        if math.isnan(lead_speed) or math.isnan(lead_acceleration):
+            share = lead_speed = lead_acceleration = 0.0
         omega = settings.bandwidth
         to_predecessor = (2.0 * settings.damping - share * self._root) * omega
         to_lead = self._root * omega * share
@@ -206,7 +211,9 @@ class Flatbed(_RadioLaw):
 
     def _cooperative(self, speed: float, ahead: VehiclesAhead) -> float:
         settings = self._settings
-        lead_speed = ahead.predecessor_speed if math.isnan(ahead.lead_speed) else ahead.lead_speed
+        lead_speed = self._lead_speed(ahead)
+        if math.isnan(lead_speed):
+            lead_speed = ahead.predecessor_speed
         error = self._gap_error(speed, ahead)
         wanted = settings.speed_gain * (ahead.predecessor_speed - speed) + settings.gap_gain * (
             error - settings.lead_headway * (speed - lead_speed)
@@ -268,7 +275,7 @@ class Consensus(_RadioLaw):
             for name, source in ahead.sources.items()
             if self._is_recent(source) and name in policies
         }
-        common = ahead.lead_speed
+        common = self._lead_speed(ahead)
         if math.isnan(common):
             common = self._mean_speed(sources, ahead)
         total = 0.0

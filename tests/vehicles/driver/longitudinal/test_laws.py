@@ -258,6 +258,38 @@ def test_laws_with_radio_data_fall_back_to_acc(law: str) -> None:
     assert controller.acceleration(25.0, ahead) == pytest.approx(wanted, abs=1e-12)
 
 
+@pytest.mark.parametrize("law", ["cacc", "flatbed", "consensus"])
+def test_old_data_of_the_lead_are_not_used(law: str) -> None:
+    """A lead cut off alone drives on in its last pose; cars must not follow that."""
+    built, settings, standstill, headway = LAWS[law]
+    policy = SpacingPolicy(standstill + LENGTH, headway)
+    names = {"v1": SpacingPolicy(2.0 * policy.standstill), "v2": policy}
+    setup = LongitudinalSetup(
+        policy, GapLimits(), LENGTH, lead="v1", predecessor="v2", policies=names
+    )
+    controller = built(setup, settings)
+    commands = {
+        (age, lead): controller.acceleration(
+            20.0,
+            VehiclesAhead(
+                spacing=12.0,
+                predecessor_speed=18.0,
+                lead_speed=lead,
+                predecessor_acceleration=-2.0,
+                lead_acceleration=0.0,
+                sources={
+                    "v1": SourceMotion(30.0, lead, 0.0, age),
+                    "v2": SourceMotion(12.0, 18.0, -2.0, 0.1),
+                },
+            ),
+        )
+        for age in (0.1, 0.6)
+        for lead in (18.0, 28.0)
+    }
+    assert commands[0.1, 28.0] > commands[0.1, 18.0] + 0.5
+    assert commands[0.6, 28.0] == commands[0.6, 18.0]
+
+
 def test_a_law_with_a_time_gap_refuses_a_headway_of_zero() -> None:
     setup = LongitudinalSetup(SpacingPolicy(10.0), GapLimits())
     with pytest.raises(ValueError, match="headway_s"):

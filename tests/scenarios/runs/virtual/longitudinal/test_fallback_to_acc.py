@@ -5,6 +5,10 @@ predecessor does (Rajamani, section 6.6): a fallback that begins with e >= 0 doe
 collision. The time until the fallback, the latency of the gap sensor and the drive lag take away
 from that. The independent integration of `integrated_string` finds the headway from which the rest
 suffices, for the lead of Plexe's braking scenario (8 m/s², lag 0.5 s) at the worst instant.
+
+The followers only extrapolate, so that the laws act alone. A cut does not end while the cars brake:
+PATH's CACC closes errors slowly (ω 0.2 rad/s), and its theory does not cover a return at a large
+difference in speed. With the reaction "degrade" the safe distance does.
 """
 
 import math
@@ -41,12 +45,14 @@ class RandomCut:
         law = ("ploeg", "cacc")[chance.integers(2)]
         at_s = round(float(chance.uniform(1.0, 8.0)), 2)
         for_s = round(float(chance.uniform(0.3, 8.0)), 2)
-        ends = "" if chance.random() < 0.3 else f"for_s={for_s},"
         links = CUTS[chance.integers(len(CUTS))]
         lead: Sequence[str] = ()
+        is_open = chance.random() < 0.3
         if brakes := chance.random() < 0.8:
             begins = float(np.clip(at_s + chance.uniform(-1.5, 2.0), 0.5, 8.0))
             lead = [profile_from(round(begins, 2))]
+            is_open |= begins < at_s + for_s < DURATION_S
+        ends = "" if is_open else f"for_s={for_s},"
         return load_scenario(
             "plexe_braking" if brakes else "plexe_sinusoidal",
             [
