@@ -194,7 +194,7 @@ class Scenario:
     def continues_without_failed(self) -> bool:
         return self.tables.convoy.on_vehicle_failure == "continue"
 
-    @property
+    @cached_property
     def vehicle_names(self) -> tuple[str, ...]:
         return vehicle_names(self.tables)
 
@@ -207,7 +207,7 @@ class Scenario:
         table = self.tables.origin or OriginTable()
         return Origin(table.latitude_deg, table.longitude_deg, table.altitude_m)
 
-    @property
+    @cached_property
     def off_links(self) -> frozenset[tuple[str, str]]:
         """Links (sender, receiver) with an end whose radio is off for a time."""
         return frozenset(pair for pair in self.links if self.link_setting(*pair, 0).off)
