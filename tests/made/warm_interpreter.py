@@ -22,8 +22,8 @@ from typing import IO, Any
 from scenarios.cli.__main__ import main as run_command
 from scenarios.cli.main import cli
 from scenarios.cli.running import launching, recorder_run, wall_clock_run
-from scenarios.results.pictures import layouts
 from scenarios.runs.processes import vehicle_process
+from tests.made.rerun_layouts import without_layouts
 from transport.bus import zenoh_bus
 
 ROOT = Path(__file__).parents[2]
@@ -153,13 +153,16 @@ def serve(file: IO[str]) -> Mapping[str, Any] | None:
 
 
 def main() -> None:
-    layouts.start_log_layout = lambda *_, **__: subprocess.Popen(["true"])  # type: ignore[attr-defined]
-    gc.freeze()
-    with socket.socket(fileno=int(sys.argv[1])) as connection, connection.makefile("rw") as file:
-        request = serve(file)
-    if request is not None:
-        become(request)
-        run_command()
+    with without_layouts():
+        gc.freeze()
+        with (
+            socket.socket(fileno=int(sys.argv[1])) as connection,
+            connection.makefile("rw") as file,
+        ):
+            request = serve(file)
+        if request is not None:
+            become(request)
+            run_command()
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from scenarios.cli.main import cli
+from scenarios.studies.many.boundary import boundary_search
 from tests.system.processes import start, until
 
 README = Path(__file__).parents[2] / "README.md"
@@ -26,11 +27,12 @@ SHORTER = {
     "run session.toml": "run session.toml --duration 3",
     "run my.toml": "run my.toml --duration 5",
     "run my.gpx": "run my.gpx --duration 5",
+    "--out runs/first": "--out runs/first --duration 14",
     "--out runs/cut": "--out runs/cut --duration 12",
     "--out runs/perfect": "--out runs/perfect --duration 5",
     "=mine.PurePursuit": "=mine.PurePursuit --duration 5",
     "0,0.5 --seeds 5": "0,0.5 --seeds 1 --duration 3 --workers 0 --no-pictures",
-    "0.9 --precision 0.05": "1 --precision 0.17 --duration 12 --workers 0",
+    "0.3:0.9 --precision 0.05": "0.5:1 --precision 0.12 --duration 9 --runs 18 --workers 0",
     "--seeds 5 --junit": "--seeds 1 --junit",
     "import convoy": "import scenarios.api as convoy",  # its name in a checkout
     '"links.loss_ratio": 0.4': '"links.loss_ratio": 0.4, "duration_s": 3',
@@ -121,6 +123,7 @@ def test_commands_in_the_order_of_the_readme(
 ) -> None:
     write_files(tmp_path)
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(boundary_search, "EVENTS", 5)  # a wide interval will do
     monkeypatch.syspath_prepend(tmp_path)  # for the user's controller
     printed, ran = "", 0
     for block in blocks():

@@ -21,6 +21,7 @@ from scenarios.definition.channel.presets import presets, read_preset
 from scenarios.definition.library import template
 from scenarios.definition.scenario import drills, library, load_scenario
 from scenarios.runs.run_log import RunLog
+from tests.made.rerun_layouts import with_layouts
 from transport.codec import encode
 from transport.log.reader import LogReader
 from transport.topics import RUN_SENDER, TOPIC_OF, key
@@ -473,7 +474,8 @@ def test_an_unknown_option_is_a_usage_error() -> None:
 
 def test_run_writes_a_log_and_a_summary(tmp_path: Path) -> None:
     out = tmp_path / "deep" / "run"
-    result = convoy("run", *SHORT, "--seed", "5", "--out", out)
+    with with_layouts():
+        result = convoy("run", *SHORT, "--seed", "5", "--out", out)
     assert result.exit_code == 0
     assert sorted(path.name for path in out.iterdir()) == [
         "foxglove.json",

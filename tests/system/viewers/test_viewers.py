@@ -11,6 +11,7 @@ from scenarios.definition.scenario import load_scenario
 from scenarios.results.pictures.layouts import rerun_layout
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
+from tests.made.rerun_layouts import with_layouts
 from tests.made.transport import drive
 from tests.system.processes import until
 from tests.system.screenshot import (
@@ -73,7 +74,7 @@ def test_a_log_opens_without_this_project(tmp_path: Path) -> None:
     scenario = load_scenario("lossy_lane_change", ["duration_s=3"])
     run_virtual(scenario, tmp_path, Stop())
     layout = tmp_path / "rerun.rbl"
-    with rerun_layout(tmp_path, scenario):  # waits for up to 1 s on exit
+    with with_layouts(), rerun_layout(tmp_path, scenario):  # waits for up to 1 s on exit
         assert until(layout.exists, PATIENCE_S)
     with headless_viewer(str(tmp_path / "run.mcap"), layout=layout) as viewer:
         assert until(lambda: all(has_curves(picture_now(viewer))), PATIENCE_S)

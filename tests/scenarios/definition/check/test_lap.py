@@ -74,7 +74,7 @@ def test_shipped_scenarios_have_no_such_warning() -> None:
 
 def test_the_lead_of_a_full_lap_drives_the_predicted_speed() -> None:
     """A convoy that fills the lap from the start drives on without a contact."""
-    vehicles, headway_s, duration_s = 6, 4.0, 40.0
+    vehicles, headway_s, duration_s = 4, 7.0, 25.0
     scenario = loop(vehicles=vehicles, headway_s=headway_s)
     expected = speed_on_full_lap(scenario, headway_s)
     full = f"convoy.gap_m={STANDSTILL_M + headway_s * expected}"

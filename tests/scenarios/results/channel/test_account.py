@@ -397,6 +397,7 @@ def assert_all_arrive(scenario: Scenario) -> None:
         )
 
 
+@pytest.mark.spread(9)
 @pytest.mark.parametrize("name", [*library(), *drills()])
 def test_the_account_of_shipped_scenarios_balances(name: str) -> None:
     try:

@@ -21,6 +21,7 @@ from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
+from tests.made.rerun_layouts import with_layouts
 from tests.made.transport import drive
 from tests.made.transport.recording import Table, columns
 from transport.convoy_pb2 import Deviation
@@ -188,7 +189,8 @@ def drawn(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
         summary = run_virtual(
             driven, folder, Stop(), metrics=metrics, observers=[OnMessage(view.draw)]
         )
-    again = reviewed(folder / "run.mcap")
+    with with_layouts():
+        again = reviewed(folder / "run.mcap")
     return Drawn(folder, driven, summary, (columns(folder / "live.rrd"), again))
 
 

@@ -73,7 +73,7 @@ def overlapping(log: Path) -> set[tuple[str, str]]:
     }
 
 
-@pytest.mark.parametrize("seed", [1, 3, 9])
+@pytest.mark.parametrize("seed", [1, 3])
 def test_collisions_are_reported_everywhere(
     crashed: tuple[Path, RunSummary, Stop], tmp_path: Path, seed: int
 ) -> None:
@@ -112,8 +112,8 @@ def test_a_limit_on_collisions_ends_the_run_there_and_fails_it(
 
 
 def test_a_figure_s_limit_fails_a_run_that_went_on_to_its_end(tmp_path: Path) -> None:
-    summary, stop = ran(tmp_path, "links.loss_ratio=0", "limits.true_gap_m_min=50")
-    assert (summary.outcome, summary.ran_s, stop.exit_code) == ("failed", 14.0, EXIT_FAILED)
+    summary, stop = ran(tmp_path, "duration_s=2", "limits.true_gap_m_min=50")
+    assert (summary.outcome, summary.ran_s, stop.exit_code) == ("failed", 2.0, EXIT_FAILED)
     assert summary.reason.startswith("limits.true_gap_m_min = 50: v2 was ")
 
 
