@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from scenarios.definition.errors import Problem
-from scenarios.definition.road.spacing import least_spacings, spacing_policy
+from scenarios.definition.road.spacing import least_spacings, source_policies, spacing_policy
 from scenarios.definition.schema.plug_ins.channel import try_law
 from scenarios.definition.schema.plug_ins.emission import try_error, try_rule
 from scenarios.definition.schema.plug_ins.guards import PlugInError, own_name
@@ -76,6 +76,7 @@ def _controllers(tables: ScenarioTables, setup: VehicleSetup) -> Iterator[tuple[
             setup.assumed_parameters,
             setup.lead,
             setup.predecessor or "",
+            source_policies(tables, setup),
         )
         yield (
             _key(tables, name, "control", "longitudinal"),

@@ -38,7 +38,7 @@ from scenarios.definition.road.route import (
     plan_route,
     vehicle_names,
 )
-from scenarios.definition.road.spacing import least_spacings, spacing_policy
+from scenarios.definition.road.spacing import least_spacings, source_policies, spacing_policy
 from scenarios.definition.run_limits import limit_problems
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.plug_ins.table import RECORDED, own_classes
@@ -362,24 +362,10 @@ class Scenario:
             setup.assumed_parameters,
             setup.lead,
             setup.predecessor or "",
-            self._policies(setup),
+            source_policies(self.tables, setup),
         )
         controller: LongitudinalController = setup.steering.longitudinal.build(start, draw=draw)
         return controller
-
-    def _policies(self, setup: VehicleSetup) -> dict[str, SpacingPolicy]:
-        """Spacing of a follower to each longitudinal source, negative to those behind."""
-        policies = {}
-        for name in setup.flow.longitudinal:
-            place = self.vehicle_names.index(name)
-            first, last = sorted((place, setup.place))
-            between = [self.spacing_policy(one) for one in range(last, first, -1)]
-            sign = 1.0 if place < setup.place else -1.0
-            policies[name] = SpacingPolicy(
-                sign * sum([one.standstill for one in between]),
-                sign * sum([one.headway for one in between]),
-            )
-        return policies
 
     @property
     def own_figures(self) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from scenarios.definition.schema.scenario_tables import ScenarioTables
-from scenarios.definition.vehicle_setup import empty_car
+from scenarios.definition.vehicle_setup import VehicleSetup, empty_car
 from vehicles.car.parameters import least_spacing
 from vehicles.driver.longitudinal.spacing import SpacingPolicy
 
@@ -25,6 +25,22 @@ def spacing_policy(tables: ScenarioTables, least: float) -> SpacingPolicy:
     """Return the policy of `[speed.gap]` for a pair whose bumpers touch at the spacing `least`."""
     gap = tables.speed.gap
     return SpacingPolicy(gap.standstill_m + least, gap.headway_s)
+
+
+def source_policies(tables: ScenarioTables, setup: VehicleSetup) -> dict[str, SpacingPolicy]:
+    """Spacing of a follower to each longitudinal source, negative to those behind."""
+    names, least = tables.convoy.vehicle_names, least_spacings(tables)
+    policies = {}
+    for name in setup.flow.longitudinal:
+        place = names.index(name)
+        first, last = sorted((place, setup.place))
+        between = [spacing_policy(tables, least[one]) for one in range(last, first, -1)]
+        sign = 1.0 if place < setup.place else -1.0
+        policies[name] = SpacingPolicy(
+            sign * sum([one.standstill for one in between]),
+            sign * sum([one.headway for one in between]),
+        )
+    return policies
 
 
 def gaps_at(tables: ScenarioTables, speed: float) -> tuple[float, ...]:

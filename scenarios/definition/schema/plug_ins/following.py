@@ -24,19 +24,20 @@ class GuardedFollowing:
 
 
 def try_following(controller: LongitudinalController, setup: LongitudinalSetup) -> list[float]:
-    """Call `acceleration` at 20 m/s, 1 m too far behind vehicles of that speed, and at 18 m/s."""
+    """Call `acceleration` at 20 m/s, 1 m too far behind sources of that speed, and at 18 m/s."""
     accelerations = []
     for speed in (20.0, 18.0):
-        spacing = setup.policy.desired(speed) + 1.0
-        source = SourceMotion(spacing, speed, 0.0, 0.1)
         ahead = VehiclesAhead(
-            spacing=spacing,
-            predecessor_speed=20.0,
-            lead_speed=20.0,
-            lead_acceleration=0.0,
             own=OwnMotion(setup.period, 0.0, 100.0),
-            sources=dict.fromkeys((setup.lead, setup.predecessor), source),
+            sources={
+                name: SourceMotion(policy.desired(speed) + 1.0, 20.0, 0.0, 0.1)
+                for name, policy in setup.policies.items()
+            },
         )
+        if setup.predecessor in setup.policies:
+            ahead.spacing, ahead.predecessor_speed = setup.policy.desired(speed) + 1.0, 20.0
+        if setup.lead in setup.policies:
+            ahead.lead_speed, ahead.lead_acceleration = 20.0, 0.0
         accelerations.append(controller.acceleration(speed, ahead))
     return accelerations
 
