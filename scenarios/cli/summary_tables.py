@@ -260,6 +260,8 @@ def print_summary(
     for is_news, table in _tables(summary, tables):
         if is_news or tables == "all":
             print_whole(table, console)
+    if tables != "all" and (losses := _losses(summary)):
+        _print_line(losses, console)
     for line in (*_unrecorded(summary), *summary.warnings, *_all_reasons(summary)):
         _print_line(line, console)
     outcome = Text(with_outcome_line(summary).outcome_line)
@@ -268,6 +270,22 @@ def print_summary(
     console.print(outcome, highlight=False, soft_wrap=True)
     if log is not None:
         _print_line(f"log: {log}", console)
+
+
+def _losses(summary: RunSummary) -> str:
+    """Compare achieved with requested losses in one line; empty if nothing was lost."""
+    lossy = [row for row in summary.links if row.requested_loss_ratio or row.loss_ratio]
+    if not lossy:
+        return ""
+    requested = [row.requested_loss_ratio for row in lossy if row.requested_loss_ratio is not None]
+    asked = f", requested {_percent(requested)}" if requested else ""
+    links = "1 link" if len(lossy) == 1 else f"{len(lossy)} links"
+    return f"messages lost: {_percent([row.loss_ratio for row in lossy])} of {links}{asked}"
+
+
+def _percent(ratios: Sequence[float]) -> str:
+    low, high = (f"{100.0 * ratio:.1f}".removesuffix(".0") for ratio in (min(ratios), max(ratios)))
+    return f"{low} %" if low == high else f"{low} to {high} %"
 
 
 def _print_line(line: str, console: Console) -> None:

@@ -93,11 +93,12 @@ def _range(values: Sequence[float]) -> str:
 
 
 def _lossy(link: LinkTable) -> list[str]:
-    """Return the keys of a link that lose messages; none with a preset."""
+    """Return the keys of a link that lose messages, or its own class; none with a preset."""
     if link.preset:
         return []
     keys = ("loss", "collisions", "outages", "radio", "queue", "content")
-    return [key for key in keys if getattr(link, key) is not None]
+    laws = {key: law for key in keys if (law := getattr(link, key)) is not None}
+    return [getattr(law, "use", "") or key.replace("_", " ") for key, law in laws.items()]
 
 
 @dataclass(frozen=True)
@@ -138,9 +139,7 @@ class Scenario:
         weights = [self.vehicle(name).steering.alpha_ratio for name in self.vehicle_names[1:]]
         expected = [(expected_channel(link).loss_ratio, link) for link in self.links.values()]
         losses = [100.0 * loss for loss, _ in expected if loss is not None]
-        laws = dict.fromkeys(
-            key.replace("_", " ") for loss, link in expected if loss is None for key in _lossy(link)
-        )
+        laws = dict.fromkeys(law for loss, link in expected if loss is None for law in _lossy(link))
         presets = dict.fromkeys(link.preset for link in self.links.values() if link.preset)
         replay = self.tables.replay
         parts = [
