@@ -38,6 +38,7 @@ def run(
     *,
     set: Settings | None = None,  # noqa: A002 - as on the command line
     seed: int | None = None,
+    duration: float | None = None,
     clock: ClockName = "virtual",
     out: str | Path | None = None,
     confirmed: bool = False,
@@ -53,6 +54,7 @@ def run(
         scenario: A shipped name, a TOML file, or a recorded drive, such as a GPX file.
         set: Settings to override, by key.
         seed: Replaces the scenario's seed.
+        duration: Length of the run (s), short for the setting "duration_s".
         clock: As fast as possible in this process ("virtual"), or in real time with a process per
             vehicle ("wall").
         out: Folder for the log and the summary; by default a new folder in `runs`.
@@ -63,6 +65,8 @@ def run(
         Error: The scenario is refused.
 
     """
+    if duration is not None:
+        set = {**(set or {}), "duration_s": duration}  # noqa: A001
     overrides = overrides_of(set)
     arguments = [str(scenario), *(f"--set={text}" for text in overrides)]
     arguments += [] if seed is None else [f"--seed={seed}"]

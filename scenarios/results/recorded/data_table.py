@@ -20,7 +20,9 @@ Array = NDArray[Any]
 Values = Array | Lists
 Compute = Callable[[], Values]
 SHOWN_ROWS = 5
-"""First and last rows that a notebook shows."""
+"""First and last rows that are shown as text or in a notebook."""
+TEXT_WIDTH = 100
+"""Width of a table as text (characters)."""
 
 
 class UnknownNameError(ConvoyError, AttributeError, KeyError):
@@ -117,20 +119,35 @@ class DataTable:
     def __repr__(self) -> str:
         return f"<DataTable: {len(self)} rows of {', '.join(self)}>"
 
+    def __str__(self) -> str:
+        """Show the first and the last rows as text, in blocks of columns that fit a terminal."""
+        blocks: list[list[str]] = []
+        for column in self._shown():
+            width = max(map(len, column))
+            cells = [cell.rjust(width) for cell in column]
+            if not blocks or len(blocks[-1][0]) + 2 + width > TEXT_WIDTH:
+                blocks.append(cells)
+            else:
+                blocks[-1] = ["  ".join(pair) for pair in zip(blocks[-1], cells, strict=True)]
+        return "\n".join([*("\n".join([*block, ""]) for block in blocks), f"{len(self)} rows"])
+
     def _repr_html_(self) -> str:
         """Show the first and the last rows in a notebook."""
-        height, names = len(self), self.keys()
-        rows = [*range(height)]
-        if height > 2 * SHOWN_ROWS:
-            rows = [*rows[:SHOWN_ROWS], *rows[-SHOWN_ROWS:]]
-        head = "".join(f"<th>{escape(name)}</th>" for name in names)
-        lines = [
-            "".join(f"<td>{escape(_text(self[name][row]))}</td>" for name in names) for row in rows
-        ]
-        if height > 2 * SHOWN_ROWS:
-            lines.insert(SHOWN_ROWS, "<td>…</td>" * len(names))
+        head, *rows = zip(*self._shown(), strict=True)
+        headings = "".join(f"<th>{escape(name)}</th>" for name in head)
+        lines = ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in rows]
         body = "".join(f"<tr>{line}</tr>" for line in lines)
-        return f"<table><tr>{head}</tr>{body}</table><p>{height} rows</p>"
+        return f"<table><tr>{headings}</tr>{body}</table><p>{len(self)} rows</p>"
+
+    def _shown(self) -> Iterator[list[str]]:
+        """Yield name and values of each column in the first and the last rows."""
+        height = len(self)
+        rows, middle = [*range(height)], [*range(0)]
+        if height > 2 * SHOWN_ROWS:
+            rows, middle = [*range(SHOWN_ROWS)], [*range(height - SHOWN_ROWS, height)]
+        for name, values in self.items():
+            first, last = ([_text(values[row]) for row in some] for some in (rows, middle))
+            yield [name, *first, *(["…", *last] if last else [])]
 
 
 def _column(values: Sequence[Any]) -> Array:

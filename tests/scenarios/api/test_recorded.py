@@ -174,6 +174,14 @@ def test_a_notebook_shows_figures(run: convoy.Run) -> None:
     assert "<b>" not in shown
 
 
+def test_a_table_is_printed_with_its_values() -> None:
+    wide = DataTable({f"column_{k}_m": np.arange(40.0) + 0.5 * k for k in range(20)})
+    lines = str(wide).splitlines()
+    assert max(map(len, lines)) <= 100
+    for cell in ("column_0_m", "column_19_m", "48.5", "40 rows"):
+        assert cell in str(wide)
+
+
 def test_a_plot_has_the_vehicles(run: convoy.Run) -> None:
     figure = run.plot(["v1", "v3"])
     paths, errors, speeds, gaps = figure.axes

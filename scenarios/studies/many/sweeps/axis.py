@@ -14,7 +14,8 @@ MAX_VALUES = 1000
 ALLOWED_FORMS = "KEY=START:STOP:STEP or KEY=a,b,c, such as links.loss_ratio=0:0.9:0.1"
 NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?"
 RANGE = re.compile(rf"\s*({NUMBER})\s*:\s*({NUMBER})\s*:\s*({NUMBER})\s*")
-WITHOUT_STEP = re.compile(rf"\s*{NUMBER}\s*:\s*{NUMBER}\s*")
+WITHOUT_STEP = re.compile(rf"\s*({NUMBER})\s*:\s*({NUMBER})\s*")
+_DOTS = re.compile(r"(?<=\d)\.\.(?=[\d+-])")
 BRACKETS = {"[": 1, "{": 1, "]": -1, "}": -1}
 
 
@@ -64,8 +65,8 @@ def parsed_axis(text: str) -> SweepAxis:
 def _texts(given: str) -> tuple[str, ...]:
     """Split into values; raises ValueError with the allowed form."""
     ends = RANGE.fullmatch(given)
-    if WITHOUT_STEP.fullmatch(given):
-        raise ValueError(f"a range with a step, such as {given.strip()}:0.1")
+    if span := WITHOUT_STEP.fullmatch(_DOTS.sub(":", given)):
+        raise ValueError(f"a range START:STOP:STEP, such as {span[1]}:{span[2]}:0.1")
     texts = tuple(_range(*map(Decimal, ends.groups()))) if ends else tuple(_split(given))
     if not all(texts):
         raise ValueError(ALLOWED_FORMS)
