@@ -115,9 +115,19 @@ def usage_error(error: click.ClickException) -> str:
         if renamed is not None:
             return f"{error.option_name}: unknown option, it is now {renamed}"
         text = f"{error.option_name}: unknown option"
-        if error.possibilities:
+        if (choice := _option_with(error.option_name.lstrip("-"), context)) is not None:
+            text += f", did you mean {choice}?"
+        elif error.possibilities:
             text += f", did you mean {' or '.join(sorted(error.possibilities))}?"
     return f"{text} (see {context.command_path} --help)"
+
+
+def _option_with(word: str, context: click.Context) -> str | None:
+    """Return the option of a command that has `word` as a value, such as "--format csv"."""
+    for one in context.command.params:
+        if isinstance(one.type, click.Choice) and word in one.type.choices:
+            return f"{max(one.opts, key=len)} {word}"
+    return None
 
 
 def _lower(text: str) -> str:

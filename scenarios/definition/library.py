@@ -109,6 +109,12 @@ def is_drive(name_or_path: str | Path) -> bool:
     return str(name_or_path) not in _shipped() and _is_drive(Path(name_or_path))
 
 
+def is_run(name_or_path: str | Path) -> bool:
+    """Whether `read_file` takes a name for the log of a run, or for its folder."""
+    path = Path(name_or_path)
+    return is_drive(path) and (path.suffix == ".mcap" or is_file(path / LOG))
+
+
 def _is_drive(path: Path) -> bool:
     """Whether a file or folder exists that is no TOML file, by its name or its first key."""
     try:
@@ -145,7 +151,7 @@ def read_base(extending: ScenarioFile, given: object) -> ScenarioFile:
     shipped = _shipped().get(given)
     path = shipped or extending.folder / given
     try:
-        if _is_drive(path) and not path.is_dir():
+        if _is_drive(path) and (not path.is_dir() or (path / LOG).is_file()):
             return _scenario_of_drive(path)
         return ScenarioFile(path.name if shipped else str(path), path.parent, _text(path), path)
     except FileNotFoundError as error:

@@ -12,6 +12,7 @@ from scenarios.cli.display_options import DisplayOptions
 from scenarios.cli.running.destination import refuse_picture
 from scenarios.definition.check.confirmation import confirmed_lines
 from scenarios.definition.check.findings import warnings
+from scenarios.definition.library import is_run
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.processes.membership import checked_run_name
 from scenarios.runs.run_folder import claimed, folder_of
@@ -37,8 +38,15 @@ def run_scenario(
 
     Processes are forked and do `prepare_command`; without it each is a new program.
     """
+    scenario = load_scenario(name, overrides, seed)
+    if is_run(name):
+        click.echo(
+            f"the recorded lead of {name} leads again, in a new scenario with default settings; "
+            "`convoy scenario-from` repeats the run, `convoy replay` its vehicles",
+            err=True,
+        )
     return run_loaded(
-        load_scenario(name, overrides, seed),
+        scenario,
         scenario_arguments(name, overrides, seed),
         clock=clock,
         prepare_command=prepare_command,

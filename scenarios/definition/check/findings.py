@@ -50,6 +50,9 @@ USUAL_GNSS_RATE = 20.0
 SLACK_S = 0.5
 """Time (s) without a record of replayed vehicles up to which there is no warning."""
 
+STRAIGHT = 1e-6
+"""Curvature (1/m) up to which a path is straight."""
+
 GROWTH_M = 1.0
 """Growth of a gap by a follower's limit of acceleration up to which there is no warning."""
 
@@ -222,7 +225,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         laws={f"{pair[0]} → {pair[1]}": laws_in_brief(scenario, pair) for pair in scenario.links},
         path_length_m=route.length,
         driven_m=route.profile.distance(scenario.duration_s),
-        radius_m_min=1.0 / run.sharpest if run.sharpest > 1e-6 else None,
+        radius_m_min=1.0 / run.sharpest if run.sharpest > STRAIGHT else None,
         speed_mps_min=run.speed_range[0],
         speed_mps_max=run.speed_range[1],
         acceleration_mps2_max=float(np.max(changes, initial=0.0)),
@@ -322,13 +325,14 @@ def _held(scenario: Scenario, run: _Run) -> HeldBraking | None:
 
 
 def _warnings(scenario: Scenario, run: _Run, held: HeldBraking | None) -> tuple[str, ...]:
+    has_bends = float(np.max(np.abs(scenario.route.path.curvature))) > STRAIGHT
     result = (
         *drive_warnings(scenario),
         *lap_warnings(scenario),
         *_vehicle_warnings(scenario),
         *_recording_warnings(scenario),
         *_replay_warnings(scenario),
-        *preview_warnings(scenario, run.speed_range),
+        *(preview_warnings(scenario, run.speed_range) if has_bends else ()),
         *history_warnings(scenario, run.speed_range[1]),
         *receiver_warnings(scenario),
         *sampled_loop_warnings(scenario, run.speed_range),

@@ -82,7 +82,7 @@ def _class_problem(context: Mapping[str, Any], _given: object) -> str:
     if "use" not in context:
         return str(context["text"])
     use, names = str(context["use"]), context["names"]
-    text = context["text"] if "." in use else f"given {toml_repr(use)}"
+    text = f"given {toml_repr(use)}" if use and "." not in use else context["text"]
     allowed = ", ".join(map(toml_repr, names))
     hint = did_you_mean(use, context["own"]) or did_you_mean(use, names)
     return f"{text}, allowed {allowed} or your own package.module.Class{hint}"

@@ -15,6 +15,7 @@ from scenarios.definition.scenario import (
     scenario_from_text,
 )
 from tests.made.scenarios.messages import STRAIGHT
+from tests.made.scenarios.recorded_drives import drive, write_log
 
 CURVED = """
 name = "curved"
@@ -170,6 +171,14 @@ def test_the_text_of_an_extending_scenario_is_all_of_it(tmp_path: Path) -> None:
     again = scenario_from_text(scenario.text)
     assert again.tables == scenario.tables
     assert again.text == scenario.text
+
+
+def test_the_folder_of_a_run_is_a_recorded_drive(tmp_path: Path) -> None:
+    write_log(tmp_path / "run.mcap", drive())
+    mine = tmp_path / "mine.toml"
+    mine.write_text(f'extends = "../{tmp_path.name}"\n[convoy]\nvehicles = 2\n')
+    scenario = load_scenario(mine)
+    assert (scenario.tables.convoy.vehicles, scenario.tables.speed.lead) == (2, "recorded")
 
 
 def test_no_scenario_that_ships_repeats_the_road_of_another() -> None:

@@ -155,6 +155,9 @@ def plug_in(point: PlugInPoint, shipped: Any = PlugInTable) -> Any:
         elif isinstance(given, Mapping):
             table = given
         use = table.get("use")
+        if isinstance(given, Mapping) and "use" not in given and not has_kinds:
+            text = f"use is missing, the class with the keys {', '.join(map(str, given))}"
+            raise _custom_error(text, {"use": "", "names": list(point.shipped), "own": []})
         if not isinstance(use, str):
             return usual(given)  # an existing table, a `kind`, or an error
         if has_kinds and use in point.shipped:

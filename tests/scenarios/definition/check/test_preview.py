@@ -2,7 +2,9 @@
 
 import pytest
 
-from scenarios.definition.check.findings import check
+from scenarios.definition.check.findings import check, report_of
+from scenarios.definition.scenario import scenario_from_text
+from tests.made.scenarios.messages import STRAIGHT
 
 SLOW_POSES = ("gnss.rate_hz=2.0",)
 LATE = ("links.latency_ms=180.0",)
@@ -69,6 +71,11 @@ def test_only_the_link_that_is_late_counts() -> None:
     assert check("lane_change", [late]).warnings == ()  # the lead reaches further
     (line,) = check("lane_change", [late, *ALONE]).warnings
     assert line.startswith("v3: at 30 m/s the path of v2")
+
+
+def test_a_straight_path_has_no_corners_to_cut() -> None:
+    settings = ["links.latency_ms=590.0"]
+    assert not report_of(scenario_from_text(STRAIGHT, overrides=settings)).warnings
 
 
 def test_at_walking_pace_the_preview_is_never_too_short() -> None:
