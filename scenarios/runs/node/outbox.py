@@ -189,12 +189,7 @@ class Outbox:
             worst = usage.lateness_ms_max
             self._add_text(now, f"{late} late ticks, by up to {worst:.1f} ms so far", "warning")
             self._late_ticks = usage.late_ticks
-        late_targets = 0 if self._target is None else self._target.late
-        if self._target is not None and late_targets > self._late_targets:
-            late, name = late_targets - self._late_targets, self._target.vehicle
-            text = f"{late} true poses of {name} arrived too late for the gap sensor"
-            self._add_text(now, f"{text}: raise gap_sensor.latency_ms", "warning")
-            self._late_targets = late_targets
+        late_targets, refused_targets = self._count_targets(now)
         waiting = self._inbox.waiting(now) if final else ""
         self._add(
             messages.Health(
@@ -207,7 +202,7 @@ class Outbox:
                 received=self._inbox.delivered,
                 dropped=self._inbox.dropped,
                 late_messages=self._inbox.late + late_targets,
-                rejected_messages=self._inbox.rejected.total(),
+                rejected_messages=self._inbox.rejected.total() + refused_targets,
                 published=sum(self._next.values()),
                 memory_bytes=usage.memory_bytes,
                 cpu_ratio=usage.cpu_ratio,
@@ -219,6 +214,17 @@ class Outbox:
                 waiting=waiting,
             )
         )
+
+    def _count_targets(self, now: int) -> tuple[int, int]:
+        """Number of true poses that were late for the gap sensor, reported, and of refused ones."""
+        target = self._target
+        if target is None:
+            return 0, 0
+        if late := target.late - self._late_targets:
+            text = f"{late} true poses of {target.vehicle} arrived too late for the gap sensor"
+            self._add_text(now, f"{text}: raise gap_sensor.latency_ms", "warning")
+            self._late_targets = target.late
+        return target.late, target.refused
 
     def _add_pose(
         self,

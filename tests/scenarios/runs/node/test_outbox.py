@@ -322,10 +322,11 @@ def test_true_poses_too_late_for_the_gap_sensor_are_reported_once_and_counted() 
     for seconds in (0.4, 0.5, 0.6):
         pose = replace(truth("v2", 0, 1.0, 0.0), true_at_ns=at(seconds))
         target.on_bytes(target.key, encode(pose))
+    target.on_bytes(target.key, b"nonsense")
     for seconds in (1.0, 2.0):
         box.publish(at(seconds), BODY, None, HELD)
     health = [one for one in bus.published if isinstance(one, Health)]
-    assert [one.late_messages for one in health] == [2, 2]
+    assert [(one.late_messages, one.rejected_messages) for one in health] == [(2, 1), (2, 1)]
     (line,) = [one for one in bus.published if isinstance(one, LogText)]
     assert line.level == "warning"
     assert line.text.startswith("2 ")
