@@ -19,6 +19,7 @@
     convoy.recompute("runs/first", "v3", set={"control.preview_s": 1.2}).sentence
     convoy.check("lane_change").warnings
     convoy.sweep("lane_change", {"links.loss_ratio": [0.0, 0.4]}, seeds=5).cells
+    convoy.figure("cacc").points              # CACC against Ploeg over loss, with intervals
     convoy.bisect("lossy_lane_change", "links.loss_ratio", "v4.error_m=0.5", share=0.05).boundary
     convoy.risk("lossy_lane_change", "lane").probability
 
@@ -32,6 +33,7 @@ comparing  diff and compare
 repeating  replay and recompute
 plots      the plots of a run and of a comparison
 sweeping   sweep, bisect and risk
+figures    figure
 """
 
 from .home import import_own_packages
@@ -39,6 +41,7 @@ from .home import import_own_packages
 import_own_packages()
 
 from scenarios.api.comparing import ComparedRuns, Diff, compare, diff  # noqa: E402
+from scenarios.api.figures import FigureData, figure  # noqa: E402
 from scenarios.api.recorded import Run, browse, open  # noqa: A004, E402
 from scenarios.api.repeating import recompute, replay  # noqa: E402
 from scenarios.api.running import check, run  # noqa: E402
@@ -54,6 +57,7 @@ __all__ = [
     "DataTable",
     "Diff",
     "Error",
+    "FigureData",
     "Risk",
     "Run",
     "Sweep",
@@ -62,6 +66,7 @@ __all__ = [
     "check",
     "compare",
     "diff",
+    "figure",
     "open",
     "recompute",
     "replay",

@@ -79,7 +79,7 @@ def sweep(
         require("pictures=True", "studies", "matplotlib")
     plan = planned(
         str(scenario),
-        vary=[f"{key}={_values(key, values)}" for key, values in (vary or {}).items()],
+        vary=[f"{key}={values_text(key, values)}" for key, values in (vary or {}).items()],
         seeds=seeds,
         sets=overrides_of(set),
         figures=figures,
@@ -88,7 +88,7 @@ def sweep(
     table, files = run_sweep(
         plan,
         None if out is None else Path(out),
-        _workers(workers, scheduler),
+        workers_of(workers, scheduler),
         report or _no_report,
         picture_format="png" if pictures else None,
     )
@@ -152,7 +152,7 @@ def bisect(
     result, _ = run_bisect(
         query,
         None if out is None else Path(out),
-        _workers(workers, scheduler),
+        workers_of(workers, scheduler),
         report or _no_report,
         picture_format="png" if pictures else None,
     )
@@ -208,20 +208,20 @@ def risk(
         paths=paths,
     )
     folder = None if out is None else Path(out)
-    return run_risk(query, folder, _workers(workers, scheduler), report or _no_report)
+    return run_risk(query, folder, workers_of(workers, scheduler), report or _no_report)
 
 
 def _no_report(_line: str) -> None:
     pass
 
 
-def _workers(workers: int | None, scheduler: str) -> OpenWorkers:
+def workers_of(workers: int | None, scheduler: str) -> OpenWorkers:
     if scheduler:
         require("scheduler", "dask", "distributed")
     return partial(open_workers, workers, scheduler)
 
 
-def _values(key: str, values: str | Sequence[Any]) -> str:
+def values_text(key: str, values: str | Sequence[Any]) -> str:
     if isinstance(values, str):
         return values
     try:

@@ -23,7 +23,8 @@ SECTIONS: Mapping[str, Sequence[str]] = {
         "status", "link", "cut", "heal", "gnss", "stall", "kill", "speed", "scenario-from",
     ),
     "Study": (
-        "sweep", "bisect", "risk", "blame", "worst", "drill", "channel", "gains", "reproduce",
+        "sweep", "figure", "bisect", "risk", "blame", "worst", "drill", "channel", "gains",
+        "reproduce",
     ),
     "Machines": ("router", "vehicle", "record"),
 }  # fmt: skip

@@ -27,6 +27,7 @@ from scenarios.cli.logs.recover_command import recover
 from scenarios.cli.many import drill, worst
 from scenarios.cli.many.bisect import bisect
 from scenarios.cli.many.blame import blame
+from scenarios.cli.many.figure import figure
 from scenarios.cli.many.risk import risk
 from scenarios.cli.many.sweep import sweep
 from scenarios.cli.output import keep_output_going, unwritable_output_reported
@@ -94,6 +95,7 @@ for command in (
     blame,
     channel,
     sweep,
+    figure,
     live_commands.link,
     live_commands.cut,
     live_commands.heal,

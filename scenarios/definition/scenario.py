@@ -418,10 +418,12 @@ def scenario_text(
     """Return a scenario with the contents of its files as TOML, and the `overrides` in it.
 
     Overrides of path, origin and speed are in it, since a recorded drive is read with them. Raises
-    ScenarioError; problems that depend on the road are not checked.
+    ScenarioError; problems that depend on the road are not checked, nor are selected classes, which
+    may need the other overrides.
     """
     read_with = tuple(text for text in overrides if text.lstrip().startswith(READ_WITH))
-    return _text_of(_read(read_file(name_or_path), read_with)[1]), read_with
+    tables = _read(read_file(name_or_path), read_with, try_classes=False)[1]
+    return _text_of(tables), read_with
 
 
 def scenario_from_text(
@@ -467,6 +469,8 @@ def _read(
     overrides: Sequence[str],
     seed: int | None = None,
     on_drive: OnDrive = lambda _: None,
+    *,
+    try_classes: bool = True,
 ) -> tuple[MergedScenario, ScenarioTables]:
     """Read all keys and the files that they name; raises ScenarioError with all problems.
 
@@ -492,7 +496,8 @@ def _read(
         problems += error_lines(error)
         tables = _valid_part(raw, error)
     if tables is not None:
-        problems += () if file.recorded else plug_in_problems(tables)
+        if try_classes and not file.recorded:
+            problems += plug_in_problems(tables)
         tables = _with_files(tables, given, problems, on_drive)
     if tables is None or problems or given.invalid_overrides:
         raise _scenario_error(given, problems)

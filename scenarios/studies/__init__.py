@@ -5,6 +5,7 @@ comparison/     `convoy diff` and `convoy compare`
 cuts/           `convoy channel cuts`: followers while links are cut
 drills/         `convoy drill`: limits that must hold when something fails
 engine/         parallel runs, locally or on a dask scheduler, with a journal
+figures/        `convoy figure`: standard figures of the field, each from a few sweeps
 gains/          `convoy gains`: stabilizing gain sets, margins, certificates
 many/           sweeps, boundaries, risks, and attribution of losses
 paper/          `convoy reproduce`: the experiments and claims of the paper

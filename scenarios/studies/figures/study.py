@@ -1,0 +1,222 @@
+"""A figure of several sweeps: lines with 95 % intervals over the seeds, as picture and tables."""
+
+import shlex
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from math import isfinite
+from pathlib import Path
+from statistics import fmean, geometric_mean
+from typing import Any
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.studies.engine.engine import Engine, study_engine
+from scenarios.studies.engine.results import write_files
+from scenarios.studies.engine.workers import OpenWorkers
+from scenarios.studies.many.statistics import geometric_mean_of, mean_of
+from scenarios.studies.many.sweeps.cell_table import SweepRun, SweepTable, table_of
+from scenarios.studies.many.sweeps.plan import SweepPlan
+
+SCHEMA = "convoy.figure/1"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FigurePanel:
+    """One plot: its title, its axes, and a value to mark.
+
+    With `is_gain` values are ratios on a logarithmic axis, and their means are geometric.
+    """
+
+    title: str
+    x_label: str
+    y_label: str
+    is_gain: bool = False
+    bound: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FigurePoint:
+    """A point of a line: mean over the seeds with its 95 % interval, from `count` runs of `runs`.
+
+    Runs without the quantity do not count. The interval needs two of them.
+    """
+
+    panel: int
+    series: str
+    x: float
+    runs: int
+    count: int
+    mean: float | None = None
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FigureStudy:
+    """Sweeps by label, the panels of the figure, and the points that the tables give."""
+
+    name: str
+    title: str
+    sweeps: Mapping[str, SweepPlan]
+    panels: Sequence[FigurePanel]
+    points: Callable[[Mapping[str, SweepTable]], list[FigurePoint]]
+    outcome: Callable[[Sequence[FigurePoint]], str]
+
+    @property
+    def runs(self) -> int:
+        return sum(plan.runs for plan in self.sweeps.values())
+
+    @property
+    def commands(self) -> list[str]:
+        """The sweeps as commands."""
+        return [sweep_command(plan) for plan in self.sweeps.values()]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FigureOptions:
+    """Settings of a figure; an empty or missing one has the default of the figure.
+
+    `vary` replaces values of its axes, as `KEY=START:STOP:STEP` or `KEY=a,b,c`; `sets` apply to all
+    runs.
+    """
+
+    scenario: str = ""
+    seeds: int | None = None
+    vehicles: int | None = None
+    vary: tuple[str, ...] = ()
+    sets: tuple[str, ...] = ()
+
+    def settings(self, *defaults: str) -> tuple[str, ...]:
+        """Return `sets`, and the defaults of the figure for keys that they lack."""
+        given = {text.partition("=")[0].strip() for text in self.sets}
+        kept = [text for text in defaults if text.partition("=")[0] not in given]
+        return (*kept, *self.sets)
+
+    def axes(self, *defaults: str) -> list[str]:
+        """Return the axes of a figure with the values of `vary`; raises ScenarioError."""
+        given = {text.partition("=")[0].strip(): text for text in self.vary}
+        known = {text.partition("=")[0]: text for text in defaults}
+        if unknown := [key for key in given if key not in known]:
+            allowed = ", ".join(known) or "none, the figure has no axis to vary"
+            raise ScenarioError([f"--vary: given {unknown[0]}, allowed {allowed}"])
+        return [given.get(key, text) for key, text in known.items()]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FigureResult:
+    """Points of a figure, the outcome in a line, and the sweeps as commands."""
+
+    study: FigureStudy
+    points: tuple[FigurePoint, ...]
+    outcome: str
+
+    def rows(self) -> list[dict[str, Any]]:
+        panels = self.study.panels
+        return [
+            {"panel": panels[one.panel].title, "quantity": panels[one.panel].y_label}
+            | {name: value for name, value in asdict(one).items() if name != "panel"}
+            for one in self.points
+        ]
+
+
+def run_figure(
+    study: FigureStudy,
+    out: Path | None,
+    open_workers: OpenWorkers,
+    report: Callable[[str], None],
+    *,
+    picture_format: str | None = "png",
+) -> tuple[FigureResult, list[Path]]:
+    """Simulate the sweeps; return the points and the files: table, JSON and picture.
+
+    An interrupted study resumes. Without a folder no files are written, without a
+    `picture_format` no picture. Raises ScenarioError if the folder holds other files.
+    """
+    files = [f"{study.name}.{kind}" for kind in ("csv", "json", picture_format) if kind]
+    identity = {"figure": study.name, "plug_ins": _plug_ins(study.sweeps.values())} | {
+        label: plan.identity() for label, plan in study.sweeps.items()
+    }
+    with study_engine(open_workers, report, out=out, files=files, identity=identity) as engine:
+        tables = _simulated(study, engine)
+        points = tuple(study.points(tables))
+        result = FigureResult(study=study, points=points, outcome=study.outcome(points))
+        if out is None:
+            return result, []
+        contents: list[Any] = [result.rows(), machine_readable(result)]
+        if picture_format:
+            from scenarios.studies.figures.drawing import drawn  # noqa: PLC0415 - an extra
+
+            contents.append(drawn(result))
+        return result, write_files(out, dict(zip(files, contents, strict=True)))
+
+
+def _simulated(study: FigureStudy, engine: Engine) -> dict[str, SweepTable]:
+    """Run the sweeps side by side; an error of a run ends the study."""
+    jobs = {
+        label: [replace(job, key=f"{label}/{job.key}") for job in plan.jobs()]
+        for label, plan in study.sweeps.items()
+    }
+    every = [job for of_plan in jobs.values() for job in of_plan]
+    engine.progress.total = len(every)
+    entries = dict(zip([job.key for job in every], engine.results(every), strict=True))
+    return {
+        label: table_of(
+            plan, {job.key.removeprefix(f"{label}/"): entries[job.key] for job in jobs[label]}
+        )
+        for label, plan in study.sweeps.items()
+    }
+
+
+def _plug_ins(plans: Iterable[SweepPlan]) -> dict[str, str]:
+    digests: dict[str, str] = {}
+    for plan in plans:
+        digests |= plan.identity()["plug_ins"]
+    return digests
+
+
+def machine_readable(result: FigureResult) -> dict[str, Any]:
+    study = result.study
+    return {
+        "schema": SCHEMA,
+        "figure": study.name,
+        "title": study.title,
+        "outcome": result.outcome,
+        "sweeps": {label: plan.identity() for label, plan in study.sweeps.items()},
+        "commands": study.commands,
+        "points": result.rows(),
+    }
+
+
+def sweep_command(plan: SweepPlan) -> str:
+    """Return the command with the same runs."""
+    parts = ["convoy", "sweep", plan.base.name]
+    parts += [f"--set={text}" for text in plan.base.overrides]
+    parts += [f"--vary={axis.key}={','.join(axis.texts)}" for axis in plan.axes]
+    parts += ["--seeds", str(plan.seeds)]
+    parts += [f"--figure={figure.name}" for figure in plan.figures]
+    return shlex.join(parts)
+
+
+def value_of(table: SweepTable, run: SweepRun, figure: str) -> float | None:
+    """Figure of a run by its name."""
+    names = [one.name for one in table.plan.figures]
+    return run.figures[names.index(figure)] if run.figures else None
+
+
+def point(
+    panel: int,
+    series: str,
+    x: float,
+    values: Sequence[float | None],
+    *,
+    is_gain: bool = False,
+) -> FigurePoint:
+    """Summarize the values of the seeds; those that are None do not count."""
+    known = [value for value in values if value is not None and isfinite(value)]
+    is_gain = is_gain and min(known, default=0.0) > 0.0
+    whole = FigurePoint(panel=panel, series=series, x=x, runs=len(values), count=len(known))
+    if not known:
+        return whole
+    if len(known) == 1:
+        return replace(whole, mean=geometric_mean(known) if is_gain else fmean(known))
+    mean = geometric_mean_of(known) if is_gain else mean_of(known)
+    return replace(whole, mean=mean.value, low=mean.low, high=mean.high)
