@@ -47,6 +47,9 @@ def drawn(result: FigureResult) -> Figure:
     for number, (place, panel) in enumerate(zip(places, panels, strict=False)):
         own = [one for one in result.points if one.panel == number]
         _draw(place, panel, own, names)
+        if panel.is_gain:
+            alike = [one for one in result.points if panels[one.panel].y_label == panel.y_label]
+            _scale_gains(place, [one.mean for one in alike if one.mean])
         if number % columns:
             place.set_ylabel("")
     lines = [place.get_legend_handles_labels() for place in places[: len(panels)]]
@@ -77,19 +80,20 @@ def _draw(place: Axes, panel: FigurePanel, points: list[FigurePoint], names: lis
                    **style)  # fmt: skip
     if panel.bound is not None:
         place.axhline(panel.bound, color="black", linewidth=0.8, linestyle=":")
-    if panel.is_gain:
-        place.set_yscale("log")
-        means = [one.mean for one in points if one.mean] or [1.0]
-        least, most = min(*means, 1.0) / ROOM, max(*means, 1.0) * ROOM
-        before = place.get_ylim()  # of another panel in the row
-        place.set_ylim(min(before[0], least), max(before[1], most))
-        place.yaxis.set_major_formatter(FuncFormatter(_plain))
-        place.yaxis.set_minor_formatter(FuncFormatter(_plain) if most < 20.0 * least else "")
-    else:
+    if not panel.is_gain:
         place.set_ylim(bottom=0.0)
     if panel.x_label == "vehicle":
         place.xaxis.set_major_locator(MaxNLocator(integer=True))
     place.set(title=panel.title, xlabel=panel.x_label, ylabel=panel.y_label)
+
+
+def _scale_gains(place: Axes, means: list[float]) -> None:
+    """Show ratios on a logarithmic axis, which shows 1 and all means."""
+    least, most = min([*means, 1.0]) / ROOM, max([*means, 1.0]) * ROOM
+    place.set_yscale("log")
+    place.set_ylim(least, most)
+    place.yaxis.set_major_formatter(FuncFormatter(_plain))
+    place.yaxis.set_minor_formatter(FuncFormatter(_plain) if most < 50.0 * least else "")
 
 
 def _plain(value: float, _place: object) -> str:
