@@ -44,7 +44,7 @@ def _figure_command(name: str, axes: str, text: str, examples: Sequence[str]) ->
         workers: int | None,
         scheduler: str,
         picture_format: str,
-        vary: tuple[str, ...] = (),
+        vary: tuple[str, ...],
     ) -> None:
         with clear_errors():
             require(f"figure {name}", "studies", "matplotlib", "scipy")
@@ -82,6 +82,12 @@ def _figure_command(name: str, axes: str, text: str, examples: Sequence[str]) ->
     decorate: list[Callable[[Any], Any]] = [
         click.argument("scenario", required=False, default="", shell_complete=completion.scenarios),
         click.option(
+            "--vary",
+            multiple=True,
+            metavar="KEY=START:STOP:STEP|a,b,c",
+            help=f"Other values of an axis: {axes}. Repeatable.",
+        ),
+        click.option(
             "--seeds",
             type=click.IntRange(2, 100_000),
             metavar="N",
@@ -102,14 +108,6 @@ def _figure_command(name: str, axes: str, text: str, examples: Sequence[str]) ->
         engine_options,
         picture_format_option,
     ]
-    if axes:
-        vary = click.option(
-            "--vary",
-            multiple=True,
-            metavar="KEY=START:STOP:STEP|a,b,c",
-            help=f"Other values of an axis: {axes}. Repeatable.",
-        )
-        decorate.insert(1, vary)
     for option in reversed(decorate):
         command = option(command)
     lines = "\n".join(f"  convoy figure {name}{example}" for example in examples)
@@ -140,11 +138,15 @@ for _command in (
     ),
     _figure_command(
         "error-along-string",
-        "",
+        "information_flow.lateral",
         "Compare lateral errors along the string.\n\n"
-        "True lateral errors of each follower, for trajectories from the predecessor alone, and "
-        "from lead and predecessor. SCENARIO is by default lane_change.",
-        ("", " --vehicles 12 --seeds 20", " --loss 0.4 --set control.alpha_ratio=0.8"),
+        "True lateral errors of followers that steer behind the predecessor, the lead, or both. "
+        "SCENARIO is by default the paper's base case.",
+        (
+            "",
+            " --vehicles 12 --seeds 20 --loss 0.4",
+            " --vary information_flow.lateral=predecessor,{ahead=2},{ahead=3},all_ahead",
+        ),
     ),
     _figure_command(
         "loss-over-gap",
@@ -152,7 +154,7 @@ for _command in (
         "Compare the cost of loss over the gap.\n\n"
         "Largest lateral error of the last vehicle over the gap, for several losses and latencies. "
         "Only messages about the road within the preview matter. SCENARIO is by default "
-        "lane_change.",
+        "lossy_lane_change.",
         ("", " --seeds 20 --vary convoy.gap_m=3:30:3"),
     ),
 ):

@@ -70,7 +70,7 @@ def cacc_study(options: FigureOptions) -> FigureStudy:
             title=f"{title}, beacons at {rate:g} Hz",
             x_label="lost messages, %",
             y_label=label,
-            is_gain=True,
+            is_log=True,
             bound=1.0,
         )
         for title, label in (
@@ -105,8 +105,8 @@ def _points_of(label: str, table: SweepTable, last: str) -> Iterator[FigurePoint
         spacing = [_spacing_gain(table, run, last) for run in cell.runs]
         name = f"{last}.string.acceleration_gain_l2_from_lead"
         speed = [value_of(table, run, name) for run in cell.runs]
-        yield point(panel, label, 100.0 * loss, spacing, is_gain=True)
-        yield point(len(rates) + panel, label, 100.0 * loss, speed, is_gain=True)
+        yield point(panel, label, 100.0 * loss, spacing, is_log=True)
+        yield point(len(rates) + panel, label, 100.0 * loss, speed, is_log=True)
 
 
 def _spacing_gain(table: SweepTable, run: SweepRun, last: str) -> float | None:

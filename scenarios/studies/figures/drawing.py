@@ -47,9 +47,10 @@ def drawn(result: FigureResult) -> Figure:
     for number, (place, panel) in enumerate(zip(places, panels, strict=False)):
         own = [one for one in result.points if one.panel == number]
         _draw(place, panel, own, names)
-        if panel.is_gain:
+        if panel.is_log:
             alike = [one for one in result.points if panels[one.panel].y_label == panel.y_label]
-            _scale_gains(place, [one.mean for one in alike if one.mean])
+            bounds = [] if panel.bound is None else [panel.bound]
+            _scale_logarithmic(place, [*bounds, *(one.mean for one in alike if one.mean)])
         if number % columns:
             place.set_ylabel("")
     lines = [place.get_legend_handles_labels() for place in places[: len(panels)]]
@@ -80,16 +81,16 @@ def _draw(place: Axes, panel: FigurePanel, points: list[FigurePoint], names: lis
                    **style)  # fmt: skip
     if panel.bound is not None:
         place.axhline(panel.bound, color="black", linewidth=0.8, linestyle=":")
-    if not panel.is_gain:
+    if not panel.is_log:
         place.set_ylim(bottom=0.0)
     if panel.x_label == "vehicle":
         place.xaxis.set_major_locator(MaxNLocator(integer=True))
     place.set(title=panel.title, xlabel=panel.x_label, ylabel=panel.y_label)
 
 
-def _scale_gains(place: Axes, means: list[float]) -> None:
-    """Show ratios on a logarithmic axis, which shows 1 and all means."""
-    least, most = min([*means, 1.0]) / ROOM, max([*means, 1.0]) * ROOM
+def _scale_logarithmic(place: Axes, values: list[float]) -> None:
+    """Make the y axis logarithmic, so that it shows all `values`."""
+    least, most = min(values, default=1.0) / ROOM, max(values, default=1.0) * ROOM
     place.set_yscale("log")
     place.set_ylim(least, most)
     place.yaxis.set_major_formatter(FuncFormatter(_plain))

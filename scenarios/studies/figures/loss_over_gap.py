@@ -14,14 +14,18 @@ from scenarios.studies.figures.study import (
 from scenarios.studies.many.sweeps.cell_table import SweepTable
 from scenarios.studies.many.sweeps.plan import planned
 
-SCENARIO, VEHICLES, SEEDS = "lane_change", 4, 3
+SCENARIO, VEHICLES, SEEDS = "lossy_lane_change", 3, 4
+REACTION = ("control.degradation.reaction=extrapolate", "links.jitter_ms=0")
 GAP, LOSS, LATENCY = "convoy.gap_m", "links.loss_ratio", "links.latency_ms"
 
 
 def loss_over_gap_study(options: FigureOptions) -> FigureStudy:
-    """Plan a sweep over gap and loss, and one over gap and latency."""
+    """Plan a sweep over gap and loss, and one over gap and latency.
+
+    Cars drive on along the extrapolated path without data, so that the error shows what they lack.
+    """
     gap, loss, latency = options.axes(
-        f"{GAP}=3,6,10,20,30", f"{LOSS}=0,0.4,0.8", f"{LATENCY}=20,200,400"
+        f"{GAP}=3,6,10,20,30", f"{LOSS}=0,0.6,0.8", f"{LATENCY}=20,200,400"
     )
     count = options.vehicles or VEHICLES
     figure = f"v{count}.cross_track_error_m_max"
@@ -30,16 +34,22 @@ def loss_over_gap_study(options: FigureOptions) -> FigureStudy:
             options.scenario or SCENARIO,
             vary=(gap, axis),
             seeds=options.seeds or SEEDS,
-            sets=options.settings(f"convoy.vehicles={count}", "duration_s=14"),
+            sets=options.settings(
+                f"convoy.vehicles={count}", "duration_s=11", "gnss.rate_hz=10", *others
+            ),
             figures=(figure,),
         )
-        for label, axis in (("loss", loss), ("latency", latency))
+        for label, axis, others in (
+            ("loss", loss, REACTION),
+            ("latency", latency, (*REACTION, f"{LOSS}=0")),
+        )
     }
     panels = [
         FigurePanel(
             title=f"{label.capitalize()} of messages",
             x_label="gap, m",
             y_label=f"largest error of v{count}, cm",
+            is_log=True,
         )
         for label in sweeps
     ]
@@ -70,7 +80,7 @@ def _points_of(panel: int, table: SweepTable, figure: str) -> Iterator[FigurePoi
         gap, value = (float(text) for text in cell.values)
         errors = [value_of(table, run, figure) for run in cell.runs]
         shown = [None if error is None else 100.0 * error for error in errors]
-        yield point(panel, f"{factor * value:g} {unit}", gap, shown)
+        yield point(panel, f"{factor * value:g} {unit}", gap, shown, is_log=True)
 
 
 def _outcome(points: Sequence[FigurePoint]) -> str:

@@ -23,13 +23,13 @@ SCHEMA = "convoy.figure/1"
 class FigurePanel:
     """One plot: its title, its axes, and a value to mark.
 
-    With `is_gain` values are ratios on a logarithmic axis, and their means are geometric.
+    With `is_log` the axis is logarithmic and the means of the seeds are geometric.
     """
 
     title: str
     x_label: str
     y_label: str
-    is_gain: bool = False
+    is_log: bool = False
     bound: float | None = None
 
 
@@ -208,15 +208,15 @@ def point(
     x: float,
     values: Sequence[float | None],
     *,
-    is_gain: bool = False,
+    is_log: bool = False,
 ) -> FigurePoint:
     """Summarize the values of the seeds; those that are None do not count."""
     known = [value for value in values if value is not None and isfinite(value)]
-    is_gain = is_gain and min(known, default=0.0) > 0.0
+    is_log = is_log and min(known, default=0.0) > 0.0
     whole = FigurePoint(panel=panel, series=series, x=x, runs=len(values), count=len(known))
     if not known:
         return whole
     if len(known) == 1:
-        return replace(whole, mean=geometric_mean(known) if is_gain else fmean(known))
-    mean = geometric_mean_of(known) if is_gain else mean_of(known)
+        return replace(whole, mean=geometric_mean(known) if is_log else fmean(known))
+    mean = geometric_mean_of(known) if is_log else mean_of(known)
     return replace(whole, mean=mean.value, low=mean.low, high=mean.high)
