@@ -38,7 +38,6 @@ def figure(
     scenario: str | Path = "",
     *,
     seeds: int | None = None,
-    vehicles: int | None = None,
     vary: Mapping[str, str | Sequence[Any]] | None = None,
     set: Settings | None = None,  # noqa: A002 - as on the command line
     out: str | Path | None = None,
@@ -53,7 +52,6 @@ def figure(
         name: "cacc", "error-along-string" or "loss-over-gap".
         scenario: A shipped name or a TOML file, by default that of the figure.
         seeds: Simulate each combination with the seeds 1 to this one.
-        vehicles: Number of vehicles, by default that of the figure.
         vary: Values of the axes of the figure by key, like those of `convoy.sweep`.
         set: Settings of all runs, by key.
         out: Folder for table, JSON and picture; an interrupted study resumes there. By default no
@@ -73,7 +71,6 @@ def figure(
     options = FigureOptions(
         scenario=str(scenario),
         seeds=seeds,
-        vehicles=vehicles,
         vary=tuple(f"{key}={values_text(key, values)}" for key, values in (vary or {}).items()),
         sets=tuple(overrides_of(set)),
     )

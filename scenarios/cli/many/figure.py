@@ -21,13 +21,20 @@ MOST_ROWS = 80
 """Rows that are printed; the file has all of them."""
 
 
-@click.group()
+@click.group(
+    epilog="""\b
+Examples:
+  convoy figure cacc
+  convoy figure error-along-string --seeds 20
+  convoy figure loss-over-gap --vary convoy.gap_m=3:30:3
+"""
+)
 def figure() -> None:
     """Draw standard figures of the field.
 
     Each is simulated by a few sweeps, whose commands are printed. Writes a picture, a table and
     JSON with means and 95 % intervals over the seeds. By default a figure is small and takes about
-    a minute on two cores; raise --seeds, --vehicles and the values of --vary for publication.
+    a minute on two cores; raise --seeds and the values of --vary for publication.
     """
 
 
@@ -38,7 +45,6 @@ def _figure_command(name: str, axes: str, text: str, examples: Sequence[str]) ->
         *,
         scenario: str,
         seeds: int | None,
-        vehicles: int | None,
         overrides: tuple[str, ...],
         out: Path | None,
         workers: int | None,
@@ -55,9 +61,7 @@ def _figure_command(name: str, axes: str, text: str, examples: Sequence[str]) ->
 
         with clear_errors():
             study = FIGURE_STUDIES[name](
-                FigureOptions(
-                    scenario=scenario, seeds=seeds, vehicles=vehicles, vary=vary, sets=overrides
-                )
+                FigureOptions(scenario=scenario, seeds=seeds, vary=vary, sets=overrides)
             )
             report = partial(click.echo, err=True)
             report(f"{study.runs} runs; the sweeps are:")
@@ -93,12 +97,6 @@ def _figure_command(name: str, axes: str, text: str, examples: Sequence[str]) ->
             metavar="N",
             help="Simulate each combination with the seeds 1 to N. Default: that of the figure.",
         ),
-        click.option(
-            "--vehicles",
-            type=click.IntRange(4, 100),
-            metavar="N",
-            help="Number of vehicles. Default: that of the figure.",
-        ),
         override_options,
         click.option(
             "--out",
@@ -132,7 +130,7 @@ for _command in (
         "by default Plexe's).",
         (
             "",
-            " --vehicles 8 --seeds 20 --vary links.loss_ratio=0:0.9:0.1",
+            " --set convoy.vehicles=8 --seeds 20 --vary links.loss_ratio=0:0.9:0.1",
             " plexe_braking --vary gnss.rate_hz=2,5,10",
         ),
     ),
@@ -144,7 +142,7 @@ for _command in (
         "SCENARIO is by default the paper's base case.",
         (
             "",
-            " --vehicles 12 --seeds 20 --loss 0.4",
+            " --set convoy.vehicles=12 --seeds 20 --loss 0.4",
             " --vary information_flow.lateral=predecessor,{ahead=2},{ahead=3},all_ahead",
         ),
     ),

@@ -3,7 +3,9 @@
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
+from scenarios.definition.errors import ScenarioError
 from scenarios.studies.figures.study import (
+    LEAST_VEHICLES,
     FigureOptions,
     FigurePanel,
     FigurePoint,
@@ -38,9 +40,11 @@ def cacc_study(options: FigureOptions) -> FigureStudy:
     period earlier. On the straight road cars drive on when the path is lost, so that only the laws
     react to missing messages.
     """
-    count = options.vehicles or VEHICLES
+    count = options.vehicles(VEHICLES)
+    if count <= LEAST_VEHICLES:
+        raise ScenarioError([f"figure cacc: given {count} vehicles, allowed 4 or more"])
     last = f"v{count}"
-    axes = options.axes(f"{LOSS}=0,0.6", f"{RATE}=4,10")
+    axes = options.axes(f"{LOSS}=0,0.3,0.6", f"{RATE}=4,10")
     figures = (
         "v3.string.spacing_error_m_rms",
         f"{last}.string.spacing_error_m_rms",
@@ -54,7 +58,7 @@ def cacc_study(options: FigureOptions) -> FigureStudy:
             seeds=options.seeds or SEEDS,
             sets=options.settings(
                 f"convoy.vehicles={count}",
-                "duration_s=20",
+                "duration_s=16",
                 "control.degradation.reaction=extrapolate",
                 f"control.longitudinal={law}",
                 f"speed.gap.standstill_m={standstill:g}",

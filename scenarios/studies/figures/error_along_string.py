@@ -22,7 +22,7 @@ NORMS = {"rms": "rms", "max": "largest"}
 def error_along_string_study(options: FigureOptions) -> FigureStudy:
     """Plan a sweep over the sources, with the errors of all followers at equal arc length."""
     axes = options.axes(f"{FLOW}=predecessor,lead,lead_and_predecessor")
-    count = options.vehicles or VEHICLES
+    count = options.vehicles(VEHICLES)
     followers = [f"v{number}" for number in range(2, count + 1)]
     plan = planned(
         options.scenario or SCENARIO,

@@ -14,7 +14,7 @@ from scenarios.studies.figures.study import (
 from scenarios.studies.many.sweeps.cell_table import SweepTable
 from scenarios.studies.many.sweeps.plan import planned
 
-SCENARIO, VEHICLES, SEEDS = "lossy_lane_change", 3, 4
+SCENARIO, VEHICLES, SEEDS = "lossy_lane_change", 3, 3
 REACTION = ("control.degradation.reaction=extrapolate", "links.jitter_ms=0")
 GAP, LOSS, LATENCY = "convoy.gap_m", "links.loss_ratio", "links.latency_ms"
 
@@ -27,7 +27,7 @@ def loss_over_gap_study(options: FigureOptions) -> FigureStudy:
     gap, loss, latency = options.axes(
         f"{GAP}=3,6,10,20,30", f"{LOSS}=0,0.6,0.8", f"{LATENCY}=20,200,400"
     )
-    count = options.vehicles or VEHICLES
+    count = options.vehicles(VEHICLES)
     figure = f"v{count}.cross_track_error_m_max"
     sweeps = {
         label: planned(

@@ -9,6 +9,7 @@ from statistics import fmean, geometric_mean
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.definition.overrides import parse_override
 from scenarios.studies.engine.engine import Engine, study_engine
 from scenarios.studies.engine.results import write_files
 from scenarios.studies.engine.workers import OpenWorkers
@@ -17,6 +18,7 @@ from scenarios.studies.many.sweeps.cell_table import SweepRun, SweepTable, table
 from scenarios.studies.many.sweeps.plan import SweepPlan
 
 SCHEMA = "convoy.figure/1"
+LEAST_VEHICLES = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,9 +83,20 @@ class FigureOptions:
 
     scenario: str = ""
     seeds: int | None = None
-    vehicles: int | None = None
     vary: tuple[str, ...] = ()
     sets: tuple[str, ...] = ()
+
+    def vehicles(self, default: int) -> int:
+        """Return the number of vehicles: that of `sets`, or the default of the figure.
+
+        Raises ScenarioError for less than three: a string has two followers or more.
+        """
+        sets = {".".join(keys): value for keys, value in map(parse_override, self.sets)}
+        given = sets.get("convoy.vehicles", default)
+        if not isinstance(given, int) or given < LEAST_VEHICLES:
+            allowed = f"allowed a whole number of at least {LEAST_VEHICLES}"
+            raise ScenarioError([f"--set: convoy.vehicles: given {given}, {allowed}"])
+        return given
 
     def settings(self, *defaults: str) -> tuple[str, ...]:
         """Return `sets`, and the defaults of the figure for keys that they lack."""
