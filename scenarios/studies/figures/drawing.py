@@ -40,7 +40,10 @@ def drawn(result: FigureResult) -> Figure:
         figsize=(PAGE_IN if columns > 1 else COLUMN_IN, rows * PANEL_HEIGHT_IN + 0.7),
         layout="constrained",
     )
-    places = list(figure.subplots(rows, columns, squeeze=False, sharey="row").flat)
+    labels = [panel.y_label for panel in panels]
+    is_shared = all(label == labels[n - n % columns] for n, label in enumerate(labels))
+    sharing: Any = "row" if is_shared else "none"
+    places = list(figure.subplots(rows, columns, squeeze=False, sharey=sharing).flat)
     for place in places[len(panels) :]:
         place.set_axis_off()
     names = list(dict.fromkeys(one.series for one in result.points))
@@ -51,7 +54,7 @@ def drawn(result: FigureResult) -> Figure:
             alike = [one for one in result.points if panels[one.panel].y_label == panel.y_label]
             bounds = [] if panel.bound is None else [panel.bound]
             _scale_logarithmic(place, [*bounds, *(one.mean for one in alike if one.mean)])
-        if number % columns:
+        if number % columns and is_shared:
             place.set_ylabel("")
     lines = [place.get_legend_handles_labels() for place in places[: len(panels)]]
     entries = {name: line for of_place in lines for line, name in zip(*of_place, strict=True)}

@@ -20,7 +20,10 @@ NORMS = {"rms": "rms", "max": "largest"}
 
 
 def error_along_string_study(options: FigureOptions) -> FigureStudy:
-    """Plan a sweep over the sources, with the errors of all followers at equal arc length."""
+    """Plan a sweep over the sources, with the errors of all followers at equal arc length.
+
+    The paper's base case is exact; noise of RTK is added, so that seeds differ.
+    """
     axes = options.axes(f"{FLOW}=predecessor,lead,lead_and_predecessor")
     count = options.vehicles(VEHICLES)
     followers = [f"v{number}" for number in range(2, count + 1)]
@@ -28,7 +31,9 @@ def error_along_string_study(options: FigureOptions) -> FigureStudy:
         options.scenario or SCENARIO,
         vary=axes,
         seeds=options.seeds or SEEDS,
-        sets=options.settings(f"convoy.vehicles={count}", "duration_s=20"),
+        sets=options.settings(
+            f"convoy.vehicles={count}", "duration_s=20", "gnss.position_noise_m=0.02"
+        ),
         figures=[f"{name}.string.lateral_error_m_{norm}" for norm in NORMS for name in followers],
     )
     panels = [
