@@ -9,7 +9,8 @@ from scenarios.api.sweeping import values_text, workers_of
 from scenarios.definition.errors import ScenarioError, require
 from scenarios.results.recorded.data_table import DataTable
 from scenarios.studies.figures.registry import FIGURE_STUDIES
-from scenarios.studies.figures.study import FigureOptions, FigureResult, run_figure
+from scenarios.studies.figures.simulated import run_figure
+from scenarios.studies.figures.study import FigureOptions, FigureResult
 
 
 class FigureData:

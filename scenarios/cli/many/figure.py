@@ -57,7 +57,8 @@ def _figure_command(name: str, axes: str, text: str, examples: Sequence[str]) ->
         from rich.console import Console
 
         from scenarios.studies.figures.registry import FIGURE_STUDIES
-        from scenarios.studies.figures.study import FigureOptions, run_figure
+        from scenarios.studies.figures.simulated import run_figure
+        from scenarios.studies.figures.study import FigureOptions
 
         with clear_errors():
             study = FIGURE_STUDIES[name](
