@@ -79,9 +79,10 @@ def _draw(place: Axes, panel: FigurePanel, points: list[FigurePoint], names: lis
             for end in ("mean", "low", "high")
         )
         style: dict[str, Any] = {"color": COLOURS[number % len(COLOURS)]}
-        place.fill_between(x, low, high, alpha=0.15, linewidth=0.0, **style)
         place.plot(x, mean, marker=MARKERS[number % len(MARKERS)], markersize=3.5, label=name,
                    **style)  # fmt: skip
+        place.errorbar(x, mean, yerr=[mean - low, high - mean], fmt="none", elinewidth=0.9,
+                       capsize=2.0, alpha=0.7, **style)  # fmt: skip
     if panel.bound is not None:
         place.axhline(panel.bound, color="black", linewidth=0.8, linestyle=":")
     if not panel.is_log:
