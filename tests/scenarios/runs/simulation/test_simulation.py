@@ -12,7 +12,7 @@ def explained(plan: Plan) -> str:
     return "\n".join([*simulate(plan).broken, f"seed {plan.seed}, reduced to {least}"])
 
 
-@pytest.mark.campaign(30, 10_000)
+@pytest.mark.campaign(15, 10_000)
 def test_no_schedule_breaks_an_invariant(campaign: int) -> None:
     for seed in range(campaign):
         plan = draw(seed)
@@ -27,6 +27,6 @@ def test_a_run_without_faults_is_completed(*, launched: bool) -> None:
     assert "outcome: completed" in run.states
 
 
-@pytest.mark.parametrize("seed", [3, 11, 17])
+@pytest.mark.parametrize("seed", [3, 11])
 def test_a_seed_repeats_exactly(seed: int) -> None:
     assert simulate(draw(seed)) == simulate(draw(seed))

@@ -128,6 +128,7 @@ def test_a_car_beside_the_path_returns_slowly(case: tuple[float, float]) -> None
         assert abs(lateral[max(lateral)]) < 0.3
 
 
+@pytest.mark.spread(1)
 @pytest.mark.parametrize("name", ["lane_change", "church_lot"])
 def test_after_flapping_links_no_car_stands_for_long(name: str) -> None:
     cuts = ", ".join(f"{{kind='cut', at_s={8.0 + 2.2 * k:.1f}, for_s=1.2}}" for k in range(8))

@@ -108,7 +108,7 @@ def drawn_convoy(case: int) -> Scenario:
     return scenario_from_text(tomli_w.dumps(text), label=f"case {case}")
 
 
-@pytest.mark.campaign(6, 500)
+@pytest.mark.campaign(3, 500)
 def test_no_convoy_gets_a_command_that_no_car_can_take(case: int) -> None:
     scenario = drawn_convoy(case)
     results: defaultdict[str, list[Message]] = defaultdict(list)
