@@ -131,7 +131,7 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
 
     from scenarios.cli.display_options import DisplayOptions
     from scenarios.cli.running.commands import prepare_command
-    from scenarios.cli.running.launching import run_scenario
+    from scenarios.cli.running.launching import RunOptions, run_scenario
     from scenarios.definition.errors import ScenarioError
     from scenarios.results.files import LOG_NAME
     from scenarios.results.log_summary import summary_of
@@ -147,17 +147,14 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
             f"{number} of {len(variants)}: {variant.name}, seed {variant.seed}, into {folder}"
         )
         began = time.perf_counter()
-        exit_code = run_scenario(
-            variant.name,
-            variant.overrides,
-            variant.seed,
+        options = RunOptions(
             clock="wall",
             prepare_command=prepare_command,
-            run_name=None,
-            out=folder,
             display=DisplayOptions(quiet=True),
+            out=folder,
             confirmed=True,
         )
+        exit_code = run_scenario(variant.name, variant.overrides, variant.seed, options)
         if exit_code not in {0, EXIT_FAILED}:
             sys.exit(exit_code)
         run = drill_result(variant, summary_of(folder / LOG_NAME), time.perf_counter() - began)

@@ -70,7 +70,7 @@ def run(
     SCENARIO is a shipped name (see `convoy list`), a TOML file, or a recorded drive, such as a GPX
     file. Writes the log run.mcap and the summary summary.json into a new folder.
     """
-    from scenarios.cli.running.launching import run_scenario
+    from scenarios.cli.running.launching import RunOptions, run_scenario
 
     ignore_hangup()
     with clear_errors():
@@ -79,12 +79,14 @@ def run(
                 scenario,
                 overrides,
                 seed,
-                clock=clock,
-                prepare_command=prepare_command if start == "fork" else None,
-                run_name=run_name,
-                out=out,
-                display=DisplayOptions(rerun, quiet, tables),
-                confirmed=confirmed,
+                RunOptions(
+                    clock=clock,
+                    prepare_command=prepare_command if start == "fork" else None,
+                    display=DisplayOptions(rerun, quiet, tables),
+                    run_name=run_name,
+                    out=out,
+                    confirmed=confirmed,
+                ),
             )
         )
 

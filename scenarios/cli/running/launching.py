@@ -2,6 +2,7 @@
 
 import secrets
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -22,22 +23,23 @@ if TYPE_CHECKING:  # virtual runs need none
     from scenarios.cli.running.wall_clock_run import PrepareCommand
 
 
-def run_scenario(
-    name: str,
-    overrides: Sequence[str],
-    seed: int | None,
-    *,
-    clock: str,
-    prepare_command: "PrepareCommand | None",
-    run_name: str | None,
-    out: Path | None,
-    display: DisplayOptions,
-    confirmed: bool,
-) -> int:
-    """Run a scenario; returns the exit code.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOptions:
+    """How a scenario runs.
 
     Processes are forked and do `prepare_command`; without it each is a new program.
     """
+
+    clock: str
+    prepare_command: "PrepareCommand | None"
+    display: DisplayOptions
+    run_name: str | None = None
+    out: Path | None = None
+    confirmed: bool = False
+
+
+def run_scenario(name: str, overrides: Sequence[str], seed: int | None, options: RunOptions) -> int:
+    """Run a scenario; returns the exit code."""
     scenario = load_scenario(name, overrides, seed)
     if is_run(name):
         click.echo(
@@ -45,28 +47,10 @@ def run_scenario(
             "`convoy scenario-from` repeats the run, `convoy replay` its vehicles",
             err=True,
         )
-    return run_loaded(
-        scenario,
-        scenario_arguments(name, overrides, seed),
-        clock=clock,
-        prepare_command=prepare_command,
-        run_name=run_name,
-        out=out,
-        display=display,
-        confirmed=confirmed,
-    )
+    return _run_loaded(scenario, scenario_arguments(name, overrides, seed), options)
 
 
-def replay_run(
-    scenario: Scenario,
-    *,
-    clock: str,
-    prepare_command: "PrepareCommand",
-    run_name: str | None,
-    out: Path | None,
-    display: DisplayOptions,
-    confirmed: bool,
-) -> int:
+def replay_run(scenario: Scenario, options: RunOptions) -> int:
     """Run a scenario that is in no file; returns the exit code.
 
     A process that restarts reads it from a file, which is deleted at the end.
@@ -74,38 +58,20 @@ def replay_run(
     with TemporaryDirectory(prefix="convoy-") as folder:
         file = Path(folder, f"{scenario.name}.toml")
         file.write_text(scenario.text, encoding="utf-8")
-        return run_loaded(
-            scenario,
-            [str(file)],
-            clock=clock,
-            prepare_command=prepare_command,
-            run_name=run_name,
-            out=out,
-            display=display,
-            confirmed=confirmed,
-        )
+        return _run_loaded(scenario, [str(file)], options)
 
 
-def run_loaded(
-    scenario: Scenario,
-    arguments: Sequence[str],
-    *,
-    clock: str,
-    prepare_command: "PrepareCommand | None",
-    run_name: str | None,
-    out: Path | None,
-    display: DisplayOptions,
-    confirmed: bool,
-) -> int:
+def _run_loaded(scenario: Scenario, arguments: Sequence[str], options: RunOptions) -> int:
     """Run `scenario`, which the command-line `arguments` select; returns the exit code."""
-    common = checked_run_name(run_name or f"{scenario.name}-{secrets.token_hex(3)}")
-    unusual = confirmed_lines(scenario, wall_clock=clock == "wall", confirmed=confirmed)
+    on_wall_clock, display, out = options.clock == "wall", options.display, options.out
+    common = checked_run_name(options.run_name or f"{scenario.name}-{secrets.token_hex(3)}")
+    unusual = confirmed_lines(scenario, wall_clock=on_wall_clock, confirmed=options.confirmed)
     for line in (*unusual, *warnings(scenario)):
         click.echo(f"warning: {line}", err=True)
     refuse_picture(display.rerun, out)  # in one line here, before the recorder starts
     folder = folder_of(scenario, out)
     with claimed(folder, fresh=out is None):
-        if clock == "virtual":
+        if not on_wall_clock:
             stop = stop_on_signals()
             from scenarios.cli.running.virtual_run import run_virtually
 
@@ -114,7 +80,7 @@ def run_loaded(
         from scenarios.runs.processes.launcher import LaunchPlan
 
         plan = LaunchPlan(scenario, arguments, folder, display.arguments, common)
-        return run_processes(plan, prepare_command, display)
+        return run_processes(plan, options.prepare_command, display)
 
 
 def scenario_arguments(name: str, overrides: Sequence[str], seed: int | None) -> list[str]:

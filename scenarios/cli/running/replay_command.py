@@ -73,7 +73,7 @@ def replay(
     of the replayed vehicles. With the settings and the seed of LOG, a virtual run gives the
     recorded followers again, bit for bit.
     """
-    from scenarios.cli.running.launching import replay_run
+    from scenarios.cli.running.launching import RunOptions, replay_run
     from scenarios.results.log_queries.session import replayed_session
     from scenarios.results.log_summary import log_in
 
@@ -93,11 +93,13 @@ def replay(
         sys.exit(
             replay_run(
                 scenario,
-                clock=clock,
-                prepare_command=prepare_command,
-                run_name=run_name,
-                out=out,
-                display=DisplayOptions(rerun, quiet, tables),
-                confirmed=confirmed,
+                RunOptions(
+                    clock=clock,
+                    prepare_command=prepare_command,
+                    display=DisplayOptions(rerun, quiet, tables),
+                    run_name=run_name,
+                    out=out,
+                    confirmed=confirmed,
+                ),
             )
         )
