@@ -101,7 +101,9 @@ def bounded_along_the_convoy(findings: Findings) -> Answer:
             "largest errors are bounded for any number of cars) and of Ploeg et al. (2014, L2: the "
             "error of each car is bounded by the lead's manoeuvre), though Definition 1 fails. "
             if level
-            else "it is not string stable in any of these senses. "
+            else "it does not level off, so it is string stable neither in the sense of Swaroop "
+            "and Hedrick (1996: the largest errors are bounded for any number of cars) nor in that "
+            "of Ploeg et al. (2014, L2: the error of each car is bounded by the lead's manoeuvre). "
         )
         + "Definition 1 is the strict form in L∞: no car amplifies the error of the car ahead. "
         f"Here the second follower has {step:.2f} times the error of the first in L2. Feng et al. "
