@@ -21,6 +21,8 @@ from vehicles.messages import Message, TruePose
 Floats = NDArray[np.float64]
 ENDS_AFTER = {"plexe_sinusoidal": 9.0, "plexe_braking": 9.4}
 """Length (s) of a short run: most of a period, or until the lead stands."""
+ROUNDING_M = 1e-4
+"""Error of a gap that hardly changes, such as those of flatbed at the end of the string."""
 
 
 def scenario(name: str, law: str, *overrides: str, followers: int, seconds: float) -> Scenario:
@@ -59,8 +61,9 @@ def compare(name: str, law: str, followers: int, seconds: float) -> None:
     _, exact = string.gaps(seconds)
     gaps, _ = driven(made)
     changed = np.abs(exact - exact[:, :1]).max(axis=1)
-    assert np.all(changed > 0.005)
-    assert np.all(np.abs(gaps - exact[:, : gaps.shape[1]]).max(axis=1) < 0.01 * changed)
+    assert changed[0] > 0.05
+    errors = np.abs(gaps - exact[:, : gaps.shape[1]]).max(axis=1)
+    assert np.all(errors < 0.01 * changed + ROUNDING_M)
 
 
 @pytest.mark.spread(6)
