@@ -260,7 +260,10 @@ def print_summary(
     for is_news, table in _tables(summary, tables):
         if is_news or tables == "all":
             print_whole(table, console)
-    if tables != "all" and (losses := _losses(summary)):
+    has_tables = tables == "all" or any(
+        _has_link_news(row, summary.warnings) for row in summary.links
+    )
+    if not has_tables and (losses := _losses(summary)):
         _print_line(losses, console)
     for line in (*_unrecorded(summary), *summary.warnings, *_all_reasons(summary)):
         _print_line(line, console)

@@ -31,6 +31,7 @@ class JobProgress:
         self._first: tuple[int, float] | None = None
         self.done = 0
         self.total: int | None = None
+        self.expected: int | None = None  # where the total depends on the results
         self.stage = ""
 
     @property
@@ -53,14 +54,15 @@ class JobProgress:
             return
         self._reported_at = now
         first, first_at = self._first or (self.done, now)
+        total, about = (self.expected, "about ") if self.total is None else (self.total, "")
         text = (
             f"{self.done} run{'s' * (self.done != 1)}"
-            if self.total is None
-            else f"{self.done} of {self.total} runs"
+            if total is None
+            else f"{self.done} of {about}{total} runs"
         )
-        if self.total is not None and first < self.done < self.total:
-            left_s = (now - first_at) / (self.done - first) * (self.total - self.done)
-            text += f", {left_s:.0f} s left"
+        if total is not None and first < self.done < total:
+            left_s = (now - first_at) / (self.done - first) * (total - self.done)
+            text += f", {about}{left_s:.0f} s left"
         self.note(text + (f": {self.stage}" if self.stage else ""))
 
     def note(self, line: str) -> None:

@@ -24,6 +24,7 @@ from scenarios.runs.run_log import RunLog
 from tests.made.rerun_layouts import with_layouts
 from transport.codec import encode
 from transport.log.reader import LogReader
+from transport.log.records import LogError
 from transport.topics import RUN_SENDER, TOPIC_OF, key
 from vehicles.schedule import SECOND
 
@@ -305,6 +306,12 @@ def test_deeply_nested_toml_is_refused(text: str, tmp_path: Path) -> None:
 def test_an_endless_file_is_refused_at_once() -> None:
     assert refused(convoy("check", "/dev/zero")) == "/dev/zero: not a file"
     assert refused(convoy("report", "/dev/zero")).startswith("/dev/zero: ")
+
+
+def test_a_misspelt_run_is_answered_with_the_similar_one(tmp_path: Path) -> None:
+    (tmp_path / "first").mkdir()
+    with pytest.raises(LogError, match=r"frist: .*first\?"):
+        LogReader(tmp_path / "frist")
 
 
 def test_a_file_that_is_no_log_is_refused_with_the_expected_one() -> None:

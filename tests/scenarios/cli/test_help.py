@@ -92,6 +92,7 @@ def test_an_old_option_leads_to_the_new_one(command: str, old: str) -> None:
         (["blame", "x", "--figure", "gap"], ["--figure: ", "true_gap_m_min"]),
         (["worst", "--burst", "1s", "--figure", "error_m"], ["cross_track_error_m_max"]),
         (["rnu"], ["rnu"]),
+        (["export", "x", "--parquet"], ["--parquet: ", "--format parquet"]),
         (["run", "--seed", "x"], ["--seed: ", "whole number"]),
     ],
 )

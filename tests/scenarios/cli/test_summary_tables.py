@@ -345,6 +345,21 @@ def test_a_path_is_printed_as_it_is(folder: str) -> None:
     assert "stopped [/early]" in text
 
 
+def test_short_tables_compare_achieved_and_requested_losses() -> None:
+    figures = summary()
+    one = replace(figures.links[0], loss_ratio=0.391, requested_loss_ratio=0.4, late=0)
+    links = (one, replace(one, loss_ratio=0.412), replace(one, loss_ratio=0.0))
+    (line,) = [
+        text
+        for text in printed(replace(figures, links=links), tables="news").splitlines()
+        if text.startswith("messages lost")
+    ]
+    for fact in ("0 to 41.2 %", "3 links", "40 %"):
+        assert fact in line
+    none = replace(one, loss_ratio=0.0, requested_loss_ratio=0.0)
+    assert "messages lost" not in printed(replace(figures, links=(none,)), tables="news")
+
+
 def test_a_warning_is_a_line() -> None:
     line = "v2: 100 messages of v1 refused as future"
     assert line in printed(replace(summary(), warnings=(line,))).splitlines()

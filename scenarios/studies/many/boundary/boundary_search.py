@@ -217,6 +217,10 @@ def find_boundary(query: BoundaryQuery, engine: Engine) -> BoundaryResult:
         )
         batch = min(max(LEAST_BATCH, int(GROWTH * runs.count)), query.max_runs - runs.count)
         places = [curve.quantile(one) for one in QUANTILES]
+        # The width of the interval falls with the square root of the number of runs.
+        needed = runs.count * (0.5 * (high - low) / query.half_width) ** 2
+        needed = max(ceil(needed), query.least_runs, runs.count + batch)
+        engine.progress.expected = min(needed, query.max_runs)
         runs.run(places[number % len(places)] for number in range(batch))
 
 

@@ -159,6 +159,15 @@ def test_a_shipped_law_refuses_settings_that_do_not_fit_it() -> None:
         load_scenario("lane_change", overrides=[ploeg])
 
 
+def test_parameters_without_a_class_are_refused_where_they_are_given() -> None:
+    with pytest.raises(ScenarioError) as refused:
+        load_scenario("highway", ["control.longitudinal.kp=1"])
+    (line,) = refused.value.lines
+    assert line.startswith("--set: control.longitudinal")
+    for fact in ("use", "kp", '"cacc"'):
+        assert fact in line
+
+
 def test_parameters_reach_the_class_also_by_vehicle_and_model(module: Module) -> None:
     name = module(LATERAL)
     own = f"vehicle.v2.control.controller={{use='{name}.Modelled',share=0.25}}"

@@ -220,6 +220,19 @@ def test_the_time_left_excludes_the_first_run(
     ]
 
 
+def test_an_expected_total_is_called_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    lines: list[str] = []
+    progress = JobProgress(lines.append)
+    progress.expected = 10
+    for at in (30.0, 35.0):
+        now[0] = at
+        progress.count_job()
+    assert [line.count("about") for line in lines] == [1, 2]
+    assert "40 s" in lines[1]
+
+
 def test_a_silent_study_reports_every_five_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: now[0])

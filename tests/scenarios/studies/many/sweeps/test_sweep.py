@@ -148,6 +148,7 @@ def test_other_files_are_not_overwritten(tmp_path: Path) -> None:
     ("given", "fact"),
     [
         ({"vary": ["links.loss_ratio=0:1.2:0.3"]}, "--vary: links.loss_ratio: given 1.2, allowed"),
+        ({"vary": ["links.loss_ratio=0..0.5"]}, "START:STOP:STEP, such as 0:0.5:0.1"),
         ({"vary": ["links.los_ratio=0,1"]}, "unknown key, did you mean links.loss_ratio?"),
         ({"vary": ["convoy.gap_m=3,10", "convoy.vehicles=2,none"]}, "--vary: convoy.vehicles: giv"),
         (
