@@ -86,9 +86,12 @@ def _vehicles(tables: ScenarioTables, names: Sequence[str]) -> Iterator[Problem]
 
 def _flow(tables: ScenarioTables) -> Iterator[Problem]:
     """Yield invalid sources, and followers that degrade without data of their predecessor."""
+    names = vehicle_names(tables)
+    if len(set(names)) < len(names):  # reported by _names
+        return
     problems = list(flow_problems(tables))
     yield from problems
-    for name in () if problems else vehicle_names(tables)[1:]:
+    for name in () if problems else names[1:]:
         setup = vehicle_setup(tables, name)
         if name in tables.replayed:
             continue
