@@ -5,7 +5,7 @@ import os
 import sys
 
 COLLECTED_EVERY = 50_000
-"""Threshold of the garbage collector: by default it takes 10 % of the time of imports."""
+"""Threshold of the garbage collector; the default of 700 makes imports 4 % slower."""
 
 
 def main() -> None:

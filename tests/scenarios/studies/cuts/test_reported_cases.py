@@ -6,16 +6,6 @@ from scenarios.definition.scenario import Scenario, load_scenario, scenario_from
 from scenarios.results.summary import RunSummary
 from scenarios.runs.virtual.unlogged_run import run_unlogged
 
-HOLE = """
-extends = "church_lot"
-name = "hole"
-duration_s = 36.0
-change = [{ kind = "cut", at_s = 20.27, for_s = 7.04 }]
-[convoy]
-vehicles = 3
-[speed]
-profile = [{ at_s = 0.0, speed_mps = 1.4 }, { at_s = 3.0, speed_mps = 6.0 }]
-"""
 BRAKE = """
 extends = "lane_change"
 name = "brake"
@@ -38,6 +28,7 @@ profile = [
 standstill_m = 8.0
 headway_s = 0.0
 """
+CUT_AT_S = (20.0, 26.0, 32.0)
 OFF_M = 0.5
 """Largest distance from the path of the lead after a cut."""
 
@@ -56,14 +47,13 @@ def largest_error(summary: RunSummary) -> float:
     return max(vehicle.cross_track_error_m_max or 0.0 for vehicle in summary.vehicles)
 
 
-@pytest.mark.spread(1)
-@pytest.mark.parametrize(
-    "scenario",
-    [scenario_from_text(HOLE, label="hole"), *(church_lot(at_s) for at_s in (20.0, 26.0, 32.0))],
-    ids=["hole", "at 20 s", "at 26 s", "at 32 s"],
-)
-def test_a_follower_does_not_leave_the_path_at_a_hole_in_it(scenario: Scenario) -> None:
-    """It follows the path history of another car, or stands before the hole."""
+@pytest.mark.campaign(0, len(CUT_AT_S))
+def test_a_follower_does_not_leave_the_path_at_a_hole_in_it(case: int) -> None:
+    """It follows the path history of another car, or stands before the hole.
+
+    `test_end_of_the_known_path` has a shorter such run.
+    """
+    scenario = church_lot(CUT_AT_S[case])
     summary = run_unlogged(scenario)
     assert largest_error(summary) <= OFF_M
     assert collisions(summary) == 0

@@ -40,7 +40,7 @@ WHOLE = ("church_lot", "highway", "lane_change")
 SHIPPED = [name for name in library() if name not in WHOLE]
 
 
-@pytest.mark.spread(2)
+@pytest.mark.spread(1)
 @pytest.mark.parametrize("name", WHOLE)
 def test_no_source_of_a_whole_drive_is_distrusted(
     name: str, tmp_path_factory: pytest.TempPathFactory

@@ -30,6 +30,7 @@ def test_friction_and_steering_rate_are_kept_and_slides_and_departures_reported(
 ) -> None:
     loss, gap, alpha, fusion = CASES[case]
     requested = [
+        "duration_s=16",
         *(f"links.loss_ratio={loss}", f"convoy.gap_m={gap}", f"control.alpha_ratio={alpha}"),
         "information_flow.lateral=predecessor"
         if fusion == "predecessor"

@@ -58,7 +58,7 @@ def log(folder: Path) -> bytes:
     return (folder / "run.mcap").read_bytes()
 
 
-@pytest.mark.spread(5)
+@pytest.mark.spread(3)
 @pytest.mark.parametrize("changes", CASES.values(), ids=CASES)
 def test_it_drives_and_the_same_again(changes: tuple[str, ...], tmp_path: Path) -> None:
     scenario = made(*changes, "convoy.vehicles=3", seconds=2.5)
@@ -131,7 +131,9 @@ def test_late_fixes_cost_little() -> None:
     """A tenth of a second is 3 m at 30 m/s: not taken for its own place by any car."""
     found = {}
     for latency in (0, 100):
-        scenario = load_scenario("lane_change", ["duration_s=12", f"gnss.latency_ms={latency}"])
+        scenario = load_scenario(
+            "lane_change", ["duration_s=12", "convoy.vehicles=3", f"gnss.latency_ms={latency}"]
+        )
         summary = run_unlogged(scenario)
         found[latency] = max(row.cross_track_error_m_max or 0.0 for row in summary.vehicles)
     assert found[100] < found[0] + 0.05
@@ -146,7 +148,7 @@ def test_a_common_error_moves_no_vehicle_relative_to_another() -> None:
     found = {}
     for key, deviation in (("common_drift", 0.0), ("common_drift", 3.0), ("drift", 3.0)):
         change = f"gnss.{key}={{deviation_m={deviation}, time_constant_s=10000.0}}"
-        scenario = load_scenario("lane_change", ["duration_s=12", change])
+        scenario = load_scenario("lane_change", ["duration_s=12", "convoy.vehicles=3", change])
         summary = run_unlogged(scenario)
         worst = max(row.cross_track_error_m_max or 0.0 for row in summary.vehicles)
         found[key, deviation] = worst

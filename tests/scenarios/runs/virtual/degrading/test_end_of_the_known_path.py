@@ -76,6 +76,7 @@ def test_before_a_long_hole_it_stands_and_states_why(before_hole: Driven) -> Non
 def test_with_path_history_it_drives_on_along_the_path() -> None:
     driven = drive("church_lot", LOOP)
     assert max(errors(driven.summary)) < 0.5
+    assert not [event for event in driven.summary.events if event.kind == "collision"]
     assert driven.truth["v2"][-1].speed_mps > 1.0
 
 
