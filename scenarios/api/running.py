@@ -33,6 +33,15 @@ Settings = Mapping[str, Any]
 """Values by key of the scenario, such as {"links.loss_ratio": 0.4, "convoy.vehicles": 6}."""
 
 
+@contextmanager
+def arguments_named() -> Iterator[None]:
+    """Let errors name arguments of Python, such as `set`, instead of options like --set."""
+    try:
+        yield
+    except ScenarioError as error:
+        raise ScenarioError([line.removeprefix("--") for line in error.lines]) from error
+
+
 def run(
     scenario: str | Path = "lane_change",
     *,
@@ -70,8 +79,10 @@ def run(
     overrides = overrides_of(set)
     arguments = [str(scenario), *(f"--set={text}" for text in overrides)]
     arguments += [] if seed is None else [f"--seed={seed}"]
+    with arguments_named():
+        loaded = load_scenario(str(scenario), overrides, seed)
     return run_loaded(
-        load_scenario(str(scenario), overrides, seed),
+        loaded,
         arguments,
         clock=clock,
         out=out,
@@ -106,6 +117,7 @@ def run_loaded(
     return Run(folder)
 
 
+@arguments_named()
 def check(
     scenario: str | Path = "lane_change",
     *,

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from scenarios.api.running import Settings, overrides_of
+from scenarios.api.running import Settings, arguments_named, overrides_of
 from scenarios.definition.errors import ScenarioError, require
 from scenarios.definition.overrides import value_text
 from scenarios.results.recorded.data_table import DataTable
@@ -41,6 +41,7 @@ class Sweep:
         return self.cells._repr_html_()
 
 
+@arguments_named()
 def sweep(
     scenario: str | Path = "lane_change",
     vary: Mapping[str, str | Sequence[Any]] | None = None,
@@ -95,6 +96,7 @@ def sweep(
     return Sweep(table, files)
 
 
+@arguments_named()
 def bisect(
     scenario: str | Path,
     key: str,
@@ -159,6 +161,7 @@ def bisect(
     return result
 
 
+@arguments_named()
 def risk(
     scenario: str | Path,
     limit: str = "lane",

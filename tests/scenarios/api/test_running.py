@@ -35,6 +35,22 @@ def command(*arguments: object) -> Result:
     return CliRunner().invoke(cli, [str(argument) for argument in arguments])
 
 
+@pytest.mark.parametrize(
+    ("refused", "name"),
+    [
+        (lambda: convoy.run(set={"convoy.gap": 1}), "set: "),
+        (lambda: convoy.check(set={"convoy.gap": 1}), "set: "),
+        (lambda: convoy.sweep(vary={"links.loss_ratio": "0..1"}), "vary: "),
+        (lambda: convoy.sweep(limits=["bogus"]), "limit: "),
+        (lambda: convoy.bisect("lane_change", "links.loss_ratio", range=(1.0, 0.0)), "range: "),
+    ],
+)
+def test_errors_name_arguments_of_python(refused: Callable[[], object], name: str) -> None:
+    with pytest.raises(convoy.Error) as error:
+        refused()
+    assert str(error.value).startswith(name)
+
+
 def test_a_run_writes_the_bytes_of_the_command(tmp_path: Path) -> None:
     run = convoy.run("lane_change", set=SETTINGS, seed=3, out=tmp_path / "here")
     sets = ("--set=duration_s=1.0", "--set=links.loss_ratio=0.4", "--seed=3")
@@ -105,7 +121,8 @@ def test_errors_have_the_sentences_of_the_command(
     monkeypatch.chdir(tmp_path)
     done = command(*arguments)
     assert done.exit_code == 2, done.output
-    lines = [line.removeprefix("error: ") for line in done.stderr.splitlines()]
+    texts = done.stderr.splitlines()
+    lines = [line.removeprefix("error: ").removeprefix("--") for line in texts]
     with pytest.raises(convoy.Error) as refused:
         call()
     assert str(refused.value).splitlines() == lines
