@@ -26,6 +26,8 @@ from scenarios.studies.picture_style import (
 COLOURS = (RED, BLUE, GREEN, ORANGE, PURPLE, SKY, GREY)
 MARKERS = "osD^vPX"
 PANEL_HEIGHT_IN = 2.5
+SHIFT_RATIO = 0.008
+"""Shift of a line from the next one, relative to the x axis, so that intervals do not overlap."""
 ROOM = 1.6
 """Factor between the outermost mean and the end of a logarithmic axis; intervals may be cut off."""
 
@@ -70,10 +72,12 @@ def drawn(result: FigureResult) -> Figure:
 def _draw(place: Axes, panel: FigurePanel, points: list[FigurePoint], names: list[str]) -> None:
     own = [name for name in names if any(one.series == name for one in points)]
     is_shared = len(own) == len(names)
+    places = [one.x for one in points]
+    reach = SHIFT_RATIO * (max(places, default=0.0) - min(places, default=0.0))
     for name in own:
         number = (names if is_shared else own).index(name)
         known = [one for one in points if one.series == name and one.mean is not None]
-        x = np.array([one.x for one in known])
+        x = np.array([one.x for one in known]) + reach * (number - 0.5 * (len(own) - 1))
         mean, low, high = (
             np.array([_shown(getattr(one, end), one.mean) for one in known])
             for end in ("mean", "low", "high")
