@@ -119,6 +119,8 @@ def tracking(vehicle: str, tick: int) -> Tracking:
         yaw_rate_error_radps=0.0,
         curvature_per_m=1 / RADIUS,
         estimated_gap_m=SPACING,
+        measured_gap_m=SPACING,
+        measured_gap_rate_mps=0.0,
         lateral_deviation_m=0.02,
         lead_age_s=0.03,
         predecessor_age_s=0.02,

@@ -191,8 +191,8 @@ def test_no_scenario_that_ships_repeats_the_road_of_another() -> None:
         and path.stem != TEMPLATE
     ]
     different = {str(road.model_dump()) for road in roads}
-    # One file extends the kind of path and has segments of its own.
-    assert len(written) == len(different) - 1 < len(roads)
+    # One of the paper's files and two of Plexe's extend the kind and have segments of their own.
+    assert len(written) == len(different) - 3 < len(roads)
     assert {str(load_scenario(name).tables.path.model_dump()) for name in drills()} <= different
 
 
