@@ -42,6 +42,7 @@ def command(*arguments: object) -> Result:
         (lambda: convoy.check(set={"convoy.gap": 1}), "set: "),
         (lambda: convoy.sweep(vary={"links.loss_ratio": "0..1"}), "vary: "),
         (lambda: convoy.sweep(limits=["bogus"]), "limit: "),
+        (lambda: convoy.sweep(figures=["bogus"]), "figure: "),
         (lambda: convoy.bisect("lane_change", "links.loss_ratio", range=(1.0, 0.0)), "range: "),
     ],
 )

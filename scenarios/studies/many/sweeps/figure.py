@@ -139,7 +139,7 @@ def parsed_figure(
     renamed = f"{scope}.{RENAMED_FIGURES.get(name)}".removeprefix(".")
     near = [renamed] if renamed in known else _near(text, known)
     hint = f"similar: {', '.join(near)}" if near else "see `convoy reference fields`"
-    raise ScenarioError([f"unknown figure {text!r}, {hint}"])
+    raise ScenarioError([f"--figure: unknown figure {text!r}, {hint}"])
 
 
 def _near(text: str, known: Sequence[str]) -> list[str]:

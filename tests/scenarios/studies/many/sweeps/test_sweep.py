@@ -157,7 +157,7 @@ def test_other_files_are_not_overwritten(tmp_path: Path) -> None:
         ),
         ({"vary": [], "sets": ["convoy.gap_m=no"]}, "--set: convoy.gap_m: given"),
         ({"vary": [], "limits": ["lanes"]}, "--limit: given 'lanes', allowed"),
-        ({"vary": [], "figures": ["v9.distance_m"]}, "unknown figure 'v9.distance_m'"),
+        ({"vary": [], "figures": ["v9.distance_m"]}, "--figure: unknown figure 'v9.distance_m'"),
         ({"vary": ["convoy.gap_m=6:900:1"], "seeds": 1000}, "given 895000 runs, allowed 100000"),
     ],
 )
