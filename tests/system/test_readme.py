@@ -13,6 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from scenarios.cli.main import cli
+from scenarios.cli.reference.message_pages import LISTENER
 from scenarios.studies.many.boundary import boundary_search
 from tests.system.processes import start, until
 
@@ -36,7 +37,10 @@ SHORTER = {
     "--seeds 5 --junit": "--seeds 1 --junit",
     "import convoy": "import scenarios.api as convoy",  # its name in a checkout
     '"links.loss_ratio": 0.4': '"links.loss_ratio": 0.4, "duration_s": 3',
-    "fusion, seeds=5": "fusion, seeds=2, set={'duration_s': 1}",
+    "flow, seeds=5": "flow, seeds=2, set={'duration_s': 1}",
+    "reach_m=60}'": "reach_m=60}' --duration 5",
+    "run plexe_sinusoidal": "run plexe_sinusoidal --duration 5",
+    "figure cacc": "figure cacc --seeds 2 --duration 0.3 --vary gnss.rate_hz=10 --workers 0",
 }
 """What the test replaces: a display, real time, and minutes of processor time."""
 
@@ -143,7 +147,7 @@ def test_commands_in_the_order_of_the_readme(
 
 
 def test_another_program_reads_the_poses_of_a_running_convoy(tmp_path: Path) -> None:
-    write_files(tmp_path)
+    (tmp_path / "listen.py").write_text(LISTENER)
     with start("run", "lane_change", "--set=duration_s=5", "--out=run", folder=tmp_path) as run:
         run.await_start()
         assert until(lambda: "tcp/127.0.0.1:" in run.out + run.err)

@@ -94,6 +94,28 @@ def wire_page() -> None:
         "a vehicle, and can disturb the traffic. Against that, restrict who reaches the router: "
         "127.0.0.1, or Zenoh's TLS with client certificates or user and password (--config, --cfg)."
     )
+    click.echo(
+        f"\nExample, listen.py, whose argument is the router's endpoint:\n\n{LISTENER}", nl=False
+    )
+
+
+LISTENER = """\
+import sys, time, zenoh
+from transport.convoy_pb2 import GpsPose
+
+
+def show(sample):
+    pose = GpsPose.FromString(sample.payload.to_bytes())
+    print(pose.vehicle, pose.seq, pose.latitude_deg, pose.longitude_deg, flush=True)
+
+
+config = zenoh.Config.from_json5('{mode: "client", scouting: {multicast: {enabled: false}}}')
+config.insert_json5("connect/endpoints", f'["{sys.argv[1]}"]')
+with zenoh.open(config) as session:
+    session.declare_subscriber("*/convoy/*/gps", show)
+    time.sleep(10)
+"""
+"""A program that prints the poses of a running convoy; a test runs it."""
 
 
 def wire_messages() -> Iterator[Row]:
