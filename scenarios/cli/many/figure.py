@@ -81,6 +81,8 @@ def _figure_command(name: str, axes: str, text: str, examples: Sequence[str]) ->
                     table_of(columns, points[:MOST_ROWS], title=title, title_justify="left"),
                     console,
                 )
+                if len(points) > MOST_ROWS:
+                    click.echo(f"{len(points) - MOST_ROWS} more rows are in the file")
             click.echo(f"{name}: {result.outcome}")
             click.echo(f"written: {', '.join(map(str, written))}")
 

@@ -391,7 +391,7 @@ def _slower_in_curves(scenario: Scenario) -> str:
     """Return what reduces the lateral acceleration of the lead."""
     lead, road = scenario.tables.speed.lead, scenario.route.smoothed
     if lead != "recorded":
-        key = "set_mps" if lead == "set" else "profile"
+        key = "profile" if lead == "profile" else "set_mps"
         return f"Lower speed.{key} or speed.lateral_acceleration_mps2_max"
     noise = f" = {road.half_width:g} if they are noise of the points" if road else ""
     return f'Set speed.lead = "set", or raise path.smoothing_m{noise}'

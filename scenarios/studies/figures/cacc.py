@@ -14,18 +14,19 @@ from scenarios.studies.figures.study import (
     value_of,
 )
 from scenarios.studies.many.sweeps.cell_table import SweepRun, SweepTable
-from scenarios.studies.many.sweeps.plan import planned
+from scenarios.studies.many.sweeps.plan import SweepPlan, planned
 
 SCENARIO, VEHICLES, SEEDS = "plexe_sinusoidal", 5, 3
 LOSS, RATE = "links.loss_ratio", "gnss.rate_hz"
 LAWS: Mapping[str, tuple[str, float, float]] = {
-    "ACC, 0.3 s": ("acc", 2.0, 0.3),
+    "ACC": ("acc", 2.0, 0.3),
     "CACC (PATH)": ("cacc", 5.0, 0.0),
-    "Ploeg, 0.5 s": ("ploeg", 2.0, 0.5),
+    "Ploeg": ("ploeg", 2.0, 0.5),
     "flatbed": ("flatbed", 5.0, 0.0),
-    "consensus, 0.8 s": ("consensus", 15.0, 0.8),
+    "consensus": ("consensus", 15.0, 0.8),
 }
-"""Law, standstill gap (m) and headway (s) by label, as in Plexe's examples."""
+"""Law, standstill gap (m) and headway (s) by name, as in Plexe's examples."""
+LAW_KEY = "control.longitudinal"
 LEAST_ERROR_M = 1e-3
 """Error of the vehicle ahead below which there is no gain."""
 UNSTABLE = 1.05
@@ -43,6 +44,8 @@ def cacc_study(options: FigureOptions) -> FigureStudy:
     count = options.vehicles(VEHICLES)
     if count <= LEAST_VEHICLES:
         raise ScenarioError([f"figure cacc: given {count} vehicles, allowed 4 or more"])
+    if any(text.strip().startswith(LAW_KEY) for text in options.sets):
+        raise ScenarioError([f"--set: {LAW_KEY}: given, but the figure compares its own laws"])
     last = f"v{count}"
     axes = options.axes(f"{LOSS}=0,0.3,0.6", f"{RATE}=4,10")
     figures = (
@@ -51,8 +54,8 @@ def cacc_study(options: FigureOptions) -> FigureStudy:
         f"{last}.string.acceleration_gain_l2_from_lead",
         "events.collision",
     )
-    sweeps = {
-        label: planned(
+    plans = {
+        name: planned(
             options.scenario or SCENARIO,
             vary=axes,
             seeds=options.seeds or SEEDS,
@@ -60,14 +63,15 @@ def cacc_study(options: FigureOptions) -> FigureStudy:
                 f"convoy.vehicles={count}",
                 "duration_s=16",
                 "control.degradation.reaction=extrapolate",
-                f"control.longitudinal={law}",
+                f"{LAW_KEY}={law}",
                 f"speed.gap.standstill_m={standstill:g}",
                 f"speed.gap.headway_s={headway:g}",
             ),
             figures=figures,
         )
-        for label, (law, standstill, headway) in LAWS.items()
+        for name, (law, standstill, headway) in LAWS.items()
     }
+    sweeps = {_label(name, plan): plan for name, plan in plans.items()}
     rates = _numbers(next(iter(sweeps.values())).axes[1].numbers)
     panels = [
         FigurePanel(
@@ -91,6 +95,12 @@ def cacc_study(options: FigureOptions) -> FigureStudy:
         points=partial(_points, last=last),
         outcome=partial(_outcome, panels=panels),
     )
+
+
+def _label(name: str, plan: SweepPlan) -> str:
+    """Name of a law with its headway, if it has one."""
+    headway = plan.base.scenario.tables.speed.gap.headway_s
+    return f"{name}, {headway:g} s" if headway else name
 
 
 def _numbers(numbers: Sequence[float] | None) -> Sequence[float]:
@@ -124,14 +134,21 @@ def _outcome(points: Sequence[FigurePoint], panels: Sequence[FigurePanel]) -> st
     half = len(panels) // 2
     least = min((one.x for one in points), default=0.0)
     shown = [one for one in points if one.x == least and one.panel in {half - 1, 2 * half - 1}]
-    gains = {
-        series: max(one.mean or 0.0 for one in shown if one.series == series)
-        for series in dict.fromkeys(one.series for one in shown)
-    }
+    gains: dict[str, float] = {}
+    for one in shown:
+        if one.mean is not None:
+            gains[one.series] = max(one.mean, gains.get(one.series, 0.0))
     amplify = [f"{name} ({gain:.2f})" for name, gain in gains.items() if gain > UNSTABLE]
     others = [f"{name} ({gain:.2f})" for name, gain in gains.items() if gain <= UNSTABLE]
+    unknown = [name for name in dict.fromkeys(one.series for one in shown) if name not in gains]
     rate = panels[-1].title.rpartition(", ")[2] if panels else ""
-    return (
-        f"with {least:g} % loss and {rate} the disturbance grows with "
-        f"{', '.join(amplify) or 'no law'}, not with {', '.join(others) or 'any'}"
-    )
+    parts = [
+        f"{words} {', '.join(laws)}"
+        for words, laws in (
+            ("grows with", amplify),
+            ("does not grow with", others),
+            ("has no gain above noise with", unknown),
+        )
+        if laws
+    ]
+    return f"with {least:g} % loss and {rate} the disturbance {'; '.join(parts)}"

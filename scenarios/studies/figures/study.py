@@ -10,6 +10,7 @@ from typing import Any
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.overrides import parse_override
 from scenarios.studies.many.statistics import geometric_mean_of, mean_of
+from scenarios.studies.many.sweeps.axis import parsed_axes
 from scenarios.studies.many.sweeps.cell_table import SweepRun, SweepTable
 from scenarios.studies.many.sweeps.plan import SweepPlan
 
@@ -101,7 +102,9 @@ class FigureOptions:
 
     def axes(self, *defaults: str) -> list[str]:
         """Return the axes of a figure with the values of `vary`; raises ScenarioError."""
-        given = {text.partition("=")[0].strip(): text for text in self.vary}
+        given = {
+            axis.key: text for axis, text in zip(parsed_axes(self.vary), self.vary, strict=True)
+        }
         known = {text.partition("=")[0]: text for text in defaults}
         if unknown := [key for key in given if key not in known]:
             allowed = ", ".join(known) or "none, the figure has no axis to vary"

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from collections.abc import Mapping
 from math import exp, log
 from pathlib import Path
@@ -66,7 +67,7 @@ def test_the_laws_are_compared_by_two_gains() -> None:
         "v6.string.acceleration_gain_l2_from_lead": 0.8,
     }
     points = study.points(known_tables(study, values))
-    assert {one.series for one in points} == set(LAWS)
+    assert {one.series for one in points} == set(study.sweeps)
     assert len(points) == len(LAWS) * 2 * len(study.panels)
     for one in points:
         gain = 2.0 if "Spacing" in study.panels[one.panel].title else 0.8
@@ -74,6 +75,26 @@ def test_the_laws_are_compared_by_two_gains() -> None:
         assert one.count == one.runs == 2
     quiet = study.points(known_tables(study, values | {"v3.string.spacing_error_m_rms": 1e-4}))
     assert {one.count for one in quiet if one.panel < 2} == {0}
+
+
+def test_the_outcome_names_no_law_without_a_gain_as_stable() -> None:
+    study = study_of("cacc", seeds=2)
+    unknown = study.outcome(study.points(known_tables(study, {})))
+    assert not re.search(r"\(\d", unknown)
+    assert all(label in unknown for label in study.sweeps)
+
+
+def test_lines_of_laws_state_the_headway_that_they_drive() -> None:
+    study = study_of("cacc", seeds=2, sets=("speed.gap.headway_s=1.0",))
+    assert "Ploeg, 1 s" in study.sweeps
+    assert not any("0.5 s" in label for label in study.sweeps)
+    with pytest.raises(ScenarioError, match=r"control\.longitudinal"):
+        study_of("cacc", sets=("control.longitudinal.use=acc",))
+
+
+def test_an_axis_is_given_once() -> None:
+    with pytest.raises(ScenarioError, match="twice"):
+        study_of("cacc", vary=("gnss.rate_hz=4", "gnss.rate_hz=10"))
 
 
 def test_errors_along_the_string_are_in_centimetres() -> None:
