@@ -252,15 +252,25 @@ def _record(loss: EarlierRun, recorded: _RecordedVerdicts, pair: tuple[str, str]
 
 
 def _without_record(recorded: _RecordedVerdicts, link: tuple[str, str]) -> set[int]:
-    """Numbers of messages whose verdicts are missing in the log, by gaps in the verdicts."""
+    """Numbers of messages whose verdicts are missing in the log, by gaps in the verdicts.
+
+    Delays that vary change the order: the verdict of a message lies within as many places of its
+    own as the others are displaced at most.
+    """
     verdicts, unknown = recorded.links[link], set[int]()
-    before, before_seq = -1, -1
-    for number in sorted(verdicts):
-        seq = verdicts[number].seq
+    numbers = sorted(verdicts)
+    seqs = [verdicts[number].seq for number in numbers]
+    in_order = sorted(range(len(seqs)), key=seqs.__getitem__)
+    displaced = max(abs(place - other) for place, other in enumerate(in_order))
+    before = -1
+    for place, number in enumerate(numbers):
         if number > before + 1:
-            hidden = recorded.missing_between(link[1], before_seq, seq)
+            first = place - 1 - displaced
+            low = min(seqs[first:place]) if first >= 0 else -1
+            high = max(seqs[place : place + displaced + 1])
+            hidden = recorded.missing_between(link[1], low, high)
             unknown.update(range(before + 1, min(number, before + 1 + hidden)))
-        before, before_seq = number, max(seq, before_seq)
+        before = number
     return unknown
 
 
