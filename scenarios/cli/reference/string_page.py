@@ -77,7 +77,7 @@ SECTIONS: Mapping[str, Section] = {
             "lateral": "root mean square of the input (L2) below σ, or largest value (L∞) below "
             f"{SIGMAS:g} σ, where σ is the larger of the receiver's stated and the vehicle's "
             f"estimated standard deviation of the position of the vehicle ahead, at its worst, and "
-            f"at least {LEAST_ERROR_M * 1000:g} mm",
+            f"at least {LEAST_ERROR_M * 1000:g} mm; no gain if neither is recorded",
             "spacing": "the same with √2 σ, since two positions are measured",
             "acceleration": f"root mean square below {LEAST_ACCELERATION_MPS2:g} m/s², or largest "
             f"value below {SIGMAS * LEAST_ACCELERATION_MPS2:g} m/s²",
@@ -88,9 +88,10 @@ SECTIONS: Mapping[str, Section] = {
         "`run.frequency_gains()` in Python and a picture of `convoy report --html`: gain and phase "
         "from the speed (or spacing error) of the vehicle ahead to that of a vehicle, from the "
         "cross spectrum over the spectrum of the input (H1), averaged over five Fourier "
-        "coefficients of the whole run, whose last fifth is faded out. The run has to begin at "
-        "constant speed. A pulse that has faded by the end and a steady oscillation are exact up "
-        "to noise; the interval has a confidence of 95 % (Bendat and Piersol, Random Data).",
+        "coefficients of the whole run, whose last fifth is faded out; a run that does not begin "
+        "at constant speed, such as a piece of a log, has a Hann window. A pulse that has faded by "
+        "the end of a run from constant speed on, and a steady oscillation, are exact up to noise; "
+        "the interval has a confidence of 95 % (Bendat and Piersol, Random Data).",
         {
             "excitation": "the input has a root mean square of at least "
             f"{LEAST_RMS['speed']:g} m/s² (spacing: {LEAST_RMS['spacing'] * 100:g} cm), and the "

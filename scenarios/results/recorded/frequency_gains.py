@@ -17,7 +17,9 @@ Signal = Literal["speed", "spacing"]
 BAND_BINS = 5
 """Fourier coefficients of a band, over which the spectra are averaged."""
 TAPERED_RATIO = 0.2
-"""Last part of the record that is faded out."""
+"""Last part of a record from rest on that is faded out."""
+REST_S, REST_RATIO = 0.5, 0.1
+"""Begin of a record at rest: its root mean square is below this ratio of that of the record."""
 LEAST_POWER_RATIO = 0.01
 """Input power of a band, relative to the strongest one, from which it counts as excited."""
 LEAST_COHERENCE = 0.95
@@ -134,18 +136,20 @@ def _aligned(ahead: _Series, behind: _Series) -> _AlignedSignals | None:
 
 
 def estimated(vehicle: str, x: Floats, y: Floats, step: float) -> list[FrequencyGain]:
-    """Estimate the gains from `x` to `y`, samples `step` (s) apart that begin at rest.
+    """Estimate the gains from `x` to `y`, samples `step` (s) apart.
 
     The cross spectrum over the input spectrum (H1), averaged over bands of five Fourier
     coefficients of the whole record, whose end is faded out. A record from rest on needs no window
     at its begin, and neither a pulse that has faded nor a steady oscillation is distorted by that
-    at the end. The frequency of a band is the centroid of its input power. The delay within a band
-    is removed before averaging, or it would lower the coherence. Interval: Bendat and Piersol,
-    Random Data (2010), section 9.2.
+    at the end. Another one, such as a piece of a log, has a Hann window. The frequency of a band is
+    the centroid of its input power. The delay within a band is removed before averaging, or it
+    would lower the coherence. Interval: Bendat and Piersol, Random Data (2010), section 9.2.
     """
-    faded = int(TAPERED_RATIO * x.size)
-    window = np.ones(x.size)
-    window[x.size - faded :] = 0.5 + 0.5 * np.cos(np.pi * (np.arange(faded) + 0.5) / faded)
+    window = np.hanning(x.size)
+    if _begins_at_rest(x, step) and _begins_at_rest(y, step):
+        faded = int(TAPERED_RATIO * x.size)
+        window = np.ones(x.size)
+        window[x.size - faded :] = 0.5 + 0.5 * np.cos(np.pi * (np.arange(faded) + 0.5) / faded)
     frequencies: Floats = np.fft.rfftfreq(x.size, step).astype(np.float64)
     of_x, of_y = np.fft.rfft(x * window), np.fft.rfft(y * window)
     count = int(np.searchsorted(frequencies, HIGHEST_HZ)) // BAND_BINS
@@ -155,6 +159,11 @@ def estimated(vehicle: str, x: Floats, y: Floats, step: float) -> list[Frequency
     excited = [band for band, power in zip(bands, powers, strict=True) if power > least]
     gains = (_of_band(vehicle, frequencies[band], of_x[band], of_y[band]) for band in excited)
     return [gain for gain in gains if gain.coherence >= LEAST_COHERENCE]
+
+
+def _begins_at_rest(signal: Floats, step: float) -> bool:
+    begin = signal[: max(round(REST_S / step), 1)]
+    return bool(np.sqrt(np.mean(begin**2)) <= REST_RATIO * np.sqrt(np.mean(signal**2)))
 
 
 def _of_band(

@@ -221,7 +221,12 @@ class VehicleFigures:
 
     @property
     def position_deviation(self) -> float:
-        """Largest standard deviation (m) of its position: the receiver's, or its own estimate."""
+        """Largest standard deviation (m) of its position: the receiver's, or its own estimate.
+
+        Infinite if neither is recorded, as in an extract of true poses.
+        """
+        if not self.poses and self.lateral_deviation_max < 0.0:
+            return inf
         return max(self._accuracy_max, self.lateral_deviation_max)
 
     def add_health(self, health: Health) -> None:

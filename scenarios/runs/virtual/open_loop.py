@@ -85,7 +85,7 @@ def read_inputs(
     for _, _, message in reader.messages(own, (vehicle, RUN_SENDER)):
         if isinstance(message, RunStart):
             start_at = message.start_at_ns
-        else:
+        elif not isinstance(message, LinkVerdict) or message.sender in senders:
             decisions.send(message)
     arrivals: list[tuple[int, str, int, bytes]] = []
     for _, sender, topic, data in reader.encoded_messages(("gps",), senders):

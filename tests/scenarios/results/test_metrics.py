@@ -171,6 +171,18 @@ def test_true_cross_track_error_is_the_distance_from_the_lead_s_path() -> None:
         assert row.distance_m == pytest.approx(59.4)
 
 
+def test_there_are_no_gains_where_the_noise_of_positions_is_unknown() -> None:
+    poses = [
+        truth(name, seq, 0.6 * seq - 15.0 * place, 0.2 * place, distance=0.6 * seq)
+        for seq in range(200)
+        for place, name in enumerate(CONVOY)
+    ]
+    unknown, known = (vehicle("v3", *others, *poses) for others in ((), [gps("v2", 0)]))
+    assert unknown.string.lateral_error_m_rms == known.string.lateral_error_m_rms
+    assert unknown.string.lateral_gain_l2 is None
+    assert known.string.lateral_gain_l2 == pytest.approx(2.0)
+
+
 def askew(yaw: float, distance: float = 0.0, road_yaw: float | None = None) -> VehicleSummary:
     """What v2 did behind a lead that first faces `yaw` (rad), with `distance` (m) behind it.
 

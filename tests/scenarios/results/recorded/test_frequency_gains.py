@@ -61,6 +61,21 @@ def test_a_sinusoid_gives_the_gain_around_its_frequency() -> None:
     assert [one.gain for one in found] == pytest.approx(np.abs(expected), rel=0.03)
 
 
+@pytest.mark.parametrize("start_s", [6.0, 8.1, 11.2])
+@pytest.mark.parametrize("transfer", [PLOEG, ACC], ids=["ploeg", "acc"])
+def test_a_piece_of_an_oscillation_gives_the_gain_at_its_frequency_only(
+    start_s: float, transfer: tuple[list[float], list[float]]
+) -> None:
+    """Cut at the beginning, the record would have further frequencies with wrong gains."""
+    speed = sinusoid(40.0)
+    response = lsim(transfer, speed, STEP * np.arange(speed.size))[1]
+    piece = slice(round(start_s / STEP), round((start_s + 19.0) / STEP))
+    found = estimated("v2", np.diff(speed)[piece], np.diff(response)[piece], STEP)
+    assert [one.frequency_hz for one in found] == pytest.approx([0.2], abs=0.005)
+    _, expected = freqs(*transfer, worN=[2.0 * math.pi * 0.2])
+    assert found[0].gain == pytest.approx(float(np.abs(expected[0])), rel=0.01)
+
+
 def test_equal_signals_have_a_gain_of_one_and_scaled_ones_their_factor() -> None:
     x = np.diff(braking(40.0))
     for factor in (1.0, 1.7):

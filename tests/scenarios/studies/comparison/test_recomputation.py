@@ -121,6 +121,14 @@ def test_another_fusion_has_other_modes(lossy: Path) -> None:
     assert result.settings == ("vehicle.v3.information_flow.lateral=predecessor",)
 
 
+def test_messages_that_other_settings_do_not_use_are_no_fault_of_the_log(lossy: Path) -> None:
+    alone = [f"information_flow.{one}=predecessor" for one in ("lateral", "longitudinal")]
+    result = recompute(lossy, "v3", overrides=alone)
+    assert result.warnings == ()
+    assert result.inputs_are_exact
+    assert 0 < result.judged < recompute(lossy, "v3").judged
+
+
 def test_a_changed_command_is_found_where_it_is(lossy: Path, tmp_path: Path) -> None:
     def change(message: Message) -> Message:
         if isinstance(message, Command) and (message.vehicle, message.seq) == ("v2", 40):
