@@ -40,7 +40,7 @@ SHORTER = {
     "flow, seeds=5": "flow, seeds=2, set={'duration_s': 1}",
     "reach_m=60}'": "reach_m=60}' --duration 5",
     "run plexe_sinusoidal": "run plexe_sinusoidal --duration 5",
-    "figure cacc": "figure cacc --seeds 2 --duration 0.3 --vary gnss.rate_hz=10 --workers 0",
+    "figure cacc --seeds 10": "figure cacc --seeds 2 --duration 0.3 --workers 0",
 }
 """What the test replaces: a display, real time, and minutes of processor time."""
 
