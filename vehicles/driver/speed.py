@@ -201,10 +201,15 @@ class GapKeeping:
         """Without a `controller`, that of `GapLaw`."""
         self._limits = limits
         self._controller = controller or GapLaw(LongitudinalSetup(policy, limits))
+        self._needs_poses: bool = getattr(self._controller, "needs_poses", True)
 
     def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:  # noqa: ARG002
-        """Keep the gap; keep the speed until the predecessor, or any source, is received."""
-        if math.isnan(ahead.spacing) and not ahead.sources:
+        """Keep the gap; keep the speed until the predecessor, or any source, is received.
+
+        A controller that needs no poses keeps the gap that the on-board sensor measures.
+        """
+        by_sensor = not self._needs_poses and not math.isnan(ahead.measured_gap)
+        if math.isnan(ahead.spacing) and not ahead.sources and not by_sensor:
             return SpeedCommand(0.0, pose.speed)
         limits = self._limits
         wanted = self._controller.acceleration(pose.speed, ahead)

@@ -152,7 +152,8 @@ class LongitudinalController(Protocol):
     The command is limited to [speed.gap] and to bends. With `reaction = "degrade"` the follower
     also keeps the safe distance while messages are missing. It is not called before the first pose
     of the predecessor, or of any source if the predecessor is not received: until then the car
-    keeps its speed.
+    keeps its speed. A class with `needs_poses = False` is also called without poses while the
+    on-board sensor measures the gap.
     """
 
     def acceleration(self, speed: float, ahead: VehiclesAhead) -> float:

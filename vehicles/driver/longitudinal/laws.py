@@ -52,6 +52,7 @@ class Acc:
     """
 
     needs_predecessor: ClassVar[bool] = True
+    needs_poses: ClassVar[bool] = False
     Settings = AccSettings
 
     def __init__(self, setup: LongitudinalSetup, settings: AccSettings) -> None:
@@ -78,6 +79,7 @@ class _RadioLaw:
     """A law with radio data of the predecessor, and ACC without them."""
 
     needs_predecessor: ClassVar[bool] = True
+    needs_poses: ClassVar[bool] = False
 
     def __init__(self, setup: LongitudinalSetup, settings: Fallback) -> None:
         self._setup, self._fallback = setup, settings
