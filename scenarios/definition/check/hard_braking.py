@@ -1,8 +1,8 @@
 """Hardest braking of the lead that followers hold without a contact, by their own speed law.
 
-The convoy is simulated along the road only: exact positions and speeds, poses at their rate and
-delay, and `the longitudinal controller` at the rate of control. The lead begins to brake
-just after it has sent a pose, and stops.
+The convoy is simulated along the road only: exact positions and speeds, poses and measurements of
+a gap sensor at their rate and delay, and the longitudinal controller at the rate of control. The
+lead begins to brake just after it has sent a pose, and stops.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,6 +15,7 @@ from scenarios.definition.channel.build import usual_delay_ms, vehicles_between
 from scenarios.definition.channel.expected import expected_channel
 from scenarios.definition.check.preview import spacing_to
 from scenarios.definition.scenario import Scenario
+from vehicles.car.sensors.gap_sensor import GapSensorSettings
 from vehicles.car.tyres import GRAVITY
 from vehicles.driver.degradation.situation import SourceFreshness
 from vehicles.driver.longitudinal.controller import (
@@ -24,7 +25,7 @@ from vehicles.driver.longitudinal.controller import (
     VehiclesAhead,
 )
 from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
-from vehicles.schedule import MILLISECOND
+from vehicles.schedule import MILLISECOND, SECOND
 
 HARD_BRAKING = 6.0
 """Hard braking (m/s²) on a dry road; a warning is due if followers do not hold it."""
@@ -90,6 +91,7 @@ class _GapFollower:
     limits: GapLimits
     controller: LongitudinalController
     least_spacing: float
+    sensor: GapSensorSettings | None
 
     @property
     def nearest(self) -> Sequence[_PoseSource]:
@@ -179,6 +181,7 @@ def _follower(
         limits=limits,
         controller=scenario.longitudinal_controller(name, limits),
         least_spacing=scenario.least_spacings[setup.place],
+        sensor=setup.gap_sensor,
     )
 
 
@@ -245,9 +248,30 @@ def _command(
         position, motion = _newest(follower.predecessor, convoy, now, period)
         driven, ahead.predecessor_speed, ahead.predecessor_acceleration = motion.predicted_motion()
         ahead.spacing = position + driven - own.position
+    if follower.sensor is not None:
+        _measure(follower, follower.sensor, ahead, convoy[place - 1 : place + 1], period)
     limits = follower.limits
     wanted = follower.controller.acceleration(own.speed, ahead)
     return min(max(wanted, -limits.deceleration), limits.acceleration)
+
+
+def _measure(
+    follower: _GapFollower,
+    sensor: GapSensorSettings,
+    ahead: VehiclesAhead,
+    pair: Sequence[_SimulatedMotion],
+    period: float,
+) -> None:
+    """Add the oldest measurement that the sensor makes between a predecessor and a follower."""
+    ticks = ceil((sensor.latency / SECOND + 1.0 / sensor.rate) / period - ROUNDING)
+    age = ticks * period
+    (place, speed, _), (own_place, own_speed, _) = (
+        one.earlier[max(len(one.earlier) - ticks, 0)] for one in pair
+    )
+    gap, rate = place - own_place - follower.least_spacing, speed - own_speed
+    if gap <= sensor.reach:
+        ahead.measured_gap, ahead.measured_gap_rate = gap + rate * age, rate
+        ahead.measured_gap_age = age
 
 
 def _newest(

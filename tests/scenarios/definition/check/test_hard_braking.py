@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from scenarios.definition.check.findings import check
 from scenarios.definition.check.hard_braking import HeldBraking, braking_warnings, held_braking
-from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.results.summary import RunSummary
 from scenarios.runs.virtual.unlogged_run import run_unlogged
 from tests.made.examples import examples
@@ -241,3 +241,16 @@ def test_many_cars_behind_a_lead_that_brakes_at_8_mps2(
     if gaps.at_most(8.0) < -NOISE_M:
         assert list(braking_warnings(found, 8.0))
         assert loss > 0.0 or collisions(summary) > 0  # silence can make followers brake before
+
+
+def test_losses_do_not_matter_to_acc_with_a_gap_sensor() -> None:
+    acc = ["control.longitudinal=acc", "speed.gap.headway_s=1.2", "convoy.vehicles=3"]
+
+    def held(*settings: str) -> float:
+        found = held_braking(load_scenario("plexe_base", [*acc, *settings]), 27.8)
+        assert found is not None
+        return found.braking
+
+    lossy = "links.loss_ratio=0.9"
+    assert held(lossy) == held() > 6.0
+    assert held(lossy, "gap_sensor.range_m=0") < held(lossy, "gap_sensor.range_m=20") < 2.0
