@@ -85,9 +85,13 @@ def _recorded_s(path: Path, vehicles: Sequence[str], *, partial: bool) -> tuple[
     if not partial:
         reader.refuse_faults(*TOPICS, "start", remedy=PARTIAL)
     for name in vehicles:
-        if not all(reader.counts.get((name, topic)) for topic in TOPICS):
-            senders = sorted({one for one, topic in reader.counts if topic == "truth"})
-            raise ValueError(f"holds no poses of {name}, but of {', '.join(senders) or 'none'}")
+        if missing := [topic for topic in TOPICS if not reader.counts.get((name, topic))]:
+            topic = missing[0]
+            senders = sorted({one for one, of in reader.counts if of == topic})
+            raise ValueError(
+                f"holds no messages of {name} on the topic {topic}, but of "
+                f"{', '.join(senders) or 'none'}"
+            )
     fields = {"truth": ("true_at_ns",), "start": ("start_at_ns",)}
     columns = reader.columns(("truth", "start"), fields=fields)
     starts = [one for (_, topic), one in columns.items() if topic == "start"]

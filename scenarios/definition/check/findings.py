@@ -449,6 +449,13 @@ def _speed_warnings(scenario: Scenario, run: _Run) -> Iterator[str]:
             f'speed.oscillation is not used with speed.lead = "{speed.lead}". Set it to '
             '"oscillating".'
         )
+    begins = speed.oscillation.from_s
+    if speed.lead == "oscillating" and begins >= scenario.duration_s:
+        yield (
+            f"speed.oscillation.from_s = {begins:g} is not before the end of the run at "
+            f"{scenario.duration_s:g} s: the lead drives at its set speed. Lower it, or raise "
+            "duration_s."
+        )
     lowered = list(_lowered(scenario, run)) if speed.lead == "set" else []
     if lowered:
         slowest, set_speed = min(lowered)
