@@ -106,10 +106,12 @@ from transport.convoy_pb2 import GpsPose
 
 def show(sample):
     pose = GpsPose.FromString(sample.payload.to_bytes())
-    print(pose.vehicle, pose.seq, pose.latitude_deg, pose.longitude_deg, flush=True)
+    print(pose.vehicle, pose.seq, pose.latitude_deg, pose.longitude_deg)
 
 
-config = zenoh.Config.from_json5('{mode: "client", scouting: {multicast: {enabled: false}}}')
+config = zenoh.Config()
+config.insert_json5("mode", '"client"')
+config.insert_json5("scouting/multicast/enabled", "false")
 config.insert_json5("connect/endpoints", f'["{sys.argv[1]}"]')
 with zenoh.open(config) as session:
     session.declare_subscriber("*/convoy/*/gps", show)

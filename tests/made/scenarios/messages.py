@@ -97,6 +97,8 @@ def tracking(vehicle: str, seq: int, **more: object) -> Tracking:
         yaw_rate_error_radps=0.0,
         curvature_per_m=0.0,
         estimated_gap_m=15.0,
+        measured_gap_m=15.1,
+        measured_gap_rate_mps=0.0,
         lead_age_s=0.02,
         predecessor_age_s=0.02,
         lead_period_s=0.05,

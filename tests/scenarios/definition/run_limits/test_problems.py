@@ -43,7 +43,7 @@ REFUSED = {
     ),
     "a mode that the first follower cannot have": (
         ("modes", MODE, {"vehicle": '"v2"'}),
-        'limits.modes[0].mode: given "predecessor", but v2 receives from the lead only, allowed '
+        'limits.modes[0].mode: given "predecessor", but v2 steers along v1 only, allowed '
         '"lead", "coast", "stop", "creep" or "straight"',
     ),
     "beyond the end": (
@@ -52,8 +52,8 @@ REFUSED = {
     ),
     "an unknown mode": (
         ("modes", MODE, {"mode": '"fast"'}),
-        'limits.modes[0].mode: given "fast", allowed "composite", "lead", "predecessor", "coast", '
-        '"stop", "creep" or "straight"',
+        'limits.modes[0].mode: given "fast", allowed "composite", "lead", "predecessor", '
+        '"intermediate", "coast", "stop", "creep" or "straight"',
     ),
     "no time at all": (
         ("recovery", RECOVERY, {"within_s": "0.0"}),
