@@ -1,12 +1,12 @@
 """Hardest braking of the lead that followers hold without a contact, by their own speed law.
 
 The convoy is simulated along the road only: exact positions and speeds, poses and measurements of
-a gap sensor at their rate and delay, and the longitudinal controller at the rate of control. The
-lead begins to brake just after it has sent a pose, and stops.
+a gap sensor at their rate and delay, the longitudinal controller at the rate of control, and the
+lag of the drive. The lead begins to brake just after it has sent a pose, and stops.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import accumulate
 from math import ceil, floor, inf, log
@@ -15,6 +15,7 @@ from scenarios.definition.channel.build import usual_delay_ms, vehicles_between
 from scenarios.definition.channel.expected import expected_channel
 from scenarios.definition.check.preview import spacing_to
 from scenarios.definition.scenario import Scenario
+from vehicles.car.dynamics import achieved_acceleration
 from vehicles.car.sensors.gap_sensor import GapSensorSettings
 from vehicles.car.tyres import GRAVITY
 from vehicles.driver.degradation.situation import SourceFreshness
@@ -101,15 +102,31 @@ class _GapFollower:
 
 @dataclass(slots=True)
 class _SimulatedMotion:
-    """Position (m), speed (m/s) and command (m/s²) of a vehicle.
+    """Position (m), speed (m/s) and command (m/s²) of a vehicle, whose drive has a `lag` (s).
 
-    Those `earlier` are the ones before the braking, and then at each instant of control.
+    Those `earlier` are the ones before the braking, and then at each instant of control. `achieved`
+    (m/s²) is the acceleration that the drive has reached.
     """
 
     position: float
     speed: float
-    acceleration: float
-    earlier: list[tuple[float, float, float]]
+    lag: float
+    acceleration: float = 0.0
+    achieved: float = 0.0
+    earlier: list[tuple[float, float, float]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.earlier.append((self.position, self.speed, 0.0))
+
+    def advance(self, period: float) -> None:
+        """Drive for `period` (s) with a constant command; a standing car forgets its braking."""
+        self.earlier.append((self.position, self.speed, self.acceleration))
+        before = self.achieved if self.speed > 0.0 else 0.0
+        self.achieved = achieved_acceleration(before, self.acceleration, period, self.lag)
+        change = self.acceleration * period + (before - self.achieved) * self.lag
+        after = max(self.speed + change, 0.0)
+        self.position += 0.5 * (self.speed + after) * period
+        self.speed = after
 
 
 def held_braking(scenario: Scenario, speed: float) -> HeldBraking | None:
@@ -118,10 +135,11 @@ def held_braking(scenario: Scenario, speed: float) -> HeldBraking | None:
     if scenario.tables.speed.followers != "gap" or len(names) == 1 or scenario.tables.replayed:
         return None
     simulated = names[: FOLLOWERS_MAX + 1]
+    lags = [scenario.vehicle(name).parameters.drive_lag for name in simulated]
     followers = [_follower(scenario, name, speed, simulated) for name in simulated[1:]]
     braking, held, too_hard, place = _grip(scenario, names[0]), 0.0, inf, 1
     for _ in range(1 + HALVINGS):
-        hit = _first_hit(followers, speed, braking, period)
+        hit = _first_hit(followers, lags, speed, braking, period)
         if hit is None:
             held = braking
         else:
@@ -202,22 +220,23 @@ def _source(scenario: Scenario, name: str, source: str, speed: float) -> _PoseSo
 
 
 def _first_hit(
-    followers: Sequence[_GapFollower], speed: float, braking: float, period: float
+    followers: Sequence[_GapFollower],
+    lags: Sequence[float],
+    speed: float,
+    braking: float,
+    period: float,
 ) -> int | None:
     """Place of the follower that first touches its predecessor; None without a contact."""
     spacings = [one.policy.desired(speed) for one in followers]
     places = [-place for place in accumulate(spacings, initial=0.0)]
-    convoy = [_SimulatedMotion(place, speed, 0.0, [(place, speed, 0.0)]) for place in places]
+    convoy = [_SimulatedMotion(place, speed, lag) for place, lag in zip(places, lags, strict=True)]
     convoy[0].acceleration = -braking
     tick = 0
     while max(one.speed for one in convoy) > STANDSTILL and tick * period < LONGEST:
         for place, follower in enumerate(followers, 1):
             convoy[place].acceleration = _command(follower, place, convoy, tick * period, period)
         for one in convoy:
-            one.earlier.append((one.position, one.speed, one.acceleration))
-            after = max(one.speed + one.acceleration * period, 0.0)
-            one.position += 0.5 * (one.speed + after) * period
-            one.speed = after
+            one.advance(period)
         for place, follower in enumerate(followers, 1):
             spacing = convoy[place - 1].position - convoy[place].position
             if spacing <= follower.least_spacing:
@@ -234,7 +253,7 @@ def _command(
     period: float,
 ) -> float:
     own = convoy[place]
-    ahead = VehiclesAhead(own=OwnMotion(period, own.acceleration, own.position))
+    ahead = VehiclesAhead(own=OwnMotion(period, own.acceleration, own.position, own.achieved))
     sources = {}
     for source in follower.sources:
         position, motion = _newest(source, convoy, now, period)

@@ -107,6 +107,21 @@ def test_at_a_constant_gap_it_is_what_the_limit_and_the_delay_allow(
     assert found.follower == ("v2" if found.braking < GRIP else "")
 
 
+@pytest.mark.parametrize(("lag_s", "lead_lag_s"), [(0.3, 0.0), (0.1, 0.2), (0.3, 0.3)])
+def test_a_drive_lag_acts_as_a_delay_of_the_brakes(lag_s: float, lead_lag_s: float) -> None:
+    """With brakes of lag τ a car drives v τ further until it stands."""
+    speed, gap_m, limit = 30.0, 12.0, 5.0
+    lags = [
+        f"parameters.drive_lag_s={lag_s}",
+        f"vehicle.v1.parameters.drive_lag_s={lead_lag_s}",
+    ]
+    quick = convoy(speed=speed, gap_m=gap_m, limit=limit, vehicles=2)
+    found = held(scenario_from_text(quick.text, overrides=lags), speed)
+    late = 0.02 + POSES_S + 0.5 * TICK_S + lag_s - lead_lag_s
+    allowed = speed * speed / (2.0 * (speed * speed / (2.0 * limit) + speed * late - gap_m))
+    assert found.braking == pytest.approx(allowed, rel=0.02)
+
+
 def test_a_wider_gap_and_a_faster_link_never_hold_less() -> None:
     by_gap = [held(convoy(gap_m=gap_m)).braking for gap_m in (2.0, 4.0, 8.0, 16.0)]
     by_latency = [held(convoy(latency_ms=latency)).braking for latency in (200.0, 100.0, 20.0)]
