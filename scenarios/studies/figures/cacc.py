@@ -5,6 +5,7 @@ from functools import partial
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.studies.figures.study import (
+    COLLISIONS,
     LEAST_VEHICLES,
     FigureOptions,
     FigurePanel,
@@ -52,7 +53,7 @@ def cacc_study(options: FigureOptions) -> FigureStudy:
         "v3.string.spacing_error_m_rms",
         f"{last}.string.spacing_error_m_rms",
         f"{last}.string.acceleration_gain_l2_from_lead",
-        "events.collision",
+        COLLISIONS,
     )
     plans = {
         name: planned(

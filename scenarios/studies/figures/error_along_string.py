@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 
 from scenarios.studies.figures.study import (
+    COLLISIONS,
     FigureOptions,
     FigurePanel,
     FigurePoint,
@@ -34,7 +35,10 @@ def error_along_string_study(options: FigureOptions) -> FigureStudy:
         sets=options.settings(
             f"convoy.vehicles={count}", "duration_s=20", "gnss.position_noise_m=0.02"
         ),
-        figures=[f"{name}.string.lateral_error_m_{norm}" for norm in NORMS for name in followers],
+        figures=[
+            *(f"{name}.string.lateral_error_m_{norm}" for norm in NORMS for name in followers),
+            COLLISIONS,
+        ],
     )
     panels = [
         FigurePanel(

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
 from scenarios.studies.figures.study import (
+    COLLISIONS,
     FigureOptions,
     FigurePanel,
     FigurePoint,
@@ -37,7 +38,7 @@ def loss_over_gap_study(options: FigureOptions) -> FigureStudy:
             sets=options.settings(
                 f"convoy.vehicles={count}", "duration_s=11", "gnss.rate_hz=10", *others
             ),
-            figures=(figure,),
+            figures=(figure, COLLISIONS),
         )
         for label, axis, others in (
             ("loss", loss, REACTION),

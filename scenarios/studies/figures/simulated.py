@@ -8,7 +8,7 @@ from typing import Any
 from scenarios.studies.engine.engine import Engine, study_engine
 from scenarios.studies.engine.results import write_files
 from scenarios.studies.engine.workers import OpenWorkers
-from scenarios.studies.figures.study import FigureResult, FigureStudy
+from scenarios.studies.figures.study import FigureResult, FigureStudy, collisions_in
 from scenarios.studies.many.sweeps.cell_table import SweepTable, table_of
 from scenarios.studies.many.sweeps.plan import SweepPlan
 
@@ -35,7 +35,8 @@ def run_figure(
     with study_engine(open_workers, report, out=out, files=files, identity=identity) as engine:
         tables = _simulated(study, engine)
         points = tuple(study.points(tables))
-        result = FigureResult(study=study, points=points, outcome=study.outcome(points))
+        outcome = study.outcome(points) + collisions_in(tables)
+        result = FigureResult(study=study, points=points, outcome=outcome)
         if out is None:
             return result, []
         contents: list[Any] = [result.rows(), machine_readable(result)]

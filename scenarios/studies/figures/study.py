@@ -139,6 +139,21 @@ def sweep_command(plan: SweepPlan) -> str:
     return shlex.join(parts)
 
 
+COLLISIONS = "events.collision"
+"""Figure that each plan has, so that a series with collisions does not pass as a good one."""
+
+
+def collisions_in(tables: Mapping[str, SweepTable]) -> str:
+    """Name the sweeps with collisions, and in how many runs; empty without any."""
+    parts = []
+    for label, table in tables.items():
+        runs = [run for cell in table.cells for run in cell.runs]
+        collided = sum(bool(value_of(table, run, COLLISIONS)) for run in runs)
+        if collided:
+            parts.append(f"{label} ({collided} of {len(runs)} runs)")
+    return f"; collisions: {', '.join(parts)}" if parts else ""
+
+
 def value_of(table: SweepTable, run: SweepRun, figure: str) -> float | None:
     """Figure of a run by its name."""
     names = [one.name for one in table.plan.figures]

@@ -15,7 +15,7 @@ from scenarios.cli.main import cli
 from scenarios.definition.errors import ScenarioError
 from scenarios.studies.figures.cacc import LAWS
 from scenarios.studies.figures.registry import FIGURE_STUDIES
-from scenarios.studies.figures.study import FigureOptions, FigureStudy, point
+from scenarios.studies.figures.study import FigureOptions, FigureStudy, collisions_in, point
 from scenarios.studies.many.sweeps.cell_table import SweepTable, table_of
 from scenarios.studies.many.sweeps.plan import run_key
 
@@ -49,6 +49,17 @@ def test_a_figure_is_small_by_default_and_grows_with_its_options(name: str) -> N
         study_of(name, vary=("convoy.vehicles=3,4",))
     with pytest.raises(ScenarioError, match=r"convoy\.vehicles: given 2"):
         study_of(name, sets=("convoy.vehicles=2",))
+
+
+@pytest.mark.parametrize("name", FIGURE_STUDIES)
+def test_series_with_collisions_are_named(name: str) -> None:
+    study = study_of(name)
+    assert not collisions_in(known_tables(study, {"events.collision": 0.0}))
+    tables = known_tables(study, {"events.collision": 0.0})
+    label, plan = next(iter(study.sweeps.items()))
+    tables[label] = known_tables(study, {"events.collision": 2.0})[label]
+    runs = len(plan.cells) * plan.seeds
+    assert f"{label} ({runs} of {runs} runs)" in collisions_in(tables)
 
 
 def test_settings_of_the_user_replace_those_of_the_figure() -> None:
