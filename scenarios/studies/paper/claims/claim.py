@@ -156,8 +156,8 @@ def counts_text(claims: Sequence[JudgedClaim], trajectory: Trajectory) -> str:
     judgements = [claim.verdicts[trajectory].judgement for claim in claims]
     hold, undecided, misprints, fail, unknown = map(judgements.count, JUDGEMENTS)
     return (
-        f"{hold} hold, {undecided} are undecided, {misprints} are harmless misprints, {fail} do "
-        f"not hold, {unknown} cannot be checked"
+        f"{hold} hold, {undecided} undecided, {misprints} harmless misprints, {fail} do not hold, "
+        f"{unknown} cannot be checked"
     )
 
 

@@ -116,8 +116,8 @@ def test_report_json_agrees_with_report_md(whole: Path) -> None:
         assert sum(counts) == len(CLAIMS)
         assert counts[2] == 5
         line = (
-            f"{counts[0]} hold, {counts[1]} are undecided, 5 are harmless misprints, {counts[3]} do"
-            f" not hold, {counts[4]} cannot be checked"
+            f"{counts[0]} hold, {counts[1]} undecided, 5 harmless misprints, {counts[3]} do not "
+            f"hold, {counts[4]} cannot be checked"
         )
         assert line in text
         runs = report["runs"][kind]
