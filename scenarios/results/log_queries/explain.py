@@ -17,6 +17,7 @@ from scenarios.results.recorded.link_outcomes import (
     ACCOUNTED_FIELDS,
     missing_verdicts,
 )
+from scenarios.results.vehicles.reaction import NOT_RELIED_ON
 from transport.columns import Columns
 from transport.log.reader import LogReader
 from transport.log.records import LogError
@@ -107,7 +108,7 @@ class Explanation:
             action = f"followed {sources.replace('path', 'composite trajectory', 1)}"
         parts = [f"At {self.decided_at_s:.2f} s {self.vehicle} {action}."]
         ahead = [source for source in self.sources if source.use != "longitudinal"]
-        unused = [f"{s.sender} {STATUS_WORDS[s.status]}" for s in ahead if s.status in STATUS_WORDS]
+        unused = [_not_relied_on(source) for source in ahead if source.status in NOT_RELIED_ON]
         if unused:
             parts.append(f"Not relied on: {', '.join(unused)}.")
         if ahead:
@@ -120,12 +121,9 @@ class Explanation:
         return " ".join(parts)
 
 
-STATUS_WORDS = {
-    "lost": "(lost)",
-    "distrusted": "(distrusted)",
-    "probation": "(on probation after a loss)",
-}
-"""Statuses of sources that a follower does not rely on, in words."""
+def _not_relied_on(source: KnownSource) -> str:
+    status = "on probation after a loss" if source.status == "probation" else source.status
+    return f"{source.sender} ({status})"
 
 
 def _known_path(source: KnownSource) -> str:
