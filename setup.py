@@ -7,9 +7,8 @@ generators, which mypyc would add up as Python did up to 3.11. Not compiled are 
 run time, and classes whose annotations are read: messages and the contents of the summary. Nothing
 interpreted can inherit from a compiled class, or read its docstring, as `convoy reference` does.
 
-mypyc inlines constants annotated as Final, and does not compile the `__init__` that `dataclass`
-generates: classes constructed many times per tick have one written by hand. It cannot
-compile a keyword-only argument whose default is a number.
+mypyc inlines constants annotated as Final. It cannot compile a keyword-only argument whose default
+is a number.
 """
 
 import os

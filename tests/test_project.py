@@ -1,12 +1,10 @@
 """Rules of the project: size, folders, compiled modules, dependencies, imports and language."""
 
 import ast
-import dataclasses
 import fnmatch
 import importlib
 import importlib.metadata
 import importlib.util
-import inspect
 import json
 import re
 import runpy
@@ -23,7 +21,6 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from tests.made.interpreted import interpreted_only
 from tests.made.planted_wrongs import WRONGS
 
 ROOT = Path(__file__).parent.parent
@@ -227,38 +224,6 @@ def test_compiled_modules_avoid_what_mypyc_evaluates_otherwise(
             if isinstance(node, ast.GeneratorExp):
                 over = {ast.unparse(loop.iter).partition("(")[0] for loop in node.generators}
                 assert not over & {"count", "cycle", "repeat"}, f"{name}:{node.lineno}"
-
-
-@interpreted_only
-def test_hand_written_initialisers_take_the_fields_in_order(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Like the `__init__` that `dataclass` would generate; see setup.py."""
-    checked = set()
-    for path in compiled_modules(monkeypatch):
-        module = importlib.import_module(path.removesuffix(".py").replace("/", "."))
-        for kind in vars(module).values():
-            if not (isinstance(kind, type) and dataclasses.is_dataclass(kind)):
-                continue
-            if kind.__init__.__code__.co_filename != module.__file__:
-                continue
-            parameters = {
-                parameter.name: (parameter.kind is parameter.KEYWORD_ONLY, parameter.default)
-                for parameter in inspect.signature(kind).parameters.values()
-            }
-            expected = {
-                field.name: (field.kw_only, default_of(field)) for field in dataclasses.fields(kind)
-            }
-            assert list(parameters.items()) == list(expected.items()), kind
-            checked.add(kind.__name__)
-    assert {"Body", "Decision", "Situation", "Pose", "Fix"} <= checked
-
-
-def default_of(field: "dataclasses.Field[Any]") -> object:
-    """Default of the parameter of a field; None for a factory."""
-    if field.default_factory is not dataclasses.MISSING:
-        return None
-    return inspect.Parameter.empty if field.default is dataclasses.MISSING else field.default
 
 
 def test_a_listed_module_that_does_not_exist_is_reported(

@@ -33,7 +33,7 @@ EVICTED_MB = 64
 """More than the size of the caches."""
 
 
-def serve() -> None:  # noqa: PLR0915 (one function, as its source text runs elsewhere)
+def serve() -> None:
     """Time the ticks of a run for each line of standard input, with warm or cold caches.
 
     Runs in a new process from its source text, also with commits without this file.

@@ -60,28 +60,6 @@ class Body:
     steering_rate: float = 0.0
     distance: float = 0.0
 
-    def __init__(  # noqa: PLR0917 - its fields
-        self,
-        east: float,
-        north: float,
-        yaw: float,
-        speed: float,
-        lateral_speed: float = 0.0,
-        yaw_rate: float = 0.0,
-        steering: float = 0.0,
-        steering_rate: float = 0.0,
-        distance: float = 0.0,
-    ) -> None:
-        self.east = east
-        self.north = north
-        self.yaw = yaw
-        self.speed = speed
-        self.lateral_speed = lateral_speed
-        self.yaw_rate = yaw_rate
-        self.steering = steering
-        self.steering_rate = steering_rate
-        self.distance = distance
-
 
 @dataclass(slots=True)
 class Actuation:
@@ -93,10 +71,6 @@ class Actuation:
 
     steering: float
     acceleration: float
-
-    def __init__(self, steering: float, acceleration: float) -> None:
-        self.steering = steering
-        self.acceleration = acceleration
 
 
 def achieved_acceleration(before: float, command: float, span: float, lag: float) -> float:

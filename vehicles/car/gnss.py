@@ -44,28 +44,6 @@ class Fix:
     state: FixState = "fixed"
     accuracy: float = 0.02
 
-    def __init__(  # noqa: PLR0917 - its fields
-        self,
-        seq: int,
-        measured_at: int,
-        east: float,
-        north: float,
-        yaw: float,
-        speed: float,
-        yaw_rate: float,
-        state: FixState = "fixed",
-        accuracy: float = 0.02,
-    ) -> None:
-        self.seq = seq
-        self.measured_at = measured_at
-        self.east = east
-        self.north = north
-        self.yaw = yaw
-        self.speed = speed
-        self.yaw_rate = yaw_rate
-        self.state = state
-        self.accuracy = accuracy
-
 
 _State = tuple[list[float], ReceiverErrors | None, ForcedStates | None, deque[Fix]]
 

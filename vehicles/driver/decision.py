@@ -57,43 +57,6 @@ class Decision:
     remarks: tuple[str, ...] = ()
     fresh: bool = True
 
-    def __init__(
-        self,
-        *,
-        actuation: Actuation,
-        steering: SteeringCommand,
-        errors: TrackingErrors,
-        mode: Mode,
-        reason: str = "",
-        fit: Fit | None = None,
-        target_speed: float = 0.0,
-        estimated_gap: float = nan,
-        lateral_deviation: float = nan,
-        measured_gap: float = nan,
-        measured_gap_rate: float = nan,
-        own_pose: Pose | None = None,
-        path_offset: float = nan,
-        situation: Situation | None = None,
-        remarks: tuple[str, ...] = (),
-        fresh: bool = True,
-    ) -> None:
-        self.actuation = actuation
-        self.steering = steering
-        self.errors = errors
-        self.mode = mode
-        self.reason = reason
-        self.fit = fit
-        self.target_speed = target_speed
-        self.estimated_gap = estimated_gap
-        self.lateral_deviation = lateral_deviation
-        self.measured_gap = measured_gap
-        self.measured_gap_rate = measured_gap_rate
-        self.own_pose = own_pose
-        self.path_offset = path_offset
-        self.situation = Situation() if situation is None else situation
-        self.remarks = remarks
-        self.fresh = fresh
-
     def dead_reckoned(self, now: int) -> Fix | None:
         """The own position at `now` (ns) as a fix, estimated without one; None if uncertain."""
         own = self.own_pose

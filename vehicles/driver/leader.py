@@ -189,7 +189,7 @@ class Leader:
             target_speed=speed.target_speed,
             lateral_deviation=self._own_state.lateral_deviation,
             own_pose=pose,
-            situation=self._situation(pose.speed),
+            situation=self._situation(pose.speed) or Situation(),
         )
         return self._decision
 

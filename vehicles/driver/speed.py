@@ -136,10 +136,6 @@ class SpeedCommand:
     acceleration: float
     target_speed: float
 
-    def __init__(self, acceleration: float, target_speed: float) -> None:
-        self.acceleration = acceleration
-        self.target_speed = target_speed
-
 
 class SpeedLaw(Protocol):
     """Longitudinal control, as in Section V-C.3 or another."""

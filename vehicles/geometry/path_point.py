@@ -16,12 +16,6 @@ class PathPoint:
     yaw: float
     curvature: float
 
-    def __init__(self, east: float, north: float, yaw: float, curvature: float) -> None:
-        self.east = east
-        self.north = north
-        self.yaw = yaw
-        self.curvature = curvature
-
 
 @dataclass(slots=True)
 class Foot:
@@ -36,9 +30,3 @@ class Foot:
     lateral: float
     yaw: float
     curvature: float
-
-    def __init__(self, station: float, lateral: float, yaw: float, curvature: float) -> None:
-        self.station = station
-        self.lateral = lateral
-        self.yaw = yaw
-        self.curvature = curvature

@@ -31,26 +31,6 @@ class CarBody(Outline):
     speed_east: float
     speed_north: float
 
-    def __init__(  # noqa: PLR0917 - its fields
-        self,
-        east: float,
-        north: float,
-        along_east: float,
-        along_north: float,
-        half_length: float,
-        half_width: float,
-        speed_east: float,
-        speed_north: float,
-    ) -> None:
-        self.east = east
-        self.north = north
-        self.along_east = along_east
-        self.along_north = along_north
-        self.half_length = half_length
-        self.half_width = half_width
-        self.speed_east = speed_east
-        self.speed_north = speed_north
-
 
 class Separation(NamedTuple):
     """Distance (m) between two bodies, 0 where they overlap, and how fast it shrinks (m/s)."""

@@ -20,10 +20,6 @@ class Motion:
     speed: float
     yaw_rate: float
 
-    def __init__(self, speed: float, yaw_rate: float) -> None:
-        self.speed = speed
-        self.yaw_rate = yaw_rate
-
 
 @dataclass(frozen=True, slots=True)
 class InertialNoise:

@@ -43,34 +43,6 @@ class SourceFreshness:
     stops_at: int = 0
     speed: float = nan
 
-    def __init__(  # noqa: PLR0917 - its fields
-        self,
-        status: SourceStatus = "unheard",
-        age: float = nan,
-        silence: float = nan,
-        period: float = nan,
-        share: float = nan,
-        known: float = nan,
-        mode: Mode = "path",
-        hazard: bool = False,
-        acceleration: float = 0.0,
-        lost_at: int = 0,
-        stops_at: int = 0,
-        speed: float = nan,
-    ) -> None:
-        self.status = status
-        self.age = age
-        self.silence = silence
-        self.period = period
-        self.share = share
-        self.known = known
-        self.mode = mode
-        self.hazard = hazard
-        self.acceleration = acceleration
-        self.lost_at = lost_at
-        self.stops_at = stops_at
-        self.speed = speed
-
     def predicted_motion(self) -> tuple[float, float, float]:
         """Distance driven (m) since the newest sample, present speed (m/s), acceleration (m/s²).
 
@@ -122,37 +94,3 @@ class Situation:
     others: Mapping[str, SourceFreshness] = field(default_factory=dict)
     weights: Mapping[str, float] = field(default_factory=dict)
     ahead: VehiclesAhead | None = None
-
-    def __init__(  # noqa: PLR0917 - its fields
-        self,
-        lead: SourceFreshness | None = None,
-        predecessor: SourceFreshness | None = None,
-        known: float = nan,
-        comfortable_stop: float = nan,
-        firm_stop: float = nan,
-        blind: float = nan,
-        predecessor_weight: float = nan,
-        hazard: bool = False,
-        stops_at: int = 0,
-        hole: float = 0.0,
-        crossable: bool = False,
-        speed_limit: float = inf,
-        others: Mapping[str, SourceFreshness] | None = None,
-        weights: Mapping[str, float] | None = None,
-        ahead: VehiclesAhead | None = None,
-    ) -> None:
-        self.lead = SourceFreshness() if lead is None else lead
-        self.predecessor = SourceFreshness() if predecessor is None else predecessor
-        self.known = known
-        self.comfortable_stop = comfortable_stop
-        self.firm_stop = firm_stop
-        self.blind = blind
-        self.predecessor_weight = predecessor_weight
-        self.hazard = hazard
-        self.stops_at = stops_at
-        self.hole = hole
-        self.crossable = crossable
-        self.speed_limit = speed_limit
-        self.others = NO_OTHERS if others is None else others
-        self.weights = NO_WEIGHTS if weights is None else weights
-        self.ahead = ahead

@@ -19,20 +19,6 @@ class Pose:
     speed: float
     yaw_rate: float
 
-    def __init__(
-        self,
-        east: float,
-        north: float,
-        yaw: float,
-        speed: float,
-        yaw_rate: float,
-    ) -> None:
-        self.east = east
-        self.north = north
-        self.yaw = yaw
-        self.speed = speed
-        self.yaw_rate = yaw_rate
-
 
 class OwnState(Protocol):
     """Estimates the own pose: the vehicle block of Fig. 1, with the integration of V-D."""
