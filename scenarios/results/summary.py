@@ -71,8 +71,7 @@ class RunIdentity:
     sources: str = ""
     """Digest of the program's sources. Equal versions with other sources are other programs."""
     plug_ins: Mapping[str, str] = field(default_factory=dict)
-    """Digest of the module of each user-defined class, with the modules next to it that it
-    imports."""
+    """Digest of the module of each user-defined class."""
 
     @classmethod
     def here(cls, scenario: Scenario, clock: ClockName, run_id: str) -> "RunIdentity":
@@ -230,13 +229,6 @@ def field_docs(kind: type) -> dict[str, str]:
     return docs
 
 
-RENAMED: Mapping[type, Mapping[str, str]] = {
-    VehicleSummary: {"believed_minus_true_error_m_max": "self_estimate_error_m_max"},
-    LinkSummary: {"heard": "delivered"},
-    LimitFigure: {"figure": "value", "what": "action", "line": "message"},
-}
-"""Field names of `convoy.summary/1`, whose `gap_m_min` between centres of mass is dropped."""
-
 _FIGURES = TypeAdapter(RunSummary)
 
 
@@ -259,14 +251,13 @@ def _finite(value: Any) -> Any:
 
 
 def _filled(value: Any, kind: type) -> Any:
-    """Rename fields, restore NaN where JSON has null, and fill in figures that are missing.
+    """Restore NaN where JSON has null, and fill in figures that are missing.
 
     A missing figure is NaN or None, as its type allows, unless its class has a default.
     """
     if not isinstance(value, dict):
         return value
-    names = RENAMED.get(kind, {})
-    filled = {names.get(name, name): entry for name, entry in value.items()}
+    filled = dict(value)
     for entry in fields(kind):
         if entry.name in filled:
             if filled[entry.name] is None and entry.type is float:
@@ -280,7 +271,7 @@ def _filled(value: Any, kind: type) -> Any:
 
 
 def from_json(text: str) -> RunSummary:
-    """Read a `summary.json` of any version; raises ValueError."""
+    """Read a `summary.json` of this version or a later one; raises ValueError."""
     values = json.loads(text)
     if not isinstance(values, dict):
         raise ValueError("a summary is a table")  # noqa: TRY004 - wrong content of a file
