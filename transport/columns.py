@@ -55,8 +55,8 @@ class Columns:
     | bool           | bool                                      |
     | str or Literal | object (str); equal texts are one object  |
 
-    `lists` has the fields with several values in each message. A field that the log lacks, because
-    an earlier version wrote it, has the default of the message class. `logged_at_ns` are the
+    `lists` has the fields with several values in each message. A field that the log lacks has
+    the default of the message class. `logged_at_ns` are the
     instants of recording. `order` are places in the log, which grow from message to message of all
     topics. The field `vehicle` is left out.
     """

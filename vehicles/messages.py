@@ -181,14 +181,13 @@ class Tracking:
     across. `predecessor_weight_ratio` is the predecessor's weight in the trajectory. `hazard`: the
     vehicle warns its followers.
     `estimated_gap_m` is along the path from the predecessor's rear bumper to the own front bumper;
-    the lengths of both cars are those of the scenario. Logs before version 0.2 lack it.
+    the lengths of both cars are those of the scenario.
     `lateral_deviation_m` is the estimated standard deviation of the own position across the body of
-    the car. Logs before version 0.4 lack it.
+    the car.
     `measured_gap_m` and `measured_gap_rate_mps` are those of the on-board gap sensor, predicted to
     the command; NaN without a sensor or a measurement.
     `other_sources` lists the sources that are neither lead nor predecessor, from front to back,
-    each as "NAME STATUS", joined by commas. Their figures are in the same order. Logs before
-    version 0.6 lack them.
+    each as "NAME STATUS", joined by commas. Their figures are in the same order.
     """
 
     vehicle: str

@@ -3,7 +3,6 @@
 library          scenario files as text: shipped ones, the template, and the user's
 extends          a file merged into the one that it extends
 overrides        `--set`, applied to both
-renamed          old names of keys and values
 schema/          the tables of a file: keys with units, defaults and limits
 errors           the exceptions of invalid scenarios
 validation/      their lines, with hints

@@ -15,7 +15,6 @@ from scenarios.definition.overrides import (
     parse_override,
     parsed,
 )
-from scenarios.definition.renamed import as_recorded
 
 EXTENDS = "extends"
 PRESET = "preset"
@@ -112,10 +111,9 @@ def _same(one: ScenarioFile, other: ScenarioFile) -> bool:
 
 def _parsed(file: ScenarioFile) -> Raw:
     try:
-        tables = parsed(file.text)
+        return parsed(file.text)
     except ValueError as error:
         raise ScenarioError([f"{file.label}: not valid TOML: {error}"]) from error
-    return as_recorded(tables) if file.recorded else tables
 
 
 def laid_over(base: Raw, tables: Raw) -> Raw:

@@ -53,7 +53,7 @@ class ScenarioFile:
     """Text of a scenario file.
 
     `label` names the file in error lines. Traces and the base of `extends` are searched in
-    `folder`. `path` is None without a file. A `recorded` scenario may have old keys. One of a drive
+    `folder`. `path` is None without a file. A `recorded` scenario is that of a log. One of a drive
     (`is_drive`) has a recorded drive only, and is labelled with its file.
     """
 

@@ -507,7 +507,7 @@ def _read(
 def _with_lead_gap(tables: ScenarioTables, *, recorded: bool) -> ScenarioTables:
     """Let the lead of a closed path keep its gap to members ahead, unless the key is given.
 
-    A scenario `recorded` by an earlier version has no such links.
+    A `recorded` scenario states it.
     """
     if tables.speed.lead_keeps_gap is not None or recorded or not is_closed(tables.path):
         return tables

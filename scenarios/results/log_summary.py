@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
-from scenarios.definition.road.earlier_gaps import with_bumper_gaps
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.channel.link_summary import LinkSummary
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
@@ -190,10 +189,7 @@ def scenario_of(log: Path) -> Scenario:
 
 
 def scenario_in(reader: LogReader) -> Scenario:
-    """The scenario inside a log with the lead's path or trace, ready to run again.
-
-    In logs of versions before 0.2 its gaps were between centres of mass: they are converted.
-    """
+    """The scenario inside a log with the lead's path or trace, ready to run again."""
     log, attached = reader.path, reader.attachments().get(ATTACHED_AS)
     if attached is None:
         raise LogError(f"{log}: holds no scenario; was it written by `convoy`?")
@@ -201,6 +197,4 @@ def scenario_in(reader: LogReader) -> Scenario:
         text = attached.decode()
     except UnicodeDecodeError as error:
         raise LogError(f"{log} ({ATTACHED_AS}): is not text") from error
-    if reader.metadata().get(METADATA_NAME, {}).get("schema") == "convoy.summary/1":
-        text = with_bumper_gaps(text)
     return scenario_from_text(text, label=f"{log} ({ATTACHED_AS})", recorded=True)

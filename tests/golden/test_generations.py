@@ -1,4 +1,4 @@
-"""All commands read the logs of earlier versions, one for each generation of the schema.
+"""All commands read the logs of versions from 0.7.0 on, one for each generation of the schema.
 
 `logs/` has a folder for each generation, with `run.mcap` and `summary.json` of `convoy run`. For a
 new generation, add a folder.
@@ -19,7 +19,7 @@ from google.protobuf.descriptor_pb2 import DescriptorProto, FieldDescriptorProto
 from mcap.reader import make_reader
 
 from scenarios.cli.main import cli
-from scenarios.results.log_summary import scenario_of, summary_of
+from scenarios.results.log_summary import summary_of
 from scenarios.results.outcome import with_outcome_line
 from scenarios.results.summary import from_json, to_json
 from scenarios.runs.node.recorded_vehicle import read_recorded_vehicle
@@ -29,15 +29,9 @@ from transport.log.reader import LogReader
 from transport.log.repair import repair
 from transport.log.writer import LogWriter
 from transport.topics import TOPICS
-from vehicles.messages import GpsPose, Message
+from vehicles.messages import Message
 
 LOGS = sorted((Path(__file__).parent / "logs").iterdir())
-RENAMED = {
-    "heard": "received",
-    "heard_at_ns": "received_at_ns",
-    "true_driven_m": "true_distance_m",
-}
-"""Current names of fields that were renamed; their numbers stayed."""
 KINDS = {kind.__name__: kind for kind in PROTOBUF}
 
 
@@ -177,18 +171,6 @@ def test_the_session_is_repeated(folder: Path, again: Path) -> None:
     assert len(truth(again)) == len(truth(folder / "run.mcap"))
 
 
-def test_keys_added_since_keep_the_vehicles_as_they_were(folder: Path, again: Path) -> None:
-    """The first version sent no path history, and limited neither friction nor deviation."""
-    for log in (folder / "run.mcap", again):
-        scenario = scenario_of(log)
-        vehicle = scenario.vehicle("v2")
-        assert vehicle.sending.path_history == 0.0
-        assert scenario.tables.speed.friction_ratio_max == math.inf
-        assert vehicle.degradation.lateral_deviation_max >= 1000.0
-    poses = [message for _, _, message in LogReader(again).messages(("gps",))]
-    assert not any(pose.history_age_cs for pose in poses if isinstance(pose, GpsPose))
-
-
 def test_losses_are_ranked_if_the_run_can_be_repeated(
     folder: Path, again: Path, tmp_path: Path
 ) -> None:
@@ -269,4 +251,4 @@ def test_the_schema_is_compatible_with_the_log(folder: Path, name: str) -> None:
 
 
 def _form(field: FieldDescriptorProto) -> tuple[str, int, int]:
-    return RENAMED.get(field.name, field.name), field.type, field.label
+    return field.name, field.type, field.label

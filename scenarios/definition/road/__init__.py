@@ -10,5 +10,4 @@ replayed_drive   the motion of a replayed vehicle
 lead_speed       the lead's speed: lowered before curves, or as recorded
 silences         silences of a record, and stops in them
 set_speed        the lead's speed after a change, and the speed of a car that sets off
-earlier_gaps     gaps in logs before version 0.2
 """

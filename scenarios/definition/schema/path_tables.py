@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, StringConstraints
+from pydantic import Field, StringConstraints
 
 from scenarios.definition.schema.base_table import Table
 
@@ -95,14 +95,6 @@ Counts = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(strict=False)]
 Texts = Annotated[tuple[str, ...], Field(strict=False)]
 
 
-def _texts(given: object) -> object:
-    """Accept the only text that logs of earlier versions have."""
-    return ([given] if given else []) if isinstance(given, str) else given
-
-
-LeftOutTexts = Annotated[Texts, BeforeValidator(_texts)]
-
-
 class PointsPath(SmoothedPathTable):
     """Points in the plane; a trace is converted into them, so that a log needs no other file.
 
@@ -158,7 +150,7 @@ class PointsPath(SmoothedPathTable):
     standing_points: int = Field(default=0, ge=0)
     remarks: Texts = ()
     skipped_lines: int = Field(default=0, ge=0)
-    left_out: LeftOutTexts = ()
+    left_out: Texts = ()
     narrower_m: Widths = ()
     east_m: Numbers
     north_m: Numbers

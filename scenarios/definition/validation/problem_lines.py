@@ -6,7 +6,6 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from scenarios.definition.renamed import new_home, new_key, new_value
 from scenarios.definition.schema.base_table import NAME_PATTERN
 from scenarios.definition.schema.flow_table import WORD_ERROR
 from scenarios.definition.schema.plug_ins.table import ERROR_TYPE
@@ -51,14 +50,12 @@ def _line(problem: ErrorDetails) -> tuple[str, str]:
     location, kind, given = problem["loc"], problem["type"], problem["input"]
     key = dotted_key(walk(location)[0])
     if kind == "extra_forbidden":
-        new = _renamed(location, given)
-        return key, f"is now {new}" if new else f"unknown key{key_hint(location, given)}"
+        return key, f"unknown key{key_hint(location, given)}"
     if kind == "missing":
         return key, "missing"
     if kind in {WORD_ERROR, ERROR_TYPE}:
         describe = _word_problem if kind == WORD_ERROR else _class_problem
-        home = new_home(map(str, location), given)
-        return key, f"is now {home}" if home else describe(problem.get("ctx", {}), given)
+        return key, describe(problem.get("ctx", {}), given)
     if kind.startswith("union_tag"):
         allowed = either(kinds_of(walk(location)[1]))
         if "kind" not in given:
@@ -88,22 +85,10 @@ def _class_problem(context: Mapping[str, Any], _given: object) -> str:
     return f"{text}, allowed {allowed} or your own package.module.Class{hint}"
 
 
-def _renamed(location: Location, given: object) -> str:
-    """Return the new name of a key, with its value if that was renamed too; empty if neither."""
-    parts = tuple(map(str, location))
-    name = new_key(parts)
-    if name is None:
-        return ""
-    key, value = dotted_key((*walk(location)[0][:-1], name)), new_value((*parts[:-1], name), given)
-    return key if value is None else f"{key} = {toml_repr(value)}"
-
-
 def _allowed(location: Location, problem: ErrorDetails) -> str:
     kind, context = problem["type"], problem.get("ctx", {})
     if kind in {"greater_than", "greater_than_equal", "less_than", "less_than_equal"}:
         return _range(bounds_of(field_at(location)))
-    if kind == "literal_error" and (new := new_value(map(str, location), problem["input"])):
-        return f"{toml_repr(new)}, its new name"
     if kind == "literal_error":
         return str(context["expected"]).replace("'", '"')
     if kind == "string_pattern_mismatch" and context.get("pattern") == NAME_PATTERN:

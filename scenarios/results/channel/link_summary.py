@@ -104,8 +104,7 @@ class LinkSummary:
     """Messages received after the tick that needed them."""
     transport_ms_mean: float | None = None
     """Mean time that messages took on the real transport up to the receiver's process, from the
-    instant at which they were due; null in virtual time. In logs of version 0.4 up to the
-    recorder."""
+    instant at which they were due; null in virtual time."""
     transport_ms_p95: float | None = None
     """95th percentile of the same."""
     transport_ms_max: float | None = None

@@ -65,7 +65,7 @@ class VehicleSummary:
     """Time of the largest cross-track error."""
     road_error_m_max: float | None = None
     """Largest true distance from the road: the path of the scenario, or the vehicle's own drive if
-    it is replayed; null in runs before 0.4."""
+    it is replayed."""
     road_error_m_rms: float | None = None
     """Root mean square of the same."""
     road_error_max_at_s: float | None = None
@@ -74,21 +74,20 @@ class VehicleSummary:
     """Largest difference between the self-estimated and the true lateral error, once the vehicle
     has a trajectory."""
     lateral_deviation_m_max: float | None = None
-    """Largest estimated standard deviation of its own lateral position; null in runs before 0.4."""
+    """Largest estimated standard deviation of its own lateral position."""
     true_gap_m_min: float | None = None
     """Smallest true gap to the predecessor: shortest distance between the bodies, 0 in a
     collision."""
     true_gap_min_at_s: float | None = None
     """Time of the smallest true gap."""
     true_gap_m_max: float | None = None
-    """Largest true gap to the predecessor; null in runs before 0.6."""
+    """Largest true gap to the predecessor."""
     true_gap_max_at_s: float | None = None
     """Time of the largest true gap."""
     estimated_gap_m_min: float | None
-    """Smallest estimated gap to the predecessor, bumper to bumper along the path; null in runs
-    before 0.2."""
+    """Smallest estimated gap to the predecessor, bumper to bumper along the path."""
     estimated_gap_m_max: float | None = None
-    """Largest estimated gap to the predecessor; null in runs before 0.6."""
+    """Largest estimated gap to the predecessor."""
     distance_m: float
     """Distance driven."""
     lateral_acceleration_mps2_max: float | None = None

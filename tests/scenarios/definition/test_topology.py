@@ -1,7 +1,5 @@
 """The vehicles that each vehicle receives from, and the settings of each link."""
 
-import re
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,7 +9,7 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.scenario_tables import ScenarioTables
-from scenarios.definition.topology import InformationFlow, directed_links, usual_links
+from scenarios.definition.topology import directed_links, usual_links
 from transport.links.laws.basic import Decimation, Jitter, Latency, Loss
 
 RATE_HZ = 20.0
@@ -227,7 +225,6 @@ GAP = ("speed.followers=gap", "control.degradation.reaction=extrapolate")
              "link=[{sender='v1', receiver='v3'}]"),
             ("link[0]", "from v1 to v3", "no such link", "v3 receives from v2"),
         ),
-        (("control.fusion=predecessor",), ('information_flow.lateral = "predecessor"',)),
         (
             ("limits.modes=[{vehicle='v3', mode='intermediate', after_s=1, within_s=1}]",),
             ("intermediate", "v1, v2", '"composite"'),
@@ -242,13 +239,6 @@ def test_wrong_sources_get_one_line(overrides: tuple[str, ...], parts: tuple[str
         assert part in line
 
 
-def test_consensus_needs_no_predecessor_and_a_recorded_fusion_keeps_its_meaning() -> None:
+def test_consensus_needs_no_predecessor() -> None:
     consensus = (*GAP, "control.longitudinal=consensus", "information_flow.longitudinal=lead")
     assert load_scenario("lane_change", consensus).vehicle("v3").flow.longitudinal == ("v1",)
-    text = load_scenario("lane_change").text
-    text = text.replace('fusion = "composite"', 'fusion = "predecessor"')
-    parts = re.split(r"^(?=\[)", text, flags=re.MULTILINE)
-    kept = "".join(part for part in parts if not part.startswith("[information_flow"))
-    earlier = scenario_from_text(kept, recorded=True)
-    assert earlier.vehicle("v3").flow == InformationFlow(("v2",), ("v1", "v2"))
-    assert earlier.tables.control.fusion.use == "composite"

@@ -11,7 +11,6 @@ import pytest
 from scenarios.cli.summary_tables import FIGURES
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.channel.link_summary import LinkSummary
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import scenario_in, summary_of
@@ -19,16 +18,13 @@ from scenarios.results.metrics import Metrics
 from scenarios.results.summarise import late_lines
 from scenarios.results.summary import (
     ENTRIES,
-    RENAMED,
     SCHEMA,
-    LimitFigure,
     RunIdentity,
     RunSummary,
     documented_fields,
     from_json,
     to_json,
 )
-from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from scenarios.results.versions import PACKAGES
 from scenarios.runs.run_log import RunLog
 from tests.made.scenarios.messages import START, at, gps, health, text, tracking, truth, verdict
@@ -215,30 +211,6 @@ def test_a_run_that_did_not_keep_up_has_a_warning(late: int, reported: list[str]
     assert [
         line.partition(" of the ticks began late, by up to 31 ms (v2)")[0] for line in lines
     ] == (reported)
-
-
-def test_fields_of_the_first_format_are_read_by_their_old_names(
-    scenario: Scenario, tmp_path: Path
-) -> None:
-    run = written(scenario, tmp_path)
-    run.end(at(5.0), "")
-    summary = replace(
-        run.close(at(5.0)),
-        limits=(LimitFigure(limit="stops_max", bound=0, value=2, action="stop", message="broken"),),
-    )
-    values = json.loads(to_json(summary))
-    for group, kind in (
-        ("vehicles", VehicleSummary),
-        ("links", LinkSummary),
-        ("limits", LimitFigure),
-    ):
-        for row in values[group]:
-            for old, new in RENAMED[kind].items():
-                row[old] = row.pop(new)
-    for row in values["vehicles"]:
-        row["gap_m_min"] = row.pop("estimated_gap_m_min")  # was between centres of mass
-    expected = tuple(replace(row, estimated_gap_m_min=None) for row in summary.vehicles)
-    assert from_json(json.dumps(values)) == replace(summary, vehicles=expected)
 
 
 def test_the_summary_of_a_running_run_has_no_failure(scenario: Scenario, tmp_path: Path) -> None:

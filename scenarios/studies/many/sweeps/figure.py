@@ -12,7 +12,7 @@ from scenarios.definition.schema.limit_rows import OWN_FIGURES
 from scenarios.definition.topology import usual_links
 from scenarios.results.channel.link_summary import SAFE_AGES_MS, LinkSummary
 from scenarios.results.events.encounters import EventKind
-from scenarios.results.summary import RENAMED, RunSummary
+from scenarios.results.summary import RunSummary
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from transport.reasons import DropReason
 from vehicles.messages import Mode
@@ -100,9 +100,6 @@ def _paths(kind: type) -> Iterator[str]:
 
 VEHICLE_FIELDS = tuple(_paths(VehicleSummary))
 LINK_FIELDS = tuple(_paths(LinkSummary))
-RENAMED_FIGURES = {old: new for names in RENAMED.values() for old, new in names.items()} | {
-    "gap_m_min": "estimated_gap_m_min"
-}
 VEHICLE_FIELD_HEADS = frozenset(path.split(".")[0] for path in VEHICLE_FIELDS)
 
 
@@ -135,9 +132,7 @@ def parsed_figure(
         known += [f"links.{path}" for path in LINK_FIELDS]
     if text in known:
         return SweepFigure(text)
-    scope, _, name = text.rpartition(".")
-    renamed = f"{scope}.{RENAMED_FIGURES.get(name)}".removeprefix(".")
-    near = [renamed] if renamed in known else _near(text, known)
+    near = _near(text, known)
     hint = f"similar: {', '.join(near)}" if near else "see `convoy reference fields`"
     raise ScenarioError([f"--figure: unknown figure {text!r}, {hint}"])
 

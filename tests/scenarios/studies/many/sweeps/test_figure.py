@@ -82,16 +82,3 @@ def test_an_unknown_name_is_refused_with_similar_names(text: str, near: str) -> 
     (line,) = error.value.lines
     assert line.startswith(f"--figure: unknown figure {text!r}, ")
     assert near in line
-
-
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("believed_minus_true_error_m_max", "self_estimate_error_m_max"),
-        ("v2.gap_m_min", "v2.estimated_gap_m_min"),
-        ("v1:v2.heard", "v1:v2.delivered"),
-    ],
-)
-def test_a_renamed_figure_is_refused_with_its_new_name(old: str, new: str) -> None:
-    with pytest.raises(ScenarioError, match=f" {new}$"):
-        parsed_figure(old, ("v1", "v2"))
