@@ -21,6 +21,7 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from tests.made.interpreted import interpreted_only
 from tests.made.planted_wrongs import WRONGS
 
 ROOT = Path(__file__).parent.parent
