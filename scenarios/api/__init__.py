@@ -21,7 +21,6 @@
     convoy.sweep("lane_change", {"links.loss_ratio": [0.0, 0.4]}, seeds=5).cells
     convoy.figure("cacc").points              # CACC against Ploeg over loss, with intervals
     convoy.bisect("lossy_lane_change", "links.loss_ratio", "v4.error_m=0.5", share=0.05).boundary
-    convoy.risk("lossy_lane_change", "lane").probability
 
 Invalid input raises `convoy.Error`, with the sentences of the command line. Errors of the
 operating system, such as a full disk, are OSError as usual. Names and columns end in their units.
@@ -32,7 +31,7 @@ recorded   open and browse, and the class of recorded runs
 comparing  diff and compare
 repeating  replay and recompute
 plots      the plots of a run and of a comparison
-sweeping   sweep, bisect and risk
+sweeping   sweep and bisect
 figures    figure
 """
 
@@ -45,10 +44,9 @@ from scenarios.api.figures import FigureData, figure  # noqa: E402
 from scenarios.api.recorded import Run, browse, open  # noqa: A004, E402
 from scenarios.api.repeating import recompute, replay  # noqa: E402
 from scenarios.api.running import check, run  # noqa: E402
-from scenarios.api.sweeping import Sweep, bisect, risk, sweep  # noqa: E402
+from scenarios.api.sweeping import Sweep, bisect, sweep  # noqa: E402
 from scenarios.results.recorded.data_table import DataTable  # noqa: E402
 from scenarios.studies.many.boundary.boundary_search import BoundaryResult  # noqa: E402
-from scenarios.studies.many.risk import Risk  # noqa: E402
 from transport.texts import ConvoyError as Error  # noqa: E402
 
 __all__ = [
@@ -58,7 +56,6 @@ __all__ = [
     "Diff",
     "Error",
     "FigureData",
-    "Risk",
     "Run",
     "Sweep",
     "bisect",
@@ -70,7 +67,6 @@ __all__ = [
     "open",
     "recompute",
     "replay",
-    "risk",
     "run",
     "sweep",
 ]

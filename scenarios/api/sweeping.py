@@ -1,4 +1,4 @@
-"""Run a scenario over values and seeds: sweeps, boundaries and risks."""
+"""Run a scenario over values and seeds: sweeps and boundaries."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -12,8 +12,6 @@ from scenarios.results.recorded.data_table import DataTable
 from scenarios.studies.engine.workers import OpenWorkers, open_workers
 from scenarios.studies.many.boundary.boundary_files import run_bisect
 from scenarios.studies.many.boundary.boundary_search import BoundaryQuery, BoundaryResult
-from scenarios.studies.many.limit_history import Measure
-from scenarios.studies.many.risk import Method, Risk, RiskQuery, run_risk
 from scenarios.studies.many.sweeps.cell_table import SweepTable, typed_rows
 from scenarios.studies.many.sweeps.plan import planned
 from scenarios.studies.many.sweeps.sweep import run_sweep
@@ -159,59 +157,6 @@ def bisect(
         picture_format="png" if pictures else None,
     )
     return result
-
-
-@arguments_named()
-def risk(
-    scenario: str | Path,
-    limit: str = "lane",
-    *,
-    method: Method = "auto",
-    measure: Measure = "limit",
-    precision: float = 0.5,
-    runs: int = 2000,
-    paths: int = 50,
-    set: Settings | None = None,  # noqa: A002 - as on the command line
-    out: str | Path | None = None,
-    workers: int | None = None,
-    scheduler: str = "",
-    report: Callable[[str], None] | None = None,
-) -> Risk:
-    """Estimate the probability that a run breaks a limit, like `convoy risk`. Needs SciPy.
-
-    The result has the `probability` with its 95 % interval `low` to `high`.
-
-    Args:
-        scenario: A shipped name, a TOML file, or a recorded drive.
-        limit: The limit to test, such as "lane" or "v4.error_m=0.5".
-        method: "counting", "splitting" for rare events, or "auto".
-        measure: How splitting finds the runs nearest to the limit: "limit" or "silence".
-        precision: Stop at this relative half-width of the interval.
-        runs: Maximum number of runs.
-        paths: Number of runs that splitting compares at a time.
-        set: Settings of all runs, by key.
-        out: Folder for risk.json. By default no file is written.
-        workers: Number of worker processes, by default one per core; 0 simulates in this process.
-        scheduler: Address of a dask scheduler whose workers simulate.
-        report: Called with a line of progress every few seconds, such as `print`.
-
-    Raises:
-        Error: The scenario, the limit or a number is refused.
-
-    """
-    require("risk", "studies", "scipy")
-    variant, parsed = limited_variant(str(scenario), overrides_of(set), limit)
-    query = RiskQuery(
-        variant=variant,
-        limit=parsed,
-        method=method,
-        measure=measure,
-        precision=precision,
-        max_runs=runs,
-        paths=paths,
-    )
-    folder = None if out is None else Path(out)
-    return run_risk(query, folder, workers_of(workers, scheduler), report or _no_report)
 
 
 def _no_report(_line: str) -> None:

@@ -28,7 +28,6 @@ from scenarios.cli.many import drill, worst
 from scenarios.cli.many.bisect import bisect
 from scenarios.cli.many.blame import blame
 from scenarios.cli.many.figure import figure
-from scenarios.cli.many.risk import risk
 from scenarios.cli.many.sweep import sweep
 from scenarios.cli.output import keep_output_going, unwritable_output_reported
 from scenarios.cli.reference.reference_command import reference
@@ -109,7 +108,6 @@ for command in (
     worst.worst,
     paper_commands.reproduce,
     bisect,
-    risk,
     reference,
 ):
     cli.add_command(command)

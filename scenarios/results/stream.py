@@ -12,7 +12,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.scenario_tables import EventsTable
 from scenarios.results.events.bodies import BodySize, body_of
 from scenarios.results.events.encounters import Encounters, Episode, EventKind, TrueGap
-from scenarios.results.events.lane import LaneWatch, TakeExcess
+from scenarios.results.events.lane import LaneWatch
 from scenarios.results.events.own_measures import OwnMeasures
 from scenarios.results.events.watches import (
     PathWatch,
@@ -87,7 +87,6 @@ class FigureStream:
         self._on_error: list[TakeError] = []
         self._on_road_error: list[TakeRoadError] = []
         self._on_gap: list[TakeGap] = []
-        self._on_excess: list[TakeExcess] = []
         self._on_truth: list[TakeTruth] = []
         self._on_tracking: list[TakeTracking] = []
         self._on_event: dict[EventKind, list[TakeEvent]] = {kind: [] for kind in ALL_EVENTS}
@@ -123,11 +122,6 @@ class FigureStream:
         self._compare_bodies()
         self._on_gap.append(take)
 
-    def on_lane_excess(self, take: TakeExcess) -> None:
-        """Subscribe to the excess (m) of followers beyond the edge of the lane."""
-        self._watch_lane()
-        self._on_excess.append(take)
-
     def on_truth(self, take: TakeTruth) -> None:
         """Subscribe to the true poses of each vehicle, each passed on after its figures."""
         self._on_truth.append(take)
@@ -148,7 +142,7 @@ class FigureStream:
     def _watch_lane(self) -> None:
         if self._lane is None:
             width = self._rules.lane_width_m
-            self._lane = LaneWatch(self.sizes, width, self._path, self._on_excess)
+            self._lane = LaneWatch(self.sizes, width, self._path)
 
     def _compare_bodies(self) -> None:
         if self._encounters is not None:

@@ -7,7 +7,7 @@ drills/         `convoy drill`: limits that must hold when something fails
 engine/         parallel runs, locally or on a dask scheduler, with a journal
 figures/        `convoy figure`: standard figures of the field, each from a few sweeps
 gains/          `convoy gains`: stabilizing gain sets, margins, certificates
-many/           sweeps, boundaries, risks, and attribution of losses
+many/           sweeps, boundaries, and attribution of losses
 paper/          `convoy reproduce`: the experiments and claims of the paper
 run_list        `convoy browse`: the runs in a folder
 run_list_page   the same as a page

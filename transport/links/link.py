@@ -13,7 +13,7 @@ from operator import attrgetter
 from typing import Literal, NamedTuple
 
 from transport.links.laws.basic import Latency
-from transport.links.laws.effect import CELL_PURPOSE, Draw, Effect, TransmissionContext
+from transport.links.laws.effect import Draw, Effect, TransmissionContext
 from transport.links.laws.stage import StageLaw
 from transport.reasons import DropReason
 from vehicles.messages import Outcome
@@ -42,20 +42,6 @@ def keyed_draw(seed: int, sender: str, receiver: str) -> Draw:
     def draw(purpose: str, seq: int) -> float:
         digest = blake2b(link + f"{seq}\0{purpose}".encode(), digest_size=8).digest()
         return ((int.from_bytes(digest, "big") >> 12) + 0.5) / _STEPS
-
-    return draw
-
-
-def switch_draw(before: Draw, after: Draw, from_seq: int) -> Draw:
-    """Draws `before` for messages before number `from_seq`, `after` for the others.
-
-    Markov chains thus keep their state. Draws per time cell do not change, because part of the cell
-    lies before that message.
-    """
-
-    def draw(purpose: str, seq: int) -> float:
-        past = seq < from_seq or purpose.startswith(CELL_PURPOSE)
-        return (before if past else after)(purpose, seq)
 
     return draw
 
@@ -112,11 +98,6 @@ class Link:
     def __post_init__(self) -> None:
         self.draw = keyed_draw(self.seed, self.sender, self.receiver)
         self._unchanged = ChangedEffects(_EVER_SINCE, self.effects)
-
-    def redraw(self, from_seq: int, seed: int) -> None:
-        """Use another seed from message number `from_seq` on."""
-        after = keyed_draw(seed, self.sender, self.receiver)
-        self.draw = switch_draw(self.draw, after, from_seq)
 
     def effects_at(self, sent_at: int) -> tuple[Effect, ...]:
         """Effects on a message sent at an instant (ns)."""

@@ -113,11 +113,6 @@ class GnssReceiver:
             raise ValueError("this receiver has no fix states, only white noise")
         self._forced.force(state, since, until)
 
-    def redraw(self, random: Generator) -> None:
-        """Draw further white noise from another stream; other errors do not change."""
-        self._random = random
-        self._drawn.clear()
-
     def _measured(self, body: Body, now: int) -> Fix | None:
         seq = self._cadence.index(now)
         if seq is None:

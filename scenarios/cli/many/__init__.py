@@ -6,6 +6,5 @@ worst          the most harmful time of a burst of losses
 sweep          values of some keys and seeds: tables and heat maps
 figure         standard figures of the field
 bisect         the value of a key at which runs begin to break a limit
-risk           the probability that a run breaks a limit
 blame          the losses of a recorded run that caused its error
 """

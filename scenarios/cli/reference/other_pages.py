@@ -45,19 +45,6 @@ INTERVALS: Mapping[str, tuple[str, Mapping[str, str]]] = {
             "other curves": "89 to 99 %: probit, complementary log-log, log-log and Weibull",
         },
     ),
-    "risk, 95 %": (
-        "Counting: Clopper-Pearson, checked when the number of runs has doubled. Splitting: "
-        "Student's t of independent repetitions, which is a little too low for rare events; use "
-        "50 --paths or more.",
-        {
-            "counting, 0.0005 to 0.003": "96 to 98 %",
-            "counting, 0.01 to 0.05": "95 to 96 %",
-            "counting, 0.1 to 0.99": "95 to 98 %",
-            "counting, 0 and 1": "100 %",
-            "splitting, 1e-2 to 1e-4": "93 to 95 % with 50 or 100 paths, 85 to 92 % with 10",
-            "splitting, 1e-6": "92 to 94 % with 50 or 100 paths, 80 to 83 % with 10",
-        },
-    ),
     "sweep, 95 %": (
         "Shares of broken limits: Agresti-Coull. Means: Student's t; those of gains are geometric, "
         "by their logarithms. Medians and quantiles have no interval.",

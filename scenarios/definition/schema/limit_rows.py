@@ -11,13 +11,10 @@ from math import inf
 from typing import Literal
 
 # fmt: off
-Live = Literal[
-    "", "lane_excess", "gap", "silence", "error", "road_error", "self_estimate", "blind",
-    "friction", "own", "end",
-]
+Live = Literal["", "gap", "error", "road_error", "self_estimate", "blind", "friction", "end"]
 # fmt: on
-"""Figure of a running simulation that approaches a limit as it grows (a gap: shrinks); "end" for a
-figure that is known at the end only."""
+"""Figure of a running simulation that a limit bounds; "end" for a figure that is known at the end
+only."""
 OWN_FIGURES = "own_figures"
 """Table of bounds on figures of the user's classes, and the field of their summary."""
 Witness = Literal["own", "lead", "predecessor", "all"]
@@ -32,9 +29,8 @@ class LimitRow:
     follower, or `own_figure`, that of a class of the user. `of_lead` limits apply to the lead as
     well. `word` is the name for `--limit`. A breach is reported as `breach`, where `at` is the
     field with its instant. `least` and `most` are the bounds that make sense. `live` is the figure
-    by which splitting finds the runs nearest to the limit, if there is one. `witness`, `by_truth`
-    and `by_decisions` tell which messages the limit judges. `doc` and `example` are for the
-    template.
+    that is judged while a run goes on. `witness`, `by_truth` and `by_decisions` tell which messages
+    the limit judges. `doc` and `example` are for the template.
     """
 
     key: str
@@ -63,20 +59,20 @@ class LimitRow:
 # fmt: off
 _ROWS = (
     LimitRow(key="collisions_max", doc="collisions of two vehicles",
-             example=0, word="collision", event="collision", of_lead=True, live="gap",
+             example=0, word="collision", event="collision", of_lead=True,
              witness="all"),
     LimitRow(key="lane_departures_max", doc="times that a follower leaves the lane",
-             example=0, word="lane", event="lane_departure", live="lane_excess",
+             example=0, word="lane", event="lane_departure",
              witness="lead"),
     LimitRow(key="near_misses_max", doc="times that two vehicles nearly collide",
-             example=0, word="near_miss", event="near_miss", of_lead=True, live="gap",
+             example=0, word="near_miss", event="near_miss", of_lead=True,
              witness="all"),
     LimitRow(key="paths_lost_max",
              doc="times that a follower has no usable path for events.path_lost_s",
-             example=0, word="path_lost", event="path_lost", live="silence",
+             example=0, word="path_lost", event="path_lost",
              by_truth=False, by_decisions=True),
     LimitRow(key="stops_max", doc="times that a follower begins to stop without a reliable source",
-             example=0, word="stop", event="stop", live="silence",
+             example=0, word="stop", event="stop",
              by_truth=False, by_decisions=True),
     LimitRow(key="distrusts_max", doc="times that a follower rejects a source as implausible",
              example=0, word="distrust", event="distrust",
@@ -140,7 +136,6 @@ def own_row(name: str) -> LimitRow:
         of_lead=True,
         breach=f"had {figure} {{figure:.4g}}",
         least=-inf,
-        live="own",
     )
 
 

@@ -1,6 +1,6 @@
 """Departures of followers from their lane."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,7 +14,6 @@ WELL_INSIDE_M = 0.5
 """A follower with all corners this far inside its lane is checked again LANE_LOOK_NS later only:
 to leave it until then would take 10 m/s sideways."""
 LANE_LOOK_NS = SECOND // 20
-TakeExcess = Callable[[str, float], None]
 
 
 @dataclass(slots=True)
@@ -37,8 +36,7 @@ class LaneWatch:
     """Departures of followers from the lane: a corner too far from the lead's driven path.
 
     A follower near the edge is checked at every pose, one well inside less often: checking four
-    corners of every pose would cost more than all other figures. The excess (m) is that of the
-    outermost corner beyond the edge.
+    corners of every pose would cost more than all other figures.
     """
 
     def __init__(
@@ -46,9 +44,8 @@ class LaneWatch:
         sizes: Mapping[str, BodySize],
         lane_width: float,
         path: CrossTrackError,
-        on_excess: Sequence[TakeExcess] = (),
     ) -> None:
-        """`lane_width` is in m; `on_excess` get a follower and its excess (m) at each check."""
+        """`lane_width` is in m."""
         self._half_width = 0.5 * lane_width
         self._lead, *followers = sizes
         self._followers: dict[str, _Corners] = {}
@@ -59,7 +56,6 @@ class LaneWatch:
             self._of_point |= dict.fromkeys(follower.points, follower)
         self._path = path
         path.follow(self._of_point)
-        self._on_excess = on_excess
 
     def add(self, pose: TruePose, body: CarBody, feet: Sequence[CrossTrack]) -> Iterable[Episode]:
         """Take a pose and its body; yields each departure as it begins.
@@ -112,8 +108,6 @@ class LaneWatch:
     def _follow(
         self, follower: _Corners, at: int, place: tuple[float, float], excess: float
     ) -> tuple[Episode, ...]:
-        for take in self._on_excess:
-            take(follower.vehicle, excess)
         follower.next_look = at + LANE_LOOK_NS if excess < -WELL_INSIDE_M else 0
         episode = follower.departure
         if excess > 0.0:

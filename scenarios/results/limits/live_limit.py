@@ -1,7 +1,6 @@
 """A limit followed through a running simulation, rather than judged by its summary."""
 
 from collections.abc import Sequence
-from math import inf
 
 from scenarios.definition.run_limits import Limit
 from scenarios.definition.schema.plug_ins.guards import PlugInError
@@ -11,47 +10,29 @@ from scenarios.results.stream import ALL_EVENTS, FigureStream, RoadError
 from scenarios.results.vehicles.vehicle_figures import VehicleFigures
 from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import Tracking, TruePose
-from vehicles.schedule import SECOND
 
 
 class LiveLimit:
-    """Subscribes to the figure of a limit: is it `broken` by now, and how near did the run come.
+    """Subscribes to the figure of a limit, which is `broken` or not by now.
 
     A limit is broken in the same runs as by `broken_by` of their summaries. The stream computes
     nothing but what the limit depends on, unless others subscribe to it. A limit on a figure of the
-    user's class is judged at the end of the run, as that figure may become smaller again; its
-    excess is taken every second.
+    user's class is judged at the end of the run, as that figure may become smaller again. A limit
+    on a gain along the string is not judged: only a whole run has it.
     """
 
-    def __init__(
-        self,
-        limit: Limit,
-        stream: FigureStream,
-        vehicles: Sequence[str],
-        *,
-        with_excess: bool = True,
-    ) -> None:
-        """Subscribe to the stream of a convoy of `vehicles`, lead first.
-
-        Without `with_excess` only the breach is of interest.
-        """
+    def __init__(self, limit: Limit, stream: FigureStream, vehicles: Sequence[str]) -> None:
+        """Subscribe to the stream of a convoy of `vehicles`, lead first."""
         self.limit = limit
         self.broken = False
         self._events = 0
-        self._excess = -inf
-        place = vehicles.index(limit.vehicle) if limit.vehicle else 0
-        both_gaps = vehicles[place : place + 2] if limit.row.event else (limit.vehicle,)
-        self._gaps_of = both_gaps if limit.vehicle else vehicles
         self._stream = stream
         self._vehicles = {
             name: VehicleFigures(name, is_lead=name == vehicles[0])
             for name in ([limit.vehicle] if limit.vehicle else vehicles)
         }
-        self._next_at = 0
         stream.on_event(self._take_event, [kind for kind in ALL_EVENTS if kind == limit.row.event])
-        match limit.row.live if with_excess or not limit.row.event else "":
-            case "lane_excess":
-                stream.on_lane_excess(self._take_lane_excess)
+        match limit.row.live:
             case "error":
                 stream.on_error(self._take_error)
             case "gap":
@@ -66,8 +47,6 @@ class LiveLimit:
             case "self_estimate":
                 stream.on_error(self._take_true_error)
                 stream.on_tracking(self._take_tracking)
-            case "own" if with_excess:
-                stream.on_truth(self._take_instant)
 
     def finish(self) -> None:
         """Judge a figure of the user's class; raises PlugInError if the class failed."""
@@ -80,30 +59,17 @@ class LiveLimit:
             figure = figures[name]
             self.broken |= figure is not None and self.limit.is_beyond(figure)
 
-    def latest_excess(self) -> float:
-        """Largest excess since the last call; negative while the limit held, -inf without any."""
-        excess, self._excess = self._excess, -inf
-        return excess
-
     def _take_event(self, event: Episode) -> None:
         if self.limit.vehicle in {"", *event.vehicles}:
             self._events += 1
             self.broken |= self._events > self.limit.bound
-
-    def _take_lane_excess(self, vehicle: str, excess: float) -> None:
-        if self.limit.vehicle in {"", vehicle}:
-            self._excess = max(self._excess, excess)
 
     def _take_error(self, foot: CrossTrack) -> None:
         if self.limit.vehicle in {"", foot.vehicle}:
             self._judge(abs(foot.lateral))
 
     def _take_gap(self, gap: TrueGap) -> None:
-        if gap.vehicle not in self._gaps_of:
-            return
-        if self.limit.row.event:
-            self._excess = max(self._excess, -gap.now_m)
-        else:
+        if gap.vehicle in self._vehicles:
             self._judge(gap.now_m)
 
     def _take_road_error(self, error: RoadError) -> None:
@@ -134,17 +100,5 @@ class LiveLimit:
         else:
             self._judge(figures.self_estimate.difference.largest)
 
-    def _take_instant(self, pose: TruePose) -> None:
-        """Take the excess of the user's figure every second."""
-        if pose.true_at_ns < self._next_at:
-            return
-        self._next_at = pose.true_at_ns + SECOND
-        for vehicle in self._vehicles:
-            figure = self._stream.own.values(vehicle).get(self.limit.row.own_figure)
-            if figure is not None:
-                self._excess = max(self._excess, self.limit.excess(figure))
-
     def _judge(self, figure: float) -> None:
-        excess = self.limit.excess(figure)
-        self._excess = max(self._excess, excess)
-        self.broken |= excess > 0.0
+        self.broken |= self.limit.is_beyond(figure)

@@ -80,10 +80,6 @@ class Outbox:
     def state(self) -> OutboxState:
         return OutboxState(dict(self._next), self._ticks, self._late_ticks, self._health.due_at)
 
-    @property
-    def next_pose(self) -> int:
-        return self._next[messages.GpsPose]
-
     def publish(
         self,
         now: int,

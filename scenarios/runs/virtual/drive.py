@@ -8,7 +8,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.runs.node.node import VehicleFaultError
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.observer import Kinds, Listen, Observer, listeners_by_kind
-from scenarios.runs.virtual.virtual_convoy import Branch, VirtualConvoy, never
+from scenarios.runs.virtual.virtual_convoy import VirtualConvoy, never
 from transport.bus.bus import Bus
 from transport.topics import RUN_SENDER
 from vehicles.messages import GpsPose, Message, RunStart, TruePose
@@ -67,27 +67,24 @@ def drive(
     *,
     until: Callable[[], bool] = never,
     replays: "Sequence[Replay]" = (),
-    branches: Sequence[Branch] = (),
     on_left: Callable[[int, str], None] = lambda _at, _vehicle: None,
 ) -> DriveOutcome:
     """Simulate `scenario` in virtual time, as fast as the machine goes.
 
     The observers receive the start of the run, the messages of all vehicles and their final
-    counters. The result depends on the scenario, its seed, the replays, the branches and the
-    versions only.
+    counters. The result depends on the scenario, its seed, the replays and the versions only.
 
     Args:
         scenario: What to simulate.
         observers: Called in this order for each message.
         until: Ends the run early once it is true; evaluated after each step of a vehicle.
         replays: Vehicles that send what was recorded, while the others are live.
-        branches: Instants after which random numbers come from other seeds, in order of time.
         on_left: Called with the instant (ns) and the name of a vehicle that fails while the
             others continue.
 
     """
     listeners = listeners_by_kind(observers)
-    convoy = VirtualConvoy(scenario, branches, on_left)
+    convoy = VirtualConvoy(scenario, on_left)
     bus, now = convoy.bus, convoy.clock.now
     start = RunStart(vehicle=RUN_SENDER, seq=0, start_at_ns=now(), run_id=scenario.virtual_run_id)
     for listen in listeners[RunStart]:

@@ -12,27 +12,16 @@ from scenarios.results.summary import RunIdentity, RunSummary
 from scenarios.runs.limit_watch import LimitWatch
 from scenarios.runs.observer import Observer
 from scenarios.runs.virtual.drive import drive
-from scenarios.runs.virtual.virtual_convoy import Branch
 
 if TYPE_CHECKING:  # only runs with replayed vehicles read logs
     from scenarios.runs.node.recorded_vehicle import Replay
 
 
-def run_unlogged(
-    scenario: Scenario, observers: Sequence[Observer] = (), branches: Sequence[Branch] = ()
-) -> RunSummary:
-    """Run `scenario` in virtual time; returns the summary that a logged run would have.
-
-    After the instants of the `branches`, random numbers come from other seeds.
-    """
+def run_unlogged(scenario: Scenario, observers: Sequence[Observer] = ()) -> RunSummary:
+    """Run `scenario` in virtual time; returns the summary that a logged run would have."""
     metrics = Metrics.of(scenario)
     limits = LimitWatch(scenario.tables.limits, metrics)
-    outcome = drive(
-        scenario,
-        [metrics, limits, *observers],
-        until=lambda: bool(limits.reason),
-        branches=branches,
-    )
+    outcome = drive(scenario, [metrics, limits, *observers], until=lambda: bool(limits.reason))
     return summarise(
         RunIdentity.here(scenario, "virtual", scenario.virtual_run_id),
         scenario,

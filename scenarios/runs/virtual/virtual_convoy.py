@@ -4,7 +4,6 @@
 """
 
 import gc
-from collections import deque
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -45,17 +44,6 @@ def never() -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Branch:
-    """Draw random numbers from another seed after the instant `at` (ns).
-
-    VehicleBuilder.redraw lists which.
-    """
-
-    at: int
-    seed: int
-
-
-@dataclass(frozen=True, slots=True)
 class Stepper:
     """Makes a `step` at each of its `ticks`; equal `schedule`s have equal ticks."""
 
@@ -90,18 +78,13 @@ class VirtualConvoy:
     def __init__(
         self,
         scenario: Scenario,
-        branches: Sequence[Branch] = (),
         on_left: Callable[[int, str], None] = lambda _at, _vehicle: None,
     ) -> None:
-        """`branches` are in order of time; `on_left` gets the instant (ns) and name of a leaver."""
+        """`on_left` gets the instant (ns) and the name of a vehicle that leaves."""
         self.bus = MemoryBus()
         self.clock = VirtualClock(scenario.start_at_ns)
         self._scenario = scenario
         self._steppers: list[Stepper] = []
-        self._live: list[tuple[VehicleBuilder, AnyNode]] = []
-        self._due: deque[tuple[int, Callable[[], None]]] = deque(
-            (branch.at, partial(self._redraw, branch.seed)) for branch in branches
-        )
         self.left: set[str] = set()
         self._on_left = on_left
 
@@ -118,7 +101,6 @@ class VirtualConvoy:
         for name in self._scenario.vehicle_names:
             builder = VehicleBuilder(self._scenario, name, recorded.get(name))
             node = nodes[name] = builder.node(start_at, sink_of(name), NoProbe())
-            self._live.append((builder, node))
             for sender_key in node.inbox.keys:
                 self.bus.subscribe(sender_key, node.inbox.on_bytes)
             if builder.target is not None:
@@ -149,11 +131,6 @@ class VirtualConvoy:
 
         return step_or_leave
 
-    def _redraw(self, seed: int) -> None:
-        numbers = {builder.name: node.outbox.next_pose for builder, node in self._live}
-        for builder, node in self._live:
-            builder.redraw(node, seed, numbers)
-
     def run(self, until: Callable[[], bool] = never) -> None:
         """Step all vehicles to the end of the run, or until `until` is true.
 
@@ -162,8 +139,6 @@ class VirtualConvoy:
         end_at = self._scenario.start_at_ns + round(self._scenario.duration_s * SECOND)
         with rarely_collected():
             for tick, step in steps_in_order(self._steppers):
-                while self._due and self._due[0][0] < tick.at:
-                    self._due.popleft()[1]()
                 self.clock.wait_until(tick.at)
                 step(tick)
                 if until():

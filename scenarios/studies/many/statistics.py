@@ -26,23 +26,6 @@ def agresti_coull(
     return max(0.0, centre - half), min(1.0, centre + half)
 
 
-def clopper_pearson(
-    successes: int, count: int, confidence: float = CONFIDENCE
-) -> tuple[float, float]:
-    """Clopper-Pearson interval of the share `successes` of `count`.
-
-    Its coverage is at least `confidence`. Raises ValueError for impossible counts. Clopper and
-    Pearson, Biometrika 26, 1934.
-    """
-    from scipy.stats import beta  # noqa: PLC0415 - optional
-
-    _check(successes, count)
-    tail = 0.5 * (1.0 - confidence)
-    low = beta.ppf(tail, successes, count - successes + 1) if successes else 0.0
-    high = beta.isf(tail, successes + 1, count - successes) if successes < count else 1.0
-    return float(low), float(high)
-
-
 def _check(successes: int, count: int) -> None:
     if not 0 <= successes <= count or not count:
         raise ValueError(f"{successes} of {count}")

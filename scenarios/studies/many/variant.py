@@ -8,10 +8,14 @@ from typing import Any
 
 from scenarios.definition.run_limits import Limit, parsed_limit
 from scenarios.definition.scenario import Scenario, scenario_from_text, scenario_text
+from scenarios.results.events.encounters import Episode
+from scenarios.results.limits.evaluation import broken_by, collision_ends_run
+from scenarios.results.limits.live_limit import LiveLimit
+from scenarios.results.stream import FigureStream
 from scenarios.results.summary import RunSummary
 from scenarios.results.versions import current_stamp, plug_in_digests
+from scenarios.runs.virtual.drive import drive
 from scenarios.runs.virtual.unlogged_run import run_unlogged
-from scenarios.studies.many.limit_history import watch_limit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,8 +49,27 @@ class Variant:
         return run_unlogged(self.scenario)
 
     def breaks(self, limit: Limit) -> bool:
-        """Run until the limit is broken or the run ends; return whether it was broken."""
-        return watch_limit(self.scenario, limit).broken
+        """Run until the limit is broken or the run ends; return whether it was broken.
+
+        Faster than a summary and the same as `broken_by` it. A failed vehicle ends the run. Raises
+        PlugInError if the limit is on a figure of the user's class that fails.
+        """
+        scenario = self.scenario
+        if limit.row.live == "end":
+            return broken_by(limit, run_unlogged(scenario))
+        stream, collisions = FigureStream.of(scenario), list[Episode]()
+        live = LiveLimit(limit, stream, scenario.vehicle_names)
+        limits = scenario.tables.limits
+        if collision_ends_run(limits, 1 + (limits.collisions_max or 0)):
+            stream.on_event(collisions.append, ("collision",))
+
+        def is_over() -> bool:
+            return live.broken or collision_ends_run(limits, len(collisions))
+
+        drive(scenario, [stream], until=is_over)
+        stream.finish()
+        live.finish()
+        return live.broken
 
 
 def variant_of(name: str, overrides: Sequence[str] = (), seed: int = 1) -> Variant:

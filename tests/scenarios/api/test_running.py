@@ -106,10 +106,6 @@ def test_warnings_of_a_scenario_are_warnings_of_python(tmp_path: Path) -> None:
             lambda: convoy.bisect("lane_change", "links.loss_ratio", share=0.05, runs=100),
             ("bisect", "lane_change", "links.loss_ratio", "--share=0.05", "--runs=100"),
         ),
-        (
-            lambda: convoy.risk("lane_change", method="splitting", runs=100, workers=0),
-            ("risk", "lane_change", "--method=splitting", "--runs=100", "--workers=0"),
-        ),
         (lambda: convoy.open("no_such"), ("report", "no_such")),
     ],
 )

@@ -95,9 +95,6 @@ COMMANDS = {
         "bisect.json",
         slow=True,
     ),
-    "risk": Command(
-        f"risk lane_change --limit error_m=0.001 --runs 20 {HERE} --out out", "risk.json", slow=True
-    ),
 }
 
 

@@ -111,7 +111,7 @@ def test_without_a_command_the_help_is_printed() -> None:
     assert "Machines:" in result.stderr
 
 
-@pytest.mark.parametrize("command", ["run", "check", "drill", "sweep", "bisect", "risk", "worst"])
+@pytest.mark.parametrize("command", ["run", "check", "drill", "sweep", "bisect", "worst"])
 def test_duration_and_loss_are_short_for_settings(command: str) -> None:
     names = {name for one in COMMANDS[command].params for name in one.opts}
     assert {"--duration", "--loss", "--set"} <= names

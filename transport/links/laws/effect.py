@@ -13,10 +13,6 @@ Draw = Callable[[str, int], float]
 It does not depend on earlier draws.
 """
 
-
-CELL_PURPOSE = "outage"
-"""Prefix of purposes whose number is that of a time cell, not of a message."""
-
 JudgedBy = Literal["chance", "number", "time", "place"]
 
 

@@ -116,10 +116,6 @@ class GapSensor:
         self._random = random
         self._pending: deque[_Sample] = deque()
 
-    def redraw(self, random: Generator) -> None:
-        """Draw further noise from another stream."""
-        self._random = random
-
     def measure(self, body: Body, now: int, target_at: TargetAt) -> GapMeasurement | None:
         """Measure if `now` (ns) is an instant of measurement; return what becomes available now.
 

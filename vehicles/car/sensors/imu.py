@@ -74,11 +74,6 @@ class InertialSensor:
     def __setstate__(self, state: "_State") -> None:
         self._random, self._bias, self._drawn = state
 
-    def redraw(self, random: Generator) -> None:
-        """Draw further white noise from another stream; biases do not change."""
-        self._random = random
-        self._drawn.clear()
-
     def measure(self, body: Body, now: int) -> Motion | None:
         """Measure `body` if `now` (ns) is an instant of measurement, else None.
 
@@ -97,9 +92,6 @@ class InertialSensor:
 
 class ExactSensor:
     """Measures the true state of the car at every instant, as in Section V-C."""
-
-    def redraw(self, random: Generator) -> None:
-        """Do nothing: the sensor is exact."""
 
     def measure(self, body: Body, now: int) -> Body:  # noqa: ARG002
         return body

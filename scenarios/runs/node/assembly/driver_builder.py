@@ -44,29 +44,29 @@ class DriverBuilder:
         self._scenario = scenario
         self._setup = scenario.vehicle(name)
         self._route = scenario.route
-        self.draw = instant_draw(scenario.seed, name)
+        self._draw = instant_draw(scenario.seed, name)
 
     def software(self, now: int, context: VehicleContext) -> tuple[Driver, ProfileSpeed | None]:
         """Driver that starts at `now` (ns) without memory, and its speed profile, if any."""
-        self.draw.start_at = context.start_at
+        self._draw.start_at = context.start_at
         own = self._setup.predecessor is None or self._scenario.tables.speed.followers == "same"
         law = self._own_profile(context.start_at) if own else None
         return self._driver(context, now, law or self._gap_keeping()), law
 
     def human(self, context: VehicleContext) -> tuple[Driver, ProfileSpeed]:
         """Human who drives the road like the lead, with the true position."""
-        self.draw.start_at = context.start_at
+        self._draw.start_at = context.start_at
         law = self._profile(context.start_at)
         body = context.car.body
         return Leader(
             own_state=ExactState(),
-            controller=self._setup.controller(self.draw),
+            controller=self._setup.controller(self._draw),
             speed_law=law,
             control=context.control,
             path=self._route.path,
             station=self.station(body),
             limit=self._command_limit(context.car),
-            draw=self.draw,
+            draw=self._draw,
         ), law
 
     def station(self, body: Body) -> float:
@@ -77,7 +77,7 @@ class DriverBuilder:
     def _driver(self, context: VehicleContext, now: int, speed_law: SpeedLaw) -> Driver:
         setup, control = self._setup, context.control
         own_state = self._own_state(now, context)
-        controller = self._setup.controller(self.draw)
+        controller = self._setup.controller(self._draw)
         load = self._load_watch(own_state, controller)
         if setup.predecessor is None:
             speed = self._scenario.tables.speed
@@ -93,10 +93,10 @@ class DriverBuilder:
                 station=self.station(context.car.body),
                 limit=self._command_limit(context.car),
                 load=load,
-                draw=self.draw,
+                draw=self._draw,
             )
         steering = setup.steering
-        reaction: ReactionPolicy = steering.degradation.reaction.build(draw=self.draw)
+        reaction: ReactionPolicy = steering.degradation.reaction.build(draw=self._draw)
         return Follower(
             own_state=own_state,
             controller=controller,
@@ -111,7 +111,7 @@ class DriverBuilder:
             periods={sender: self._least_period(sender) for sender in setup.senders},
             delays={sender: self._usual_delay(sender) for sender in setup.senders},
             alpha=steering.alpha_ratio,
-            fusion=steering.fusion.build(draw=self.draw),
+            fusion=steering.fusion.build(draw=self._draw),
             settings=self._fit_settings(),
             degradation=setup.degradation,
             reaction=reaction,
@@ -120,7 +120,7 @@ class DriverBuilder:
             gates=self._gates(),
             bends=self._bends(),
             drive_lag=setup.assumed_parameters.drive_lag,
-            draw=self.draw,
+            draw=self._draw,
         )
 
     def _source_place(self, sender: str) -> int:
@@ -133,7 +133,7 @@ class DriverBuilder:
         return GapKeeping(
             scenario.spacing_policy(self._setup.place),
             scenario.gap_limits,
-            scenario.longitudinal_controller(self._name, draw=self.draw),
+            scenario.longitudinal_controller(self._name, draw=self._draw),
         )
 
     def _own_state(self, now: int, context: VehicleContext) -> OwnState:

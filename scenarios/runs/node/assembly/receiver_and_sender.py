@@ -30,7 +30,8 @@ def make_receiver(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Gns
 
     White noise and each other error have random streams of their own, so that none affects another.
     """
-    gnss, random = setup.gnss, white_noise(scenario.seed, setup.place)
+    gnss = setup.gnss
+    random = np.random.Generator(np.random.PCG64([scenario.seed, setup.place]))
     start = ReceiverContext(
         start_at,
         distance_behind_lead=sum(scenario.route.spacings[: setup.place + 1]),
@@ -40,11 +41,6 @@ def make_receiver(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Gns
     return GnssReceiver(
         gnss.noise, gnss.rate, start_at, random, ReceiverErrors(gnss, start, begin_error)
     )
-
-
-def white_noise(seed: int, place: int) -> Generator:
-    """Stream of a receiver's white noise by the vehicle's place in the convoy."""
-    return np.random.Generator(np.random.PCG64([seed, place]))
 
 
 def make_sender(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Sender:

@@ -1,6 +1,6 @@
 """Builds one vehicle from its part of the scenario."""
 
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Hashable, Iterator
 from functools import partial
 from itertools import takewhile
 from math import cos, sin
@@ -16,13 +16,11 @@ from scenarios.definition.channel.build import (
 )
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.change_tables import AnyChange
-from scenarios.definition.schema.plug_ins.point import instant_draw
 from scenarios.runs.node.assembly.driver_builder import DriverBuilder
 from scenarios.runs.node.assembly.receiver_and_sender import (
     extra_instants,
     make_receiver,
     make_sender,
-    white_noise,
 )
 from scenarios.runs.node.change_executor import ChangeExecutor
 from scenarios.runs.node.changed_links import ChangedLinks, ChangingLink
@@ -79,8 +77,6 @@ class VehicleBuilder:
         self._route = scenario.route
         self._drivers = DriverBuilder(scenario, name)
         self._changed = ChangedLinks(scenario.vehicle_names, ())
-        self._redrawn: list[tuple[int, Mapping[str, int]]] = []
-        self._links: list[IncomingLink] = []
         self.duration_ns = round(scenario.duration_s * SECOND)
         self.control_rate_hz = scenario.control_rate_hz
         rates_hz = [scenario.control_rate_hz, self._setup.gnss.rate]
@@ -222,33 +218,7 @@ class VehicleBuilder:
         senders = () if is_replayed else self._setup.senders
         links = [self._incoming(sender, start_at) for sender in senders]
         self._changed.adopt(self._changing(incoming, start_at) for incoming in links)
-        self._links = links
-        for seed, numbers in self._redrawn:
-            self._redraw_links(seed, numbers)
         return links
-
-    def redraw(self, node: AnyNode, seed: int, numbers: Mapping[str, int]) -> None:
-        """Draw the random numbers of `node` from another seed from now on.
-
-        `numbers` are those of the next pose of each vehicle; draws for earlier ones stay. So do
-        draws for a whole run: drift and fix states of receivers, random outages, and intervals of
-        sending.
-        """
-        self._redrawn.append((seed, numbers))
-        self._redraw_links(seed, numbers)
-        if isinstance(node, RecordedNode):
-            return
-        gnss = node.car.gnss if isinstance(node, Node) else node.gnss
-        gnss.redraw(white_noise(seed, self._setup.place))
-        if isinstance(node, Node):
-            node.car.imu.redraw(self._stream(seed, IMU_STREAM))
-            if node.car.gap_sensor is not None:
-                node.car.gap_sensor.redraw(self._stream(seed, GAP_STREAM))
-            self._drivers.draw.numbers = instant_draw(seed, self.name).numbers
-
-    def _redraw_links(self, seed: int, numbers: Mapping[str, int]) -> None:
-        for incoming in self._links:
-            incoming.link.redraw(numbers[incoming.link.sender], seed)
 
     def software(self, now: int, context: VehicleContext) -> Software:
         """Software that starts at `now` (ns) and knows only the car's position.
@@ -321,7 +291,7 @@ class VehicleBuilder:
         if self._setup.has_exact_state:
             return ExactSensor()
         # A separate stream keeps the receiver's noise independent of this sensor.
-        random = self._stream(self._scenario.seed, IMU_STREAM)
+        random = self._stream(IMU_STREAM)
         return InertialSensor(self._setup.imu.noise, self._setup.imu_rate_hz, start_at, random)
 
     def _gap_sensor(self, start_at: int) -> GapSensor | None:
@@ -329,9 +299,10 @@ class VehicleBuilder:
         if setup.gap_sensor is None or setup.predecessor is None:
             return None
         target = self._scenario.vehicle(setup.predecessor).parameters
-        random = self._stream(self._scenario.seed, GAP_STREAM)
+        random = self._stream(GAP_STREAM)
         control = Cadence(start_at, self.control_rate_hz)
         return GapSensor(setup.gap_sensor, setup.parameters, target, control, random)
 
-    def _stream(self, seed: int, key: int) -> np.random.Generator:
-        return np.random.Generator(np.random.PCG64([seed, self._setup.place, key]))
+    def _stream(self, key: int) -> np.random.Generator:
+        words = [self._scenario.seed, self._setup.place, key]
+        return np.random.Generator(np.random.PCG64(words))

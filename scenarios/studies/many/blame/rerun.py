@@ -67,9 +67,7 @@ class RerunObserver:
             self._stream.on_error(self._record_error)
         else:
             self._stream.on_gap(self._record_gap)
-        self._live = LiveLimit(
-            criteria.limit, self._stream, scenario.vehicle_names, with_excess=False
-        )
+        self._live = LiveLimit(criteria.limit, self._stream, scenario.vehicle_names)
         self._series: dict[str, list[list[float]]] = {
             name: [] for name in scenario.vehicle_names[1:]
         }

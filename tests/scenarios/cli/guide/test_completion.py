@@ -87,7 +87,7 @@ def test_keys_of_a_scenario_are_offered_for_set() -> None:
 
 def test_limits_of_all_vehicles_and_of_each_are_offered() -> None:
     assert "lane" in offered("bisect", "--limit", "la")
-    assert offered("risk", "mine.toml", "--limit", "bob.g") == ["bob.gap_m="]
+    assert offered("bisect", "mine.toml", "--limit", "bob.g") == ["bob.gap_m="]
     assert offered("run", "--set", "limits.v3.tr") == ["limits.v3.true_gap_m_min="]
     assert not [key for key in offered("run", "--set", "limits.v3.") if "modes" in key]
 

@@ -21,20 +21,17 @@ from scenarios.studies.engine import workers as pool
 from scenarios.studies.engine.journal import JOURNAL, Entry, RunJournal
 from scenarios.studies.engine.workers import WorkerPool
 from tests.made.ended import has_ended
-from tests.made.many.known_runs import SETTINGS
 from tests.made.many.planted_losses import TINY, planted
+from tests.made.many.small_convoy import SETTINGS
 
 SMALL = [f"--set={one}" for one in SETTINGS]
 SHORT = ["--set=duration_s=2.5", "--set=convoy.vehicles=2"]
-LOSSY = ["lossy_lane_change", "--limit=error_m=1", *SMALL, "--set=links.loss_ratio=0.3"]
 BISECT = ["bisect", "lossy_lane_change", "links.loss_ratio", "--limit=error_m=1", *SMALL]
 BURST = ["--burst=500ms", "--from=1s", "--to=2s", "--step=500ms", "--finest=250ms", "--seeds=2"]
 STUDIES = {
     "sweep": ["sweep", "lane_change", *SHORT, "--vary=links.loss_ratio=0,0.8", "--seeds=3",
               "--no-pictures", "--out=out"],
     "bisect": [*BISECT, "--precision=0.1", "--runs=40", "--out=out"],
-    "risk, counted": ["risk", *LOSSY, "--method=counting", "--runs=20", "--out=out"],
-    "risk, split": ["risk", *LOSSY, "--method=splitting", "--paths=4", "--runs=40", "--out=out"],
     "drill": ["drill", "drill.toml", "--seeds=4", "--out=out"],
     "worst": ["worst", "lane_change", *SHORT, *BURST, "--output=out/worst.toml"],
     "blame": ["blame", "log", "--runs=30", "--out=out"],

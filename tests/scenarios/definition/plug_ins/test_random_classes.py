@@ -1,4 +1,4 @@
-"""Classes that draw random numbers: the same in each run, alone, and after a branch."""
+"""Classes that draw random numbers: the same in each run and alone."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -10,10 +10,9 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.plug_ins.point import instant_draw
 from scenarios.runs.node.sink import BusSink
-from scenarios.runs.virtual.virtual_convoy import Branch, VirtualConvoy
+from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
 from tests.made.scenarios.random_classes import CODE, random_settings
 from vehicles.messages import Command, Message
-from vehicles.schedule import SECOND
 
 Module = Callable[[str], str]
 SHORT = ("duration_s=0.4", "convoy.vehicles=3", "links.loss_ratio=0.3")
@@ -26,9 +25,9 @@ def scenario_of(name: str, *, seed: int = 1, places: slice = slice(None)) -> Sce
     return load_scenario("lane_change", [*own, *random_settings(name)[places]], seed)
 
 
-def commands(scenario: Scenario, *branches: Branch) -> dict[str, list[tuple[int, float, float]]]:
+def commands(scenario: Scenario) -> dict[str, list[tuple[int, float, float]]]:
     """Instant, steering and acceleration of all commands of each vehicle."""
-    convoy_of = VirtualConvoy(scenario, branches)
+    convoy_of = VirtualConvoy(scenario)
     found: dict[str, list[tuple[int, float, float]]] = {}
 
     def on_sent(_: object, _data: bytes, message: Message) -> None:
@@ -77,16 +76,6 @@ def test_each_class_that_draws_changes_its_vehicles_by_the_seed(module: Module, 
     other = commands(scenario_of(name, seed=2, places=places))
     assert first == again
     assert first["v3"] != other["v3"]
-
-
-def test_a_branch_draws_other_numbers_from_its_instant_on(module: Module) -> None:
-    scenario = scenario_of(module(CODE))
-    at = scenario.start_at_ns + SECOND // 2
-    plain, branched = commands(scenario), commands(scenario, Branch(at, 77))
-    for vehicle in scenario.vehicle_names:
-        before = [row for row in plain[vehicle] if row[0] < at]
-        assert before == [row for row in branched[vehicle] if row[0] < at]
-        assert plain[vehicle][len(before) + 1 :] != branched[vehicle][len(before) + 1 :]
 
 
 @pytest.mark.filterwarnings("ignore:v. from 30.0 m/s a gap")

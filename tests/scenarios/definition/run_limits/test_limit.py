@@ -95,7 +95,7 @@ def test_a_limit_bounds_events_or_a_figure_on_the_side_that_its_key_names() -> N
     for key, row in LIMITS.items():
         assert key.endswith(("_max", "_min"))
         assert bool(row.event) != bool(row.figure)
-        assert row.live or row.key == "distrusts_max"
+        assert bool(row.live) == bool(row.figure)
     assert Limit("true_gap_m_min", 2.0).is_beyond(1.9)
     assert not Limit("true_gap_m_min", 2.0).is_beyond(2.0)
     assert Limit("blind_m_max", 2.0).is_beyond(2.1)

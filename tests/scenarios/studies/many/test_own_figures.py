@@ -1,7 +1,6 @@
 """Figures of the user's classes in limits, sweeps, searches and comparisons."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
 
@@ -11,11 +10,8 @@ from scenarios.definition.schema.plug_ins.guards import PlugInError
 from scenarios.results.limits.evaluation import broken_by
 from scenarios.results.summary import RunSummary
 from scenarios.studies.comparison.figure_diff import figure_differences
-from scenarios.studies.many.limit_history import Measure, watch_limit
-from scenarios.studies.many.risk import RiskQuery, estimate_risk
 from scenarios.studies.many.sweeps.plan import figures_of, planned
 from scenarios.studies.many.variant import Variant, limited_variant
-from tests.made.many.engines import SyntheticEngine
 
 CODE = """
 from dataclasses import dataclass
@@ -84,8 +80,6 @@ def test_searches_judge_own_figures_at_the_end(module: Module, limit: str, broke
     assert str(parsed) == limit
     summary = run.run()
     assert (broken_by(parsed, summary), run.breaks(parsed)) == (broken, broken)
-    history = watch_limit(run.scenario, parsed)
-    assert history.records[0].value > 0.0 or not limit.startswith("Ebbing")
 
 
 def test_sweeps_and_comparisons_have_own_figures(module: Module) -> None:
@@ -152,16 +146,3 @@ def test_a_wrong_bound_is_one_line(module: Module, override: str, line: str) -> 
 def test_a_limit_of_the_command_line_names_own_figures(module: Module, limit: str) -> None:
     with pytest.raises(ScenarioError, match=r"--limit: given .*Scaled_max=1, Ebbing_max=1"):
         variant(module(CODE), limit)
-
-
-@pytest.mark.parametrize(
-    ("text", "measure"),
-    [("v3.distrust", "limit"), ("lateral_gain_l2=2", "limit"), ("lateral_gain_l2=2", "silence")],
-)
-def test_a_limit_that_nothing_approaches_is_counted_only(text: str, measure: Measure) -> None:
-    run, limit = limited_variant("lane_change", [], text)
-    query = RiskQuery(variant=run, limit=limit, measure=measure, max_runs=300)
-    found = estimate_risk(query, SyntheticEngine(lambda _: False))
-    assert (found.method, found.runs) == ("counting", 300)
-    with pytest.raises(ScenarioError, match="--method: given splitting, but no figure approaches"):
-        estimate_risk(replace(query, method="splitting"), SyntheticEngine(lambda _: False))

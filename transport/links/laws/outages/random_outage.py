@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from transport.links.laws.effect import CELL_PURPOSE, Draw, TransmissionContext
+from transport.links.laws.effect import Draw, TransmissionContext
 from transport.links.laws.moments import Losses
 from transport.links.laws.outages.by_time import Outage
 from transport.reasons import DropReason
@@ -75,7 +75,7 @@ class RandomOutage(Outage):
         known = self._cells.get((draw, cell))
         if known is None:
             length, (on, off), share = self.cell, self._means, self.off_ratio
-            purpose = f"{CELL_PURPOSE} {self.setting.place}"
+            purpose = f"outage {self.setting.place}"
             mean = length * (1.0 / on + 1.0 / off)
             known = tuple(
                 (
