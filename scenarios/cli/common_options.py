@@ -305,11 +305,9 @@ def partial_option(command: Command) -> Command:
     )(command)
 
 
-def link_option(help_text: str, *, multiple: bool = False) -> Callable[[Command], Command]:
+def link_option(help_text: str) -> Callable[[Command], Command]:
     return click.option(
         "--link",
-        "links" if multiple else "link",
-        multiple=multiple,
         metavar="SENDER:RECEIVER",
         shell_complete=completion.links,
         help=help_text,

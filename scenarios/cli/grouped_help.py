@@ -23,7 +23,7 @@ SECTIONS: Mapping[str, Sequence[str]] = {
         "status", "link", "cut", "heal", "gnss", "stall", "kill", "speed", "scenario-from",
     ),
     "Study": (
-        "sweep", "figure", "bisect", "blame", "worst", "drill", "channel", "gains",
+        "sweep", "figure", "bisect", "blame", "drill", "channel", "gains",
         "reproduce",
     ),
     "Machines": ("router", "vehicle", "record"),
@@ -32,7 +32,6 @@ RENAMED_OPTIONS: Mapping[tuple[str, str], str] = {
     ("bisect", "--to"): "--precision",
     ("bisect", "--seeds"): "--runs",
     ("bisect", "--any"): "--share",
-    ("worst", "--write"): "--output",
     ("channel show", "--out"): "--output",
     ("channel fit", "--out"): "--output",
     ("scenario-from", "--out"): "--output",

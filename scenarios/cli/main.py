@@ -24,7 +24,7 @@ from scenarios.cli.live import live_commands
 from scenarios.cli.logs.info_command import info
 from scenarios.cli.logs.piece_commands import extract, merge
 from scenarios.cli.logs.recover_command import recover
-from scenarios.cli.many import drill, worst
+from scenarios.cli.many import drill
 from scenarios.cli.many.bisect import bisect
 from scenarios.cli.many.blame import blame
 from scenarios.cli.many.figure import figure
@@ -105,7 +105,6 @@ for command in (
     live_commands.status,
     live_commands.scenario_from,
     drill.drill,
-    worst.worst,
     paper_commands.reproduce,
     bisect,
     reference,

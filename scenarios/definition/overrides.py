@@ -85,10 +85,34 @@ def _inline(value: object) -> str:
             raise TypeError(f"given {other!r}, allowed a number, text, truth value, list or table")
 
 
+def key_parts(key: str) -> tuple[str, ...]:
+    """Names and indices of a dotted key; an index may be in brackets."""
+    return tuple(re.sub(r"\[(\d+)\]", r".\1", key.strip()).split("."))
+
+
+def value_at(table: Raw, key: str) -> Any:
+    """Value of a dotted key, or None. Raises OverrideError for a key inside a missing list entry.
+
+    `override` would append that entry, without its other keys.
+    """
+    parts = key_parts(key)
+    here: Any = table
+    for depth, part in enumerate(parts):
+        entries = [] if here is None else here
+        if part.isdecimal() and isinstance(entries, list):
+            is_missing = int(part) >= len(entries)
+            if is_missing and depth < len(parts) - 1:
+                raise _wrong_index(parts[: depth + 1], len(entries))
+            here = None if is_missing else entries[int(part)]
+        else:
+            here = here.get(part) if isinstance(here, dict) else None
+    return here
+
+
 def parse_override(text: str) -> tuple[tuple[str, ...], Any]:
     """Split `key.path=value` into key parts and value; a value that is not TOML is a text."""
     key, equals, value = text.partition("=")
-    parts = tuple(re.sub(r"\[(\d+)\]", r".\1", key.strip()).split("."))
+    parts = key_parts(key)
     if not equals or not all(map(_PART.fullmatch, parts)):
         hint = _intended(text)
         raise OverrideError(f"given {json.dumps(text)}, allowed key=value, such as seed=7{hint}")
@@ -165,10 +189,16 @@ def clear(table: Raw, parts: Sequence[str], kept: Iterable[str]) -> None:
 
 def _index(entries: list[Any], parts: Sequence[str]) -> int:
     if not parts[-1].isdecimal() or int(parts[-1]) > len(entries):
-        allowed = f"0 to {len(entries)}"
-        key = ".".join(parts[:-1])
-        hint = f", did you mean vehicle.v{parts[1]}?" if key == "vehicle" else ""
-        raise OverrideError(f"given index {parts[-1]} of {key}, allowed {allowed}{hint}")
+        raise _wrong_index(parts, len(entries) + 1)
     if int(parts[-1]) == len(entries):
         entries.append({})
     return int(parts[-1])
+
+
+def _wrong_index(parts: Sequence[str], count: int) -> OverrideError:
+    """Refuse the index at the end of `parts` of a list that has `count` allowed ones."""
+    key, index = ".".join(parts[:-1]), parts[-1]
+    last = f" to {count - 1}" if count > 1 else ""
+    allowed = f"allowed 0{last}" if count else "which has no entries"
+    hint = f", did you mean vehicle.v{index}?" if key == "vehicle" else ""
+    return OverrideError(f"given index {index} of {key}, {allowed}{hint}")

@@ -63,11 +63,7 @@ class Limit:
         return LimitsTable.model_validate({self.vehicle: keys} if self.vehicle else keys)
 
     def is_beyond(self, figure: float) -> bool:
-        return self.excess(figure) > 0.0
-
-    def excess(self, figure: float) -> float:
-        """Return the distance of a figure beyond the bound, negative while the limit holds."""
-        return self.bound - figure if self.row.is_least else figure - self.bound
+        return figure < self.bound if self.row.is_least else figure > self.bound
 
 
 def limits_of(table: LimitsTable) -> Iterator[Limit]:

@@ -2,7 +2,6 @@
 
 study_options  options that these commands share
 drill          failure drills: scenarios with limits
-worst          the most harmful time of a burst of losses
 sweep          values of some keys and seeds: tables and heat maps
 figure         standard figures of the field
 bisect         the value of a key at which runs begin to break a limit

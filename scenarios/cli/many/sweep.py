@@ -36,11 +36,13 @@ Examples:
   convoy sweep lossy_lane_change --vary links.loss_ratio=0:0.9:0.1 --limit lane
   convoy sweep lane_change --vary links.loss_ratio=0.5:0.9:0.1 --vary convoy.gap_m=3,10,30
   convoy sweep lane_change --vary links.preset=clear,lossy --figure v4.distance_m
+  convoy sweep burst_worst --vary change.0.at_s=3:10:0.5 --seeds 5
   convoy sweep my.toml --seeds 200 --limit collision --limit error_m=0.5 --out night
   convoy sweep lane_change --vary gnss.rate_hz=5,10 --scheduler tcp://127.0.0.1:8786
 
 \b
 KEY=START:STOP:STEP includes both ends. KEY=a,b,c is a list of any values.
+change.0 is the first [[change]] of the scenario.
 A seed draws the same random numbers in every combination. An interrupted
 sweep resumes when the same command is run again.
 

@@ -1,7 +1,6 @@
 """Limits judged by the figures and events of a run: each with its figure and its instant."""
 
 from collections.abc import Collection, Iterator, Sequence
-from math import inf
 from operator import attrgetter
 
 from scenarios.definition.run_limits import Limit, limits_of
@@ -72,22 +71,17 @@ def failure_reason(reason: str, broken: Sequence[str]) -> str:
 
 
 def broken_by(limit: Limit, summary: RunSummary) -> bool:
-    return severity(limit, summary) > 0.0
+    """Whether a run broke a limit, of a largest figure that no vehicle has as if it were 0.
 
-
-def severity(limit: Limit, summary: RunSummary) -> float:
-    """How far a run is beyond the bound: 0 at it, negative while it holds.
-
-    Of a figure that no vehicle has: -inf for a smallest one, else as if it were 0. Raises
-    PlugInError if a class of the user failed to measure it.
+    Raises PlugInError if a class of the user failed to measure the figure.
     """
     if limit.row.event:
-        return float(len(_counted(limit, summary.events)) > limit.bound)
+        return len(_counted(limit, summary.events)) > limit.bound
     rows = [row for row in summary.vehicles if limit.vehicle in {"", row.name}]
     if without := [row.name for row in rows if _is_unmeasured(limit.row, row)]:
         raise PlugInError(f"{limit}: {unmeasured(limit.row.own_figure, without[0])}")
     known = [value for row in rows if (value := _figure(limit.row, row)) is not None]
-    return max(map(limit.excess, known), default=-inf if limit.row.is_least else -limit.bound)
+    return any(map(limit.is_beyond, known or ([] if limit.row.is_least else [0.0])))
 
 
 def _counted(limit: Limit, events: Sequence[RunEvent]) -> list[RunEvent]:

@@ -2,6 +2,4 @@
 
 drill        drills with their seeds, and the rows of their limits
 drill_files  the rows as JSON and JUnit XML
-worst        search for the most harmful time of a burst loss
-worst_files  the worst time as a drill and as JSON
 """

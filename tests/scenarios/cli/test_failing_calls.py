@@ -79,11 +79,6 @@ COMMANDS = {
     "compare": Command(f"compare {LOG} {LOG} -o out/both.svg", "both.svg"),
     "check": Command("check inputs/drive.csv --out out/drive.png", "drive.png"),
     "new": Command("new out/my.toml", "my.toml"),
-    "worst": Command(
-        "worst lane_change --burst 100ms --from 100ms --to 100ms --step 100ms --finest 100ms "
-        f"{HERE} -o out/worst.toml",
-        "worst.toml",
-    ),
     "drill": Command(
         "drill inputs/small.toml --workers 0 --out out --junit out/junit.xml",
         "drills.json junit.xml",

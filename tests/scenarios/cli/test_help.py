@@ -55,7 +55,7 @@ def test_an_option_has_the_same_values_in_every_command() -> None:
     # Rerun and Zenoh have an option of this name; commands with that of Zenoh lack the other.
     assert {name for name, found in kinds.items() if len(found) > 1} == {"--connect"}
     assert {name for name, found in kinds.items() if ("TIME", False) in found} >= {
-        "--at", "--for", "--from", "--to", "--burst", "--step", "--wait", "--duration",
+        "--at", "--for", "--from", "--to", "--wait", "--duration",
     }  # fmt: skip
 
 
@@ -90,7 +90,6 @@ def test_an_old_option_leads_to_the_new_one(command: str, old: str) -> None:
         (["stall", "v1"], ["--for: missing"]),
         (["link", "v1"], ["RECEIVER: missing"]),
         (["blame", "x", "--figure", "gap"], ["--figure: ", "true_gap_m_min"]),
-        (["worst", "--burst", "1s", "--figure", "error_m"], ["cross_track_error_m_max"]),
         (["rnu"], ["rnu"]),
         (["export", "x", "--parquet"], ["--parquet: ", "--format parquet"]),
         (["run", "--seed", "x"], ["--seed: ", "whole number"]),
@@ -111,7 +110,7 @@ def test_without_a_command_the_help_is_printed() -> None:
     assert "Machines:" in result.stderr
 
 
-@pytest.mark.parametrize("command", ["run", "check", "drill", "sweep", "bisect", "worst"])
+@pytest.mark.parametrize("command", ["run", "check", "drill", "sweep", "bisect"])
 def test_duration_and_loss_are_short_for_settings(command: str) -> None:
     names = {name for one in COMMANDS[command].params for name in one.opts}
     assert {"--duration", "--loss", "--set"} <= names

@@ -1,6 +1,5 @@
 """`convoy bisect`: the query, its runs, and the result."""
 
-import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -10,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.definition.overrides import OverrideError, parsed, value_at
 from scenarios.definition.run_limits import Limit
 from scenarios.results.channel.estimates import CONFIDENCE
 from scenarios.studies.engine.engine import Engine
@@ -103,7 +103,10 @@ class BoundaryQuery:
         if self.max_runs < self.least_runs:
             allowed = f"allowed at least {self.least_runs} for a share of {self.share:g}"
             raise ScenarioError([f"--runs: given {self.max_runs}, {allowed}"])
-        now = _value_at(self.variant.scenario.text, self.key)
+        try:
+            now = value_at(parsed(self.variant.scenario.text), self.key)
+        except OverrideError as error:
+            raise ScenarioError([f"{self.key}: {error}"]) from error
         if self.key == "seed" or isinstance(now, bool | str | list | dict):
             raise ScenarioError([f"{self.key}: given {now!r}, allowed a key with a number"])
         if isinstance(now, int):
@@ -307,11 +310,3 @@ def deviance(points: Sequence[SharePoint]) -> float:
             if count:
                 total += 2.0 * count * log(count / (group.runs * max(fitted, 1e-12)))
     return total
-
-
-def _value_at(text: str, key: str) -> object:
-    """Value of a dotted key in a scenario, or None."""
-    value: Any = tomllib.loads(text)
-    for part in key.split("."):
-        value = value.get(part) if isinstance(value, dict) else None
-    return value

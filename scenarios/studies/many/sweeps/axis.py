@@ -8,7 +8,7 @@ from itertools import product
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.overrides import OverrideError, parse_override
+from scenarios.definition.overrides import OverrideError, key_parts, parse_override
 
 MAX_VALUES = 1000
 ALLOWED_FORMS = "KEY=START:STOP:STEP or KEY=a,b,c, such as links.loss_ratio=0:0.9:0.1"
@@ -46,7 +46,7 @@ class SweepAxis:
 def parsed_axis(text: str) -> SweepAxis:
     """Parse `KEY=START:STOP:STEP`, both ends included, or `KEY=a,b,c`; raises ScenarioError."""
     key, _, given = text.partition("=")
-    key = key.strip()
+    key = ".".join(key_parts(key))
     try:
         parse_override(f"{key}=0")
         texts = _texts(given)

@@ -4,9 +4,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.definition.extends import merged
+from scenarios.definition.library import ScenarioFile
+from scenarios.definition.overrides import OverrideError, override, parse_override, value_at
 from scenarios.definition.run_limits import Limit, parsed_limit
 from scenarios.definition.scenario import Scenario
 from scenarios.results.limits.evaluation import broken_by
@@ -119,6 +123,7 @@ def planned(
     )
     if plan.runs > MAX_RUNS:
         raise ScenarioError([f"{name}: given {plan.runs} runs, allowed {MAX_RUNS}"])
+    _refuse_missing_entries(plan)
     scenarios = list(_scenarios(plan))
     vehicles = max((scenario.vehicle_names for scenario in scenarios), key=len)
     own = tuple(dict.fromkeys(name for scenario in scenarios for name in scenario.own_figures))
@@ -132,6 +137,18 @@ def planned(
         figures=tuple(parsed_figure(text, vehicles, own, pairs) for text in names),
         limits=tuple(dict.fromkeys(parsed_limit(text, vehicles, own) for text in limits)),
     )
+
+
+def _refuse_missing_entries(plan: SweepPlan) -> None:
+    """Raise ScenarioError for a key inside a list entry that neither scenario nor axes have."""
+    base = plan.base
+    tables = merged(ScenarioFile(base.name, Path(), base.text), base.overrides).raw
+    for axis in plan.axes:
+        try:
+            value_at(tables, axis.key)
+            override(tables, *parse_override(axis.overrides[0]))
+        except OverrideError as error:
+            raise ScenarioError([f"--vary: {axis.key}: {error}"]) from error
 
 
 def _scenarios(plan: SweepPlan) -> Iterator[Scenario]:

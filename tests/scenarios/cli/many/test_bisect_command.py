@@ -61,6 +61,10 @@ REFUSED = {
         ["bisect", NAME, "convoy.vehicles", "--range=2:5"],
         "convoy.vehicles: takes whole numbers; use `convoy sweep",
     ),
+    "a missing entry": (
+        ["bisect", NAME, "change.0.at_s"],
+        "change.0.at_s: given index 0 of change, which has no entries",
+    ),
     "a share that is none": (
         [*LOSS, "--share=nan"], "nan is not a finite number",
     ),

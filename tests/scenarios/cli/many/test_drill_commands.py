@@ -1,4 +1,4 @@
-"""`convoy drill` and `convoy worst`: their tables, files, exit codes and refusals."""
+"""`convoy drill`: its tables, files, exit codes and refusals."""
 
 import json
 import signal
@@ -142,31 +142,3 @@ def test_invalid_drills_are_refused_in_one_line(arguments: tuple[str, ...], line
 def test_an_unknown_drill_leads_to_the_list() -> None:
     refused = convoy("drill", "nowhere", "--workers", "0")
     assert "`convoy list` names the drills" in refused.stderr
-
-
-def test_the_worst_time_is_printed_as_json_and_written(tmp_path: Path) -> None:
-    file = tmp_path / "worst.toml"
-    done = convoy(
-        "worst", short(tmp_path), "--burst", "500ms", "--from", "500ms", "--to", "1s",
-        "--step", "500ms", "--finest", "500ms", "--workers", 0, "--json", "-o", file,
-    )  # fmt: skip
-    assert done.exit_code == 0, done.output
-    found = json.loads(done.stdout)
-    assert [time["at_s"] for time in found["simulated"]] == [0.5, 1.0]
-    written = load_scenario(file)
-    (worst,) = [one for one in run_unlogged(written).vehicles if one.role == "follower"]
-    assert worst.cross_track_error_m_max == found["cross_track_error_m_max"]
-    refused = convoy("worst", "lane_change", "--burst", "1s", "--output", file)
-    assert (refused.exit_code, refused.stderr) == (
-        2,
-        f"error: {file}: exists; give another place\n",
-    )
-
-
-def test_an_impossible_search_is_refused() -> None:
-    refused = convoy("worst", "lane_change", "--burst", "40s")
-    assert refused.exit_code == 2
-    assert refused.stderr == (
-        "error: --burst: given 40 s, allowed more than 0, less than the run's 35\n"
-    )
-    assert convoy("worst", "lane_change", "--burst", "soon").exit_code == 2

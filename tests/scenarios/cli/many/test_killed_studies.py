@@ -27,13 +27,11 @@ from tests.made.many.small_convoy import SETTINGS
 SMALL = [f"--set={one}" for one in SETTINGS]
 SHORT = ["--set=duration_s=2.5", "--set=convoy.vehicles=2"]
 BISECT = ["bisect", "lossy_lane_change", "links.loss_ratio", "--limit=error_m=1", *SMALL]
-BURST = ["--burst=500ms", "--from=1s", "--to=2s", "--step=500ms", "--finest=250ms", "--seeds=2"]
 STUDIES = {
     "sweep": ["sweep", "lane_change", *SHORT, "--vary=links.loss_ratio=0,0.8", "--seeds=3",
               "--no-pictures", "--out=out"],
     "bisect": [*BISECT, "--precision=0.1", "--runs=40", "--out=out"],
     "drill": ["drill", "drill.toml", "--seeds=4", "--out=out"],
-    "worst": ["worst", "lane_change", *SHORT, *BURST, "--output=out/worst.toml"],
     "blame": ["blame", "log", "--runs=30", "--out=out"],
 }  # fmt: skip
 DRILL = """
@@ -116,7 +114,7 @@ class Killed(BaseException):
 
 
 @pytest.mark.spread(2)
-@pytest.mark.parametrize("study", [name for name in STUDIES if name != "worst"])
+@pytest.mark.parametrize("study", STUDIES)
 def test_a_killed_driver_resumes(study: str, places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept, add = list[str](), RunJournal.add
 
@@ -161,7 +159,7 @@ def wait_until_ended(processes: list[psutil.Process]) -> None:
 
 
 def test_sigterm_ends_a_study_with_one_line_and_leaves_no_process(places: Path) -> None:
-    command = [sys.executable, "-m", "scenarios.cli", *STUDIES["worst"], "--workers=2"]
+    command = [sys.executable, "-m", "scenarios.cli", *STUDIES["sweep"], "--workers=2"]
     with subprocess.Popen(
         command, cwd=places / "disturbed", stderr=subprocess.PIPE, text=True
     ) as driver:

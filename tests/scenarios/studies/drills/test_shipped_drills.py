@@ -1,6 +1,7 @@
 """Shipped drills pass, and each of their limits is broken by a planted fault."""
 
 import tomllib
+from dataclasses import replace
 
 import pytest
 
@@ -8,9 +9,7 @@ from scenarios.definition.check.findings import check
 from scenarios.definition.library import DRILLS
 from scenarios.definition.scenario import drills, library, load_scenario, scenario_from_text
 from scenarios.studies.drills.drill import drill_variants, rows_of_drill, run_drill
-from scenarios.studies.drills.worst import BurstLoss, SearchSpan, WorstSearch, base_variant
-from scenarios.studies.engine.engine import Engine
-from tests.made.many.engines import engine_here
+from scenarios.studies.many.variant import variant_of
 from tests.scenarios.studies.drills.planted_faults import PLANTS
 
 EXPECTED = {
@@ -96,42 +95,12 @@ def test_planted_faults_break_their_limits(case: int, monkeypatch: pytest.Monkey
     assert set(plant.breaks) <= broken, plant
 
 
-WORST_AT_S, BURST = 8.219, BurstLoss(for_s=1.0)
-SETTINGS = ("convoy.vehicles=3", "duration_s=12")
+def test_the_burst_is_worse_than_one_second_later() -> None:
+    variant = variant_of("burst_worst")
+    (cut,) = variant.scenario.tables.change
 
+    def error(at_s: float) -> float:
+        summary = replace(variant, overrides=(f"change.0.at_s={at_s}",)).run()
+        return max(row.cross_track_error_m_max or 0.0 for row in summary.vehicles)
 
-def search(engine: Engine, seeds: int = SEEDS) -> WorstSearch:
-    """The search whose command is in the header of the file."""
-    base = base_variant("lane_change", SETTINGS, None)
-    return WorstSearch(base, BURST, "error_m", engine, seeds=seeds)
-
-
-def test_the_burst_is_at_the_time_of_the_search() -> None:
-    (cut,) = load_scenario("burst_worst").tables.change
-    assert cut.model_dump() == {
-        "kind": "cut",
-        "at_s": WORST_AT_S,
-        "for_s": BURST.for_s,
-        "sender": "*",
-        "receiver": "*",
-    }
-    with engine_here() as engine:
-        variant = search(engine).variant(WORST_AT_S)
-    found, shipped = variant.scenario, load_scenario("burst_worst")
-    for key in ("change", "path", "convoy", "links", "gnss", "control", "speed", "seed"):
-        assert getattr(found.tables, key) == getattr(shipped.tables, key), key
-
-
-@pytest.mark.campaign(1, 2)
-def test_the_burst_is_at_the_worst_time(case: int) -> None:
-    """Worse than one second later; a campaign repeats the search."""
-    if case:
-        span = SearchSpan(from_s=3.0, to_s=10.0, step_s=0.5, finest_s=0.05)
-        with engine_here() as engine:
-            assert search(engine).run(span).at_s == WORST_AT_S
-        return
-    span = SearchSpan(from_s=WORST_AT_S, to_s=WORST_AT_S + 1.0, step_s=1.0, finest_s=1.0)
-    with engine_here() as engine:
-        found = search(engine, seeds=1).run(span)
-    assert found.at_s == WORST_AT_S
-    assert found.figure > 5.0 * found.figures[round(WORST_AT_S + 1.0, 3)]
+    assert error(cut.at_s) > 5.0 * error(cut.at_s + 1.0)

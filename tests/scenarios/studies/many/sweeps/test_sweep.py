@@ -144,6 +144,9 @@ def test_other_files_are_not_overwritten(tmp_path: Path) -> None:
     assert len(list(tmp_path.iterdir())) == 1
 
 
+CUT = "change=[{kind='cut', at_s=0.1, for_s=0.1}]"
+
+
 @pytest.mark.parametrize(
     ("given", "fact"),
     [
@@ -158,6 +161,14 @@ def test_other_files_are_not_overwritten(tmp_path: Path) -> None:
         ({"vary": [], "sets": ["convoy.gap_m=no"]}, "--set: convoy.gap_m: given"),
         ({"vary": [], "limits": ["lanes"]}, "--limit: given 'lanes', allowed"),
         ({"vary": [], "figures": ["v9.distance_m"]}, "--figure: unknown figure 'v9.distance_m'"),
+        (
+            {"vary": ["change.0.at_s=1,2"]},
+            "--vary: change.0.at_s: given index 0 of change, which has no entries",
+        ),
+        (
+            {"vary": ["change.1.at_s=1,2"], "sets": [CUT]},
+            "--vary: change.1.at_s: given index 1 of change, allowed 0",
+        ),
         ({"vary": ["convoy.gap_m=6:900:1"], "seeds": 1000}, "given 895000 runs, allowed 100000"),
     ],
 )
@@ -168,6 +179,16 @@ def test_invalid_sweeps_are_refused_before_anything_runs(
         planned("lane_change", **({"seeds": 2} | given))  # type: ignore[arg-type]
     (line,) = error.value.lines
     assert fact in line
+
+
+def test_a_key_of_a_list_entry_varies() -> None:
+    """The entry may be given by --set or by another --vary."""
+    times = "change[0].at_s=0.2,0.4"
+    for sets, vary in (([CUT], [times]), ([], [CUT, times])):
+        plan = planned("lane_change", vary=vary, seeds=1, sets=sets)
+        cuts = [plan.variants(cell)[0].scenario.tables.change[0] for cell in plan.cells]
+        assert [(one.kind, one.at_s) for one in cuts] == [("cut", 0.2), ("cut", 0.4)]
+        assert plan.axes[-1].key == "change.0.at_s"
 
 
 def test_figures_of_vehicles_of_any_cell_are_allowed() -> None:
