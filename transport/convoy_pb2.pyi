@@ -1101,12 +1101,10 @@ class RunStart(_message.Message):
     SEQ_FIELD_NUMBER: _builtins.int
     START_AT_NS_FIELD_NUMBER: _builtins.int
     RUN_ID_FIELD_NUMBER: _builtins.int
-    SECRET_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     start_at_ns: _builtins.int
     run_id: _builtins.str
-    secret: _builtins.str
     def __init__(
         self,
         *,
@@ -1114,16 +1112,13 @@ class RunStart(_message.Message):
         seq: _builtins.int | None = ...,
         start_at_ns: _builtins.int | None = ...,
         run_id: _builtins.str | None = ...,
-        secret: _builtins.str | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_run_id", b"_run_id", "_secret", b"_secret", "_seq", b"_seq", "_start_at_ns", b"_start_at_ns", "_vehicle", b"_vehicle", "run_id", b"run_id", "secret", b"secret", "seq", b"seq", "start_at_ns", b"start_at_ns", "vehicle", b"vehicle"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_run_id", b"_run_id", "_seq", b"_seq", "_start_at_ns", b"_start_at_ns", "_vehicle", b"_vehicle", "run_id", b"run_id", "seq", b"seq", "start_at_ns", b"start_at_ns", "vehicle", b"vehicle"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_run_id", b"_run_id", "_secret", b"_secret", "_seq", b"_seq", "_start_at_ns", b"_start_at_ns", "_vehicle", b"_vehicle", "run_id", b"run_id", "secret", b"secret", "seq", b"seq", "start_at_ns", b"start_at_ns", "vehicle", b"vehicle"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_run_id", b"_run_id", "_seq", b"_seq", "_start_at_ns", b"_start_at_ns", "_vehicle", b"_vehicle", "run_id", b"run_id", "seq", b"seq", "start_at_ns", b"start_at_ns", "vehicle", b"vehicle"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__run_id: _TypeAlias = _typing.Literal["run_id"]  # noqa: Y015
     _WhichOneofArgType__run_id: _TypeAlias = _typing.Literal["_run_id", b"_run_id"]  # noqa: Y015
-    _WhichOneofReturnType__secret: _TypeAlias = _typing.Literal["secret"]  # noqa: Y015
-    _WhichOneofArgType__secret: _TypeAlias = _typing.Literal["_secret", b"_secret"]  # noqa: Y015
     _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
     _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
     _WhichOneofReturnType__start_at_ns: _TypeAlias = _typing.Literal["start_at_ns"]  # noqa: Y015
@@ -1132,8 +1127,6 @@ class RunStart(_message.Message):
     _WhichOneofArgType__vehicle: _TypeAlias = _typing.Literal["_vehicle", b"_vehicle"]  # noqa: Y015
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__run_id) -> _WhichOneofReturnType__run_id | None: ...
-    @_typing.overload
-    def WhichOneof(self, oneof_group: _WhichOneofArgType__secret) -> _WhichOneofReturnType__secret | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
     @_typing.overload
@@ -1151,12 +1144,12 @@ class RunEnd(_message.Message):
     SEQ_FIELD_NUMBER: _builtins.int
     END_AT_NS_FIELD_NUMBER: _builtins.int
     REASON_FIELD_NUMBER: _builtins.int
-    SECRET_FIELD_NUMBER: _builtins.int
+    RUN_ID_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     end_at_ns: _builtins.int
     reason: _builtins.str
-    secret: _builtins.str
+    run_id: _builtins.str
     def __init__(
         self,
         *,
@@ -1164,18 +1157,18 @@ class RunEnd(_message.Message):
         seq: _builtins.int | None = ...,
         end_at_ns: _builtins.int | None = ...,
         reason: _builtins.str | None = ...,
-        secret: _builtins.str | None = ...,
+        run_id: _builtins.str | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_end_at_ns", b"_end_at_ns", "_reason", b"_reason", "_secret", b"_secret", "_seq", b"_seq", "_vehicle", b"_vehicle", "end_at_ns", b"end_at_ns", "reason", b"reason", "secret", b"secret", "seq", b"seq", "vehicle", b"vehicle"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_end_at_ns", b"_end_at_ns", "_reason", b"_reason", "_run_id", b"_run_id", "_seq", b"_seq", "_vehicle", b"_vehicle", "end_at_ns", b"end_at_ns", "reason", b"reason", "run_id", b"run_id", "seq", b"seq", "vehicle", b"vehicle"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_end_at_ns", b"_end_at_ns", "_reason", b"_reason", "_secret", b"_secret", "_seq", b"_seq", "_vehicle", b"_vehicle", "end_at_ns", b"end_at_ns", "reason", b"reason", "secret", b"secret", "seq", b"seq", "vehicle", b"vehicle"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_end_at_ns", b"_end_at_ns", "_reason", b"_reason", "_run_id", b"_run_id", "_seq", b"_seq", "_vehicle", b"_vehicle", "end_at_ns", b"end_at_ns", "reason", b"reason", "run_id", b"run_id", "seq", b"seq", "vehicle", b"vehicle"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__end_at_ns: _TypeAlias = _typing.Literal["end_at_ns"]  # noqa: Y015
     _WhichOneofArgType__end_at_ns: _TypeAlias = _typing.Literal["_end_at_ns", b"_end_at_ns"]  # noqa: Y015
     _WhichOneofReturnType__reason: _TypeAlias = _typing.Literal["reason"]  # noqa: Y015
     _WhichOneofArgType__reason: _TypeAlias = _typing.Literal["_reason", b"_reason"]  # noqa: Y015
-    _WhichOneofReturnType__secret: _TypeAlias = _typing.Literal["secret"]  # noqa: Y015
-    _WhichOneofArgType__secret: _TypeAlias = _typing.Literal["_secret", b"_secret"]  # noqa: Y015
+    _WhichOneofReturnType__run_id: _TypeAlias = _typing.Literal["run_id"]  # noqa: Y015
+    _WhichOneofArgType__run_id: _TypeAlias = _typing.Literal["_run_id", b"_run_id"]  # noqa: Y015
     _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
     _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
     _WhichOneofReturnType__vehicle: _TypeAlias = _typing.Literal["vehicle"]  # noqa: Y015
@@ -1185,7 +1178,7 @@ class RunEnd(_message.Message):
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__reason) -> _WhichOneofReturnType__reason | None: ...
     @_typing.overload
-    def WhichOneof(self, oneof_group: _WhichOneofArgType__secret) -> _WhichOneofReturnType__secret | None: ...
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__run_id) -> _WhichOneofReturnType__run_id | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
     @_typing.overload

@@ -342,32 +342,23 @@ class Change:
 
 @dataclass(slots=True, kw_only=True)
 class RunStart:
-    """Common start of all vehicles' schedules.
-
-    `secret` proves that the run's recorder sent it: its SHA-256 is the recorder's name. It is empty
-    in virtual runs.
-    """
+    """Common start of all vehicles' schedules."""
 
     vehicle: str
     seq: int
     start_at_ns: int
     run_id: str
-    secret: str = ""
 
 
 @dataclass(slots=True, kw_only=True)
 class RunEnd:
-    """End of the run, sent when its log is complete; `reason` is empty after a planned end.
-
-    `secret` proves that the run's recorder sent it: its SHA-256 is the secret of the start. It is
-    empty in virtual runs.
-    """
+    """End of the run, sent when its log is complete; `reason` is empty after a planned end."""
 
     vehicle: str
     seq: int
     end_at_ns: int
     reason: str
-    secret: str = ""
+    run_id: str = ""
 
 
 Message = (

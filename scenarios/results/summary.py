@@ -45,7 +45,7 @@ def refuse_newer(schema: str) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunIdentity:
-    """Identity of a run: scenario, overrides, seed, clock, folder, and versions.
+    """Identity of a run: scenario, overrides, seed, clock, identifier, and versions.
 
     `title` names the scenario with its overrides.
     """
@@ -64,8 +64,8 @@ class RunIdentity:
     clock: ClockName
     """wall or virtual."""
     run_id: str
-    """Identifier of the run. In virtual time: scenario, overrides and seed. In real time: name of
-    the folder, by default start time, scenario and overrides."""
+    """Identifier of the run. In virtual time: scenario, overrides and seed. In real time: a random
+    text, which the recorder's messages carry."""
     versions: Mapping[str, str]
     """Installed version."""
     sources: str = ""

@@ -86,7 +86,7 @@ class Recorder:
     def keys(self) -> list[str]:
         return list(self._topics)
 
-    def begin(self, at: int, start_at: int, run_id: str, secret: str = "") -> bytes:
+    def begin(self, at: int, start_at: int, run_id: str) -> bytes:
         """Log at instant `at` that the run starts at `start_at` (ns).
 
         Returns the announcement for the bus.
@@ -103,11 +103,11 @@ class Recorder:
             )
             for name, rate_hz in self._rates_hz.items()
         }
-        return self._put(RunStart, at, start_at_ns=start_at, run_id=run_id, secret=secret)
+        return self._put(RunStart, at, start_at_ns=start_at, run_id=run_id)
 
-    def end(self, at: int, reason: str, secret: str = "") -> bytes:
+    def end(self, at: int, reason: str, run_id: str) -> bytes:
         """Log that the run is over; returns the announcement for the bus."""
-        return self._put(RunEnd, at, end_at_ns=at, reason=reason, secret=secret)
+        return self._put(RunEnd, at, end_at_ns=at, reason=reason, run_id=run_id)
 
     def accept(self, key_expression: str, data: bytes, at: int) -> bool:
         """Take one message received at instant `at` (ns); return whether it was recorded.

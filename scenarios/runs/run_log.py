@@ -90,11 +90,11 @@ class RunLog:
     def flush(self) -> None:
         self._writer.flush()
 
-    def start(self, at: int, start_at: int, secret: str = "") -> bytes:
+    def start(self, at: int, start_at: int) -> bytes:
         """Log the start (ns); returns the announcement for the bus."""
-        return self.recorder.begin(at, start_at, self._identity.run_id, secret)
+        return self.recorder.begin(at, start_at, self._identity.run_id)
 
-    def end(self, at: int, reason: str, secret: str = "") -> bytes:
+    def end(self, at: int, reason: str) -> bytes:
         """Log that the run is over; an empty `reason` means as planned.
 
         Returns the announcement for the bus; messages can be recorded until `close`. A failed log
@@ -113,10 +113,10 @@ class RunLog:
             broken = self._limits.broken(self._ran_ns)
             wrong = [*broken, *self.metrics.contradictions(self._ran_ns)]
             self.reason = failure_reason(reason or self.early_end_reason or silent, wrong)
-            return self.recorder.end(at, self.reason, secret)
+            return self.recorder.end(at, self.reason, self._identity.run_id)
         except LogError as error:
             self.reason = failure_reason(reason or self.early_end_reason, [str(error)])
-            return self.recorder.end(at, self.reason, secret)
+            return self.recorder.end(at, self.reason, self._identity.run_id)
 
     @property
     def early_end_reason(self) -> str:

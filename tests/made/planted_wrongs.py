@@ -45,10 +45,10 @@ WRONGS = {
     "the token of a stranger": f"{MEMBERS}::test_a_stranger_s_token_stops_nobody",
     "a stranger as the recorder of a started run":
         f"{VEHICLE}::test_a_stranger_does_not_follow_the_recorder_of_a_started_run",
-    "a forged end": f"{VEHICLE}::test_only_the_recorder_of_the_run_ends_it",
-    "a forged start": f"{VEHICLE}::test_only_the_recorder_of_the_run_starts_it",
-    "a forged answer of a clock":
-        f"{CLOCKS}::test_a_replayed_answer_is_counted_and_measures_nothing",
+    "an end of another run": f"{VEHICLE}::test_only_the_recorder_of_the_run_ends_it",
+    "a start of another run": f"{VEHICLE}::test_only_the_recorder_of_the_run_starts_it",
+    "an answer of a clock to another query":
+        f"{CLOCKS}::test_an_answer_to_another_query_measures_nothing",
     "a host that is cut off for good":
         f"{ACCOUNT}::test_a_vehicle_that_was_cut_off_for_good_is_named",
     "messages in the name of the run":

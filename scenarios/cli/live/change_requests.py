@@ -10,15 +10,14 @@ from typing import Any
 
 from scenarios.cli.common_options import zenoh_from
 from scenarios.definition.changing.live_change import ChangeRequest
-from scenarios.runs.control.live_control import REQUEST, Confirmation, answer_purpose
+from scenarios.runs.control.live_control import Confirmation
 from scenarios.runs.control.open_runs import OpenRun, open_runs
+from scenarios.runs.control.run_id import addressed
 from scenarios.runs.control.run_status import RunStatus
-from scenarios.runs.control.seal import KEY_VARIABLE, Seal, run_key
 from scenarios.runs.processes.membership import (
     RECORDER,
     VEHICLE,
     checked_run_name,
-    has_run_key,
     shown,
 )
 from transport.bus.bus import Bus, BusError, Member
@@ -99,9 +98,9 @@ def request_change(
     vehicle without an answer to the first message gets no more, so that it delays the others once.
     """
     members = bus.members()
-    vehicles, seal = _concerned(members, run, entry), _seal_of(members, run)
+    vehicles, run_id = _concerned(members, run, entry), _run_id(members, run)
     started = system.monotonic()
-    answers = partial(_answers, bus, seal=seal, started=started, system=system)
+    answers = partial(_answers, bus, run_id=run_id, started=started, system=system)
     result: dict[str, VehicleAnswer] = {}
     for margin_s in AHEAD_S:
         asked_ms = (system.monotonic() - started) / MILLISECOND
@@ -131,19 +130,15 @@ def _without_promise(each: VehicleAnswer) -> VehicleAnswer:
     return replace(each, answer=Confirmation(each.vehicle))
 
 
-def _seal_of(members: Iterable[Member], run: str) -> Seal:
-    """Seal of a run; raises BusError if its recorder is unknown or has another key."""
+def _run_id(members: Iterable[Member], run: str) -> str:
+    """Identifier of a run, the name of its recorder; raises BusError without exactly one."""
     recorders = [member for member in members if member.role == RECORDER]
     if len(recorders) != 1:
         count = len(recorders) or "no"
         sessions = ", ".join(shown(member.session) for member in recorders)
         which = f"s: sessions {sessions}" if recorders else ""
         raise BusError(f"run {run}: has {count} recorder{which}")
-    key = run_key() or next((entry.key for entry in open_runs() if entry.run == run), "")
-    if not has_run_key(recorders[0].fingerprint, key):
-        raise BusError(f"run {run}: was started with another key; set {KEY_VARIABLE} to it")
-    recorder = recorders[0].name
-    return Seal(lambda: recorder, key)
+    return recorders[0].name
 
 
 def _concerned(members: Iterable[Member], run: str, entry: Mapping[str, Any]) -> list[str]:
@@ -164,7 +159,7 @@ def _answers(
     vehicles: Sequence[str],
     request: ChangeRequest,
     *,
-    seal: Seal,
+    run_id: str,
     started: int,
     system: SystemTime,
 ) -> dict[str, VehicleAnswer]:
@@ -175,15 +170,14 @@ def _answers(
     def elapsed_ms() -> float:
         return (system.monotonic() - started) / MILLISECOND
 
-    sealed = seal.sealed(REQUEST, request.text)
+    query = addressed(run_id, request.text)
 
     def receive(vehicle: str, answer: bytes) -> None:
-        content = seal.opened(answer_purpose(sealed), answer)
-        if content is None:  # not from the vehicle
+        if not answer:  # from a vehicle of another run
             return
         confirmation = None
         with suppress(ValueError):
-            confirmation = Confirmation.of(content)
+            confirmation = Confirmation.of(answer)
         received[vehicle] = VehicleAnswer(vehicle, confirmation, elapsed_ms())
         if len(received) == len(vehicles):
             complete.set()
@@ -192,7 +186,7 @@ def _answers(
         return {}
     for vehicle in vehicles:
         handler = partial(receive, vehicle)
-        bus.request(control_key(vehicle), handler, ANSWER_TIMEOUT_S, sealed)
+        bus.request(control_key(vehicle), handler, ANSWER_TIMEOUT_S, query)
     system.wait(complete, ANSWER_TIMEOUT_S)
     absent_ms = elapsed_ms()
     return {

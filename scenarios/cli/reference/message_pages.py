@@ -8,7 +8,6 @@ from inspect import getdoc
 import click
 
 from scenarios.cli.reference.printing import Row, print_section, print_text
-from scenarios.runs.control.seal import KEY_VARIABLE, TAG_DIGITS
 from scenarios.runs.processes.membership import SEPARATOR, Fingerprint
 from transport.convoy_pb2 import Deviation
 from transport.log.foxglove import standard_messages
@@ -64,35 +63,28 @@ def wire_page() -> None:
     print_text(
         f"FINGERPRINT is {parts}: name, seed, "
         "version of the program, digests of the scenario's content, of the program's sources and "
-        "of the modules of user-defined classes, versions of Python and NumPy, digest of the "
-        "run's key. Only the versions of Python and NumPy may differ between processes of a run. "
+        "of the modules of user-defined classes, versions of Python and NumPy. Only the versions "
+        "of Python and NumPy may differ between processes of a run. "
         "SESSION is the Zenoh identifier of the process."
     )
     click.echo()
     print_text(
-        "A request to a vehicle is sealed JSON: one entry of [[change]] without at_s, such as "
+        "A request to a vehicle is JSON: one entry of [[change]] without at_s, such as "
         '{"kind": "cut", "sender": "v1", "for_s": 2}. An empty object returns the earliest '
         "time at which a change can take effect. The recorder answers an empty request with "
         "the status of the run, as `convoy status --once --json` prints it."
     )
     click.echo()
     print_text(
-        f"Seals: a sealed message begins with the first {TAG_DIGITS} hexadecimal digits of an "
-        f"HMAC-SHA256 of its purpose, a line feed and its content. The key of the HMAC is "
-        f"{KEY_VARIABLE}, a space and the NAME of the recorder, which is new in each run. "
-        f"`convoy run` draws {KEY_VARIABLE}; processes that you start yourself take it from the "
-        "environment, or have none. Start and end of a run carry secrets: NAME is the SHA-256 of "
-        "the secret of the start, which is the SHA-256 of the secret of the end. Forged messages "
-        'are counted and logged under the reason "forged", and have no effect.'
+        "RUN_ID keeps runs of the same name apart. It is random, the NAME of the recorder's token, "
+        "and the run_id of the start and the end. A query with RUN_ID has it in its first line, "
+        "before the content described above. Starts and ends of another run are ignored "
+        "and counted as foreign; its queries get no answer."
     )
     click.echo()
     print_text(
-        "With a key, only its holders can give the time and request changes. Without "
-        "one, seals exclude messages of other and earlier runs, but not a program that reads NAME "
-        "from the bus; start and end are protected in both cases. Seals hide nothing: any program "
-        "that reaches the router reads all messages, can send poses and counters under the name of "
-        "a vehicle, and can disturb the traffic. Against that, restrict who reaches the router: "
-        "127.0.0.1, or Zenoh's TLS with client certificates or user and password (--config, --cfg)."
+        "Who may read and write is decided by Zenoh's TLS and access rules (--config, --cfg): any "
+        "program that reaches the router can send poses in the name of a vehicle."
     )
     click.echo(
         f"\nExample, listen.py, whose argument is the router's endpoint:\n\n{LISTENER}", nl=False
@@ -135,11 +127,11 @@ def wire_queries() -> Iterator[Row]:
     yield f"RUN/{token}", "liveliness token of a process; ROLE is vehicle or recorder"
     yield (
         f"RUN/{clock_key(RUN_SENDER)}",
-        "query, sealed: MARK, perhaps with a second line VEHICLE OFFSET UNCERTAINTY of the "
+        "query with RUN_ID: MARK, perhaps with a second line VEHICLE OFFSET UNCERTAINTY of the "
         "sender's clock in ns; the answer is \"MARK TIME\", the recorder's clock in ns",
     )
-    yield f"RUN/{end_key(RUN_SENDER)}", "query, sealed: VEHICLE confirms the end of a completed run"
-    yield f"RUN/{control_key('VEHICLE')}", "query, sealed: change a running vehicle"
+    yield f"RUN/{end_key(RUN_SENDER)}", "query with RUN_ID: VEHICLE confirms the end of a run"
+    yield f"RUN/{control_key('VEHICLE')}", "query with RUN_ID: change a running vehicle"
     yield f"RUN/{control_key(RUN_SENDER)}", "query: status of the run, from the recorder"
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
-from secrets import token_hex
 
 from scenarios.cli.display_options import DisplayOptions
 from scenarios.cli.error_lines import print_error
@@ -14,7 +13,7 @@ from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import summary_of
 from scenarios.results.metrics import Metrics
 from scenarios.results.summarise import write_summary
-from scenarios.runs.control.seal import recorder_name
+from scenarios.runs.control.run_id import random_run_id
 from scenarios.runs.machine import THIS_MACHINE, Machine
 from scenarios.runs.processes.membership import RECORDER, Fingerprint, Membership
 from scenarios.runs.processes.recorder_process import RecorderProcess
@@ -33,7 +32,7 @@ def record_run(
     gather_s: float,
     launched: bool,
     machine: Machine = THIS_MACHINE,
-    make_secret: Callable[[], str] = token_hex,
+    make_run_id: Callable[[], str] = random_run_id,
 ) -> int:
     """Gather and record the vehicles of a run; returns the exit code.
 
@@ -45,9 +44,8 @@ def record_run(
         nullcontext() if launched else claimed(folder, fresh=out is None),
         machine.open_bus(options) as bus,
     ):
-        secret = make_secret()
-        name, fingerprint = recorder_name(secret), Fingerprint.of(scenario)
-        member = Membership(bus, options.run, RECORDER, name, fingerprint)
+        fingerprint = Fingerprint.of(scenario)
+        member = Membership(bus, options.run, RECORDER, make_run_id(), fingerprint)
         member.join(sleep=machine.time.sleep)
         if not launched:
             print_start(options.run, folder, display, ", ".join(options.connect))
@@ -63,7 +61,6 @@ def record_run(
                 folder,
                 stop,
                 member,
-                secret=secret,
                 metrics=metrics,
                 gather_s=gather_s,
                 observers=watchers,

@@ -3,13 +3,11 @@
 Modules of the recorder are not imported before the vehicles are forked, to save their memory.
 """
 
-import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from secrets import token_hex
 
 import click
 
@@ -17,7 +15,6 @@ from scenarios.cli.display_options import DisplayOptions, start_line
 from scenarios.cli.error_lines import error_line
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
-from scenarios.runs.control.seal import KEY_VARIABLE, run_key
 from scenarios.runs.node.sink import BatchingSink
 from scenarios.runs.processes.forking import Task
 from scenarios.runs.processes.launcher import LaunchPlan, launch
@@ -39,8 +36,6 @@ def run_processes(
 ) -> int:
     """Run on the wall clock; returns the exit code."""
     stop = stop_on_signals()
-    if not run_key():
-        os.environ[KEY_VARIABLE] = token_hex()
     prepare_task = None
     if prepare_command is not None:
         prepare_parts(plan.scenario)

@@ -1,6 +1,6 @@
 """Control of a running convoy from outside.
 
-seal              proof that a control message is from this run
+run_id            queries that name their run
 open_runs         the runs of this user on this machine, and where to join them
 live_control      a vehicle that answers requests for changes
 run_status        the status of a run, as its recorder reports it

@@ -7,12 +7,11 @@ that it has received the end.
 from collections.abc import Collection
 from threading import Event
 
-from scenarios.runs.control.seal import Seal
+from scenarios.runs.control.run_id import addressed, content_of
 from transport.bus.bus import Bus
 from transport.clock import SYSTEM_TIME, SystemTime
 from transport.topics import RUN_SENDER, end_key
 
-PURPOSE = "confirmation of the end"
 RETRY_S = 0.25
 """Time between two confirmations; late answers count too."""
 ATTEMPTS = 8
@@ -23,21 +22,21 @@ RECEIVED = b"received"
 class EndConfirmations:
     """Vehicles of a run that have confirmed its end; any of `vehicles` may confirm."""
 
-    def __init__(self, bus: Bus, vehicles: Collection[str], seal: Seal) -> None:
+    def __init__(self, bus: Bus, vehicles: Collection[str], run_id: str) -> None:
         self.received: set[str] = set()
         self._vehicles = frozenset(vehicles)
-        self._seal = seal
+        self._run_id = run_id
         bus.answer(end_key(RUN_SENDER), self._answer)
 
     def _answer(self, payload: bytes) -> bytes:
-        vehicle = (self._seal.opened(PURPOSE, payload) or b"").decode(errors="replace")
+        vehicle = (content_of(payload, self._run_id) or b"").decode(errors="replace")
         if vehicle not in self._vehicles:
             return b""
         self.received.add(vehicle)
         return RECEIVED
 
 
-def confirm_end(bus: Bus, vehicle: str, seal: Seal, system: SystemTime = SYSTEM_TIME) -> None:
+def confirm_end(bus: Bus, vehicle: str, run_id: str, system: SystemTime = SYSTEM_TIME) -> None:
     """Confirm the end until the recorder answers, at most TIMEOUT_S."""
     answered = Event()
 
@@ -46,7 +45,7 @@ def confirm_end(bus: Bus, vehicle: str, seal: Seal, system: SystemTime = SYSTEM_
             answered.set()
 
     for _ in range(ATTEMPTS):
-        bus.request(end_key(RUN_SENDER), receive, TIMEOUT_S, seal.sealed(PURPOSE, vehicle.encode()))
+        bus.request(end_key(RUN_SENDER), receive, TIMEOUT_S, addressed(run_id, vehicle.encode()))
         system.wait(answered, RETRY_S)
         if answered.is_set():
             return

@@ -10,7 +10,7 @@ from scenarios.definition.changing.live_change import ChangeRequest, describe_ch
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.change_tables import AnyChange
-from scenarios.runs.control.seal import TAG_DIGITS, Seal
+from scenarios.runs.control.run_id import content_of
 from scenarios.runs.node.pending_changes import DueChange, PendingChanges
 from transport.bus.bus import Bus
 from transport.topics import control_key
@@ -20,13 +20,6 @@ PERIODS_AHEAD = 2
 """Control periods from a request to its effect: that tick has not begun yet."""
 FARTHEST_NS = 20 * SECOND
 """A requested instant lies at most this far ahead."""
-REQUEST = "change request"
-"""Purpose for which requests are sealed."""
-
-
-def answer_purpose(request: bytes) -> str:
-    """Purpose for which the answer to a sealed request is sealed: this request's answer only."""
-    return f"answer to {request[:TAG_DIGITS].decode(errors='replace')}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,14 +74,12 @@ class LiveControl:
         self._promised: dict[int, AnyChange | None] = {}
         self._made: list[AnyChange] = []
 
-    def listen(self, bus: Bus, seal: Seal) -> None:
-        """Answer sealed requests."""
+    def listen(self, bus: Bus, run_id: Callable[[], str]) -> None:
+        """Answer requests to the run with the identifier that `run_id` returns."""
 
         def answer(request: bytes) -> bytes:
-            content = seal.opened(REQUEST, request)
-            if content is None:
-                return b""
-            return seal.sealed(answer_purpose(request), self.answer(content).text)
+            content = content_of(request, run_id())
+            return b"" if content is None else self.answer(content).text
 
         bus.answer(control_key(self._vehicle), answer)
 

@@ -18,12 +18,11 @@ SUFFIX = ".json"
 
 @dataclass(frozen=True, slots=True)
 class OpenRun:
-    """A running run: name, endpoint of its router, folder that it writes into, and its key."""
+    """A running run: name, endpoint of its router, and folder that it writes into."""
 
     run: str
     endpoint: str
     folder: str
-    key: str = ""
 
 
 def runtime_folder() -> Path:

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
-from scenarios.runs.control.seal import Seal
+from scenarios.runs.control.run_id import addressed, content_of
 from transport.bus.bus import Bus
 from transport.clock import WallClock
 from transport.topics import RUN_SENDER, clock_key
@@ -73,28 +73,28 @@ class ClockServer:
     """Answers queries for the recorder's clock, and keeps the offsets that vehicles report.
 
     A query is a text by which its sender recognises the answer, and perhaps a report in a second
-    line. The answer is that text and the instant (ns). Both are sealed.
+    line. The answer is that text and the instant (ns).
     """
 
     def __init__(
-        self, bus: Bus, now: Callable[[], int], vehicles: Collection[str], seal: Seal
+        self, bus: Bus, now: Callable[[], int], vehicles: Collection[str], run_id: str
     ) -> None:
         self.offsets: dict[str, ClockOffset] = {}
         """Latest report of each vehicle."""
         self._now = now
         self._vehicles = frozenset(vehicles)
-        self._seal = seal
+        self._run_id = run_id
         bus.answer(clock_key(RUN_SENDER), self._answer)
 
     def _answer(self, payload: bytes) -> bytes:
-        """Answer a query; nothing for one that is forged."""
-        at, query = self._now(), self._seal.opened("clock query", payload)
+        """Answer a query of this run."""
+        at, query = self._now(), content_of(payload, self._run_id)
         if query is None:
             return b""
         mark, _, report_text = query.partition(b"\n")
         if report_text and (report := ClockOffset.unpack(report_text, self._vehicles)):
             self.offsets[report.vehicle] = report
-        return self._seal.sealed("clock answer", mark + b" " + str(at).encode())
+        return mark + b" " + str(at).encode()
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,17 +117,18 @@ class ClockSync:
         bus: Bus,
         vehicle: str,
         clock: WallClock,
-        seal: Seal,
+        run_id: Callable[[], str],
         *,
         sufficient_ns: int,
         running: bool = False,
     ) -> None:
         """Before the run, measurements follow each other until `sufficient_ns` is reached.
 
-        `running`: the clock was set by an earlier process.
+        `run_id` returns the identifier of the run, empty while its recorder is unknown.
+        `running`: the clock was set before a restart.
         """
         self._bus = bus
-        self._seal = seal
+        self._run_id = run_id
         self._vehicle = vehicle
         self._clock = clock
         self._sufficient_ns = sufficient_ns
@@ -156,7 +157,7 @@ class ClockSync:
             self._take(*self._answers.popleft())
         if len(self._rounds) >= ROUNDS:
             self._finish(now)
-        if now >= self._due_at and self._seal.knows_recorder:
+        if now >= self._due_at and self._run_id():
             self._due_at = now + self._retry_ns
             self._retry_ns = min(2 * self._retry_ns, LONGEST_RETRY_NS)
             self._query(now)
@@ -165,15 +166,13 @@ class ClockSync:
         mark = f"{self._vehicle} {now}".encode()
 
         def receive(answer: bytes) -> None:
-            came_at, content = self._clock.monotonic(), self._seal.opened("clock answer", answer)
-            if content is None or report:
+            came_at = self._clock.monotonic()
+            if report or not answer.startswith(mark + b" "):  # the latter: to an earlier query
                 return
-            if not content.startswith(mark + b" "):  # of an earlier query
-                self._seal.count_forged("clock answer")
-            elif (theirs := _integer(content[len(mark) + 1 :])) is not None and theirs >= 0:
+            if (theirs := _integer(answer[len(mark) + 1 :])) is not None and theirs >= 0:
                 self._answers.append((now, came_at, theirs))
 
-        payload = self._seal.sealed("clock query", mark + (b"\n" + report if report else b""))
+        payload = addressed(self._run_id(), mark + (b"\n" + report if report else b""))
         self._bus.request(clock_key(RUN_SENDER), receive, PATIENCE_NS / SECOND, payload)
 
     def _take(self, asked_at: int, came_at: int, theirs: int) -> None:

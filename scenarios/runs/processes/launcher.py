@@ -7,7 +7,6 @@ from pathlib import Path
 from scenarios.definition.scenario import Scenario
 from scenarios.results.files import LOG_NAME
 from scenarios.runs.control.open_runs import OpenRun, announced
-from scenarios.runs.control.seal import run_key
 from scenarios.runs.processes.supervisor import Child, Supervisor, describe
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from transport.bus.bus import BusError
@@ -81,7 +80,7 @@ def launch(
         names = plan.scenario.vehicle_names
         supervisor.start_all([(name, ["vehicle", *common, "--name", name]) for name in names])
         stop.begun = True
-        with announced(OpenRun(plan.run, endpoint, str(plan.folder.resolve()), run_key())):
+        with announced(OpenRun(plan.run, endpoint, str(plan.folder.resolve()))):
             poll(
                 lambda: _is_over(plan, supervisor, recorder, stop, outcome),
                 every_s=WATCH_PERIOD_S,

@@ -7,7 +7,6 @@ from dataclasses import astuple, dataclass, fields
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.versions import current_stamp, plug_in_digests
-from scenarios.runs.control.seal import KEY_VARIABLE, Seal, key_digest, run_key
 from transport.bus.bus import Bus, BusError, Member
 from transport.texts import printable
 from vehicles.schedule import SECOND
@@ -48,9 +47,8 @@ class Fingerprint:
     """Identity of a run and of the program, announced by each process.
 
     `digest` is that of the scenario's content except its name and its seed, `sources` that of the
-    program, `plug_ins` those of the modules of user-defined classes, as "module:digest+...",
-    `key` that of the run's key. All but the versions of Python and NumPy must be equal in all
-    processes.
+    program, `plug_ins` those of the modules of user-defined classes, as "module:digest+...". All
+    but the versions of Python and NumPy must be equal in all processes.
     """
 
     scenario: str
@@ -61,7 +59,6 @@ class Fingerprint:
     plug_ins: str
     python: str
     numpy: str
-    key: str
 
     @classmethod
     def of(cls, scenario: Scenario) -> "Fingerprint":
@@ -76,7 +73,6 @@ class Fingerprint:
             plug_ins="+".join(f"{module}:{digest}" for module, digest in digests.items()),
             python=stamp.python,
             numpy=stamp.numpy,
-            key=key_digest(run_key()),
         )
 
     @property
@@ -94,7 +90,6 @@ class Fingerprint:
             ("has seed {}, here it is {}", other.seed, self.seed),
             ("runs other sources: {}, here {}", other.sources, self.sources),
             ("runs other user-defined classes: {}, here {}", other.plug_ins, self.plug_ins),
-            (f"has {KEY_VARIABLE} {{}}, here it is {{}}", other.key, self.key),
         )
         differences = [text.format(shown(a), shown(b)) for text, a, b in rows if a != b]
         if not differences and other.digest != self.digest:
@@ -119,12 +114,6 @@ class Fingerprint:
         return cls(**dict(zip(names, parts, strict=True))) if len(parts) == len(names) else None
 
 
-def has_run_key(chunk: str, key: str) -> bool:
-    """Whether a process with this fingerprint has the run's key `key`."""
-    own = Fingerprint.read(chunk)
-    return own is not None and own.key == key_digest(key)
-
-
 class Membership:
     """Takes part in a run for this process and tracks the other members.
 
@@ -140,17 +129,16 @@ class Membership:
         name: str,
         fingerprint: Fingerprint,
         *,
-        recorder: str = "",
+        run_id: str = "",
     ) -> None:
         """Start to watch members; `join` announces this process.
 
-        `recorder` is the name of the recorder of a run that this process continues.
+        `run_id` is the identifier of a run that this process continues.
         """
-        self.recorder = recorder
-        """Name of the run's recorder: the one that was present first, until the run has started
-        also its successor."""
-        self._has_started = bool(recorder)
-        self.seal = Seal(lambda: self.recorder)
+        self.run_id = run_id
+        """Identifier of the run, the name of its recorder: of the one that was present first, until
+        the run has started also of its successor."""
+        self._has_started = bool(run_id)
         self.run = run
         self.name = name
         self._bus = bus
@@ -185,7 +173,7 @@ class Membership:
 
     @property
     def recorder_is_present(self) -> bool:
-        return bool(self.recorder) and self.recorder in self._recorders()
+        return bool(self.run_id) and self.run_id in self._recorders()
 
     def _recorders(self) -> list[str]:
         return [other.name for other in self._mine() if other.role == RECORDER]
@@ -232,11 +220,11 @@ class Membership:
         if member.session == self._bus.zid:
             return
         self._others = self._others | {member} if alive else self._others - {member}
-        if self.recorder and self._has_started:
+        if self.run_id and self._has_started:
             return
         recorders = self._recorders()
-        if recorders and self.recorder not in recorders:
-            self.recorder = recorders[0]
+        if recorders and self.run_id not in recorders:
+            self.run_id = recorders[0]
 
     def _refusal(self, others: Iterable[Member]) -> str:
         recorders = sorted((other for other in others if other.role == RECORDER), key=_order)

@@ -9,7 +9,6 @@ from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary
 from scenarios.runs.control.end_confirmation import EndConfirmations
 from scenarios.runs.control.run_status import StatusBoard
-from scenarios.runs.control.seal import Seal, recorder_name, start_secret
 from scenarios.runs.node.sink import BATCH_NS
 from scenarios.runs.observer import Observer, ThrottledObservers
 from scenarios.runs.processes.arrivals import Arrival, Arrivals, SendingOrder
@@ -70,28 +69,26 @@ class RecorderProcess:
         stop: Stop,
         membership: Membership,
         *,
-        secret: str = "",
         metrics: Metrics | None = None,
         gather_s: float = GATHER_S,
         observers: Sequence[Observer] = (),
         system: SystemTime = SYSTEM_TIME,
     ) -> None:
-        """Prepare to record; by `secret` vehicles recognise the recorder, see `control.seal`."""
+        """Prepare to record; the name of the member is the identifier of the run."""
         self._time = system
         self._clock = WallClock(system=system)
         self._bus = bus
         self._stop = stop
         self._membership = membership
-        self._secret = secret
         self._present: set[str] = set()
         self._settled_at = 0
         self._seen_at: dict[str, int] = {}
         self._is_completed = False
         self._clock_uncertainty_ns_max = scenario.clock_uncertainty_ns_max
-        self._seal = Seal(lambda: recorder_name(secret))
-        self._clock_server = ClockServer(bus, self._clock.now, scenario.vehicle_names, self._seal)
+        self._run_id = run_id = membership.name
+        self._clock_server = ClockServer(bus, self._clock.now, scenario.vehicle_names, run_id)
         self._clock_offsets: dict[str, ClockOffset] = {}
-        self._confirmations = EndConfirmations(bus, scenario.vehicle_names, self._seal)
+        self._confirmations = EndConfirmations(bus, scenario.vehicle_names, run_id)
         self._conductor = Conductor(
             scenario.vehicle_names,
             duration_ns=round(scenario.duration_s * SECOND),
@@ -105,7 +102,7 @@ class RecorderProcess:
             scenario,
             folder,
             clock="wall",
-            run_id=folder.name,
+            run_id=run_id,
             metrics=metrics,
             observers=(self._conductor, self._board, self._watchers),
         )
@@ -138,7 +135,7 @@ class RecorderProcess:
             self._record_arrivals()
         if skipped_line := self._watchers.skipped_line():
             self._run.recorder.log(self._clock.now(), skipped_line, "warning")
-        end = self._run.end(self._clock.now(), self._conductor.reason, self._secret)
+        end = self._run.end(self._clock.now(), self._conductor.reason)
         self._own_message("end", end)
         self._is_completed = not self._run.reason
         if self._conductor.reason:
@@ -158,7 +155,7 @@ class RecorderProcess:
             seq=0,
             end_at_ns=self._clock.now(),
             reason=reason,
-            secret=self._secret,
+            run_id=self._run_id,
         )
 
     def announce_completion(self) -> list[str]:
@@ -286,7 +283,6 @@ class RecorderProcess:
         The rest is left for the next call, so that a flood does not keep the run from advancing.
         """
         self._run.recorder.rejected.update(self._arrivals.error_lines())
-        self._note_forged()
         is_over = self._conductor.phase is Phase.OVER
         most = max(1, len(self._arrivals)) if is_over else MOST_AT_ONCE
         for arrival in self._arrivals.take(most, POLL_S):
@@ -295,12 +291,6 @@ class RecorderProcess:
         sent_until = None if is_over else self._clock.now() - HELD_NS
         for at, key_expression, data in self._in_order.until(sent_until):
             self._run.recorder.accept(key_expression, data, at)
-
-    def _note_forged(self) -> None:
-        count, lines = self._seal.take_forged()
-        self._run.recorder.rejected.update({"forged": count} if count else {})
-        for line in lines:
-            self._run.recorder.log(self._clock.now(), line, "warning")
 
     def _put_in_order(self, arrival: Arrival) -> None:
         try:
@@ -323,8 +313,7 @@ class RecorderProcess:
             self._warn_if_behind(now, now - recorded_until)
             self._log_clocks(now)
             if not self._own:
-                start = self._run.start(now, self._conductor.start_at, start_secret(self._secret))
-                self._own_message("start", start)
+                self._own_message("start", self._run.start(now, self._conductor.start_at))
             if self._announcing.is_due(now):
                 self._bus.publish(*self._own[0], urgent=True)
             if self._reporting.is_due(now):

@@ -25,13 +25,13 @@ VARIABLE = "CONVOY_HANDOVER"
 class ProcessHandover:
     """State that a vehicle's process passes to its successor.
 
-    `start_at` (ns) is that of the run, `clock` the setting of the process's clock, `lateness` that
-    of its ticks so far, `recorder` the name of the run's recorder. `changes` are messages on
-    changes by hand, with their keys.
+    `start_at` (ns) and `run_id` are those of the run, `clock` is the setting of the process's
+    clock, `lateness` that of its ticks so far. `changes` are messages on changes by hand, with
+    their keys.
     """
 
     start_at: int
-    recorder: str
+    run_id: str
     clock: ClockSetting
     lateness: Lateness
     changes: tuple[tuple[str, bytes], ...] = ()

@@ -16,7 +16,6 @@ from scenarios.cli.running.display import observers
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary, from_json, to_json
-from scenarios.runs.control.seal import Seal, recorder_name, start_secret
 from scenarios.runs.node.node import AnyNode
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.observer import Observer, OnMessage
@@ -116,10 +115,9 @@ def drive(
             *watchers,
         ),
     )
-    fingerprint, recorder = Fingerprint.of(scenario), recorder_name("ours")
-    member = Membership(bus, "x", VEHICLE, "v1", fingerprint, recorder=recorder)
+    member = Membership(bus, "x", VEHICLE, "v1", Fingerprint.of(scenario), run_id="x")
     announced = RunAnnouncements(bus, member, clock.now)
-    start = run.start(clock.now(), clock.now(), start_secret("ours"))
+    start = run.start(clock.now(), clock.now())
     bus.publish(key(RUN_SENDER, TOPICS["start"]), start)
     own.clear()
     before = run.recorder.recorded
@@ -252,8 +250,7 @@ ODD_ANSWERS = (
 def test_a_clock_that_answers_nonsense_measures_nothing(answer: bytes) -> None:
     bus = MemoryBus()
     bus.answer(clock_key(RUN_SENDER), lambda _: answer)
-    seal = Seal(lambda: "recorder")
-    sync = ClockSync(bus, "v1", WallClock(), seal, sufficient_ns=SECOND)
+    sync = ClockSync(bus, "v1", WallClock(), lambda: "recorder", sufficient_ns=SECOND)
     for _ in range(20):
         sync.advance()
     assert not sync.is_measured

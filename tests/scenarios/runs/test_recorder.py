@@ -209,7 +209,7 @@ def test_the_run_s_own_messages_are_numbered_and_returned_for_the_bus(tmp_path: 
     started = recorder.begin(at(0.0), at(0.5), "trial")
     recorder.log(at(1.0), "all 2 vehicles are present")
     recorder.log(at(2.0), "the router was out of reach for 1.0 s", "warning")
-    ended = recorder.end(at(3.0), "enough")
+    ended = recorder.end(at(3.0), "enough", "trial")
     recorded.writer.close()
     logged = list(LogReader(recorded.path).messages())
     assert [(now, vehicle) for now, vehicle, _ in logged] == [
@@ -221,7 +221,7 @@ def test_the_run_s_own_messages_are_numbered_and_returned_for_the_bus(tmp_path: 
     assert isinstance(first, LogText)
     assert isinstance(second, LogText)
     assert [(first.seq, first.level), (second.seq, second.level)] == [(0, "info"), (1, "warning")]
-    assert end == RunEnd(vehicle="run", seq=0, end_at_ns=at(3.0), reason="enough")
+    assert end == RunEnd(vehicle="run", seq=0, end_at_ns=at(3.0), reason="enough", run_id="trial")
     assert encode(end) == ended
     assert [message for _, message in recorded.received] == [begin, first, second, end]
 

@@ -97,7 +97,7 @@ def test_start_and_end_are_announced_as_they_are_logged(scenario: Scenario, tmp_
     end = decode(TOPICS["end"], run.end(at(9.0), "enough"))
     run.close(at(9.1))
     assert start == RunStart(vehicle="run", seq=0, start_at_ns=at(0.5), run_id="today")
-    assert end == RunEnd(vehicle="run", seq=0, end_at_ns=at(9.0), reason="enough")
+    assert end == RunEnd(vehicle="run", seq=0, end_at_ns=at(9.0), reason="enough", run_id="today")
     logged = [message for _, _, message in LogReader(tmp_path / LOG_NAME).messages()]
     assert logged[:2] == [start, end]
 

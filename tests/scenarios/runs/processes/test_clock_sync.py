@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from scenarios.runs.control.seal import Seal
+from scenarios.runs.control.run_id import addressed
 from scenarios.runs.processes.clock_sync import (
     PERIOD_NS,
     ClockOffset,
@@ -18,6 +18,7 @@ from transport.clock import SystemTime, WallClock
 from vehicles.schedule import MILLISECOND, SECOND
 
 MS = MILLISECOND
+RUN_ID = "recorder"
 BOOT = 5_000 * SECOND
 """Reading of the monotonic clock at the true instant 0."""
 
@@ -37,10 +38,9 @@ class World(MemoryBus):
 
     def __post_init__(self) -> None:
         super().__init__()
-        self.seal = Seal(lambda: "recorder", "key")
-        self.server = ClockServer(self, lambda: self.now, ["v2"], self.seal)
+        self.server = ClockServer(self, lambda: self.now, ["v2"], RUN_ID)
         self.clock = WallClock(system=SystemTime(self.monotonic, lambda: self.now + self.offset))
-        self.sync = ClockSync(self, "v2", self.clock, self.seal, sufficient_ns=10 * MS)
+        self.sync = ClockSync(self, "v2", self.clock, lambda: RUN_ID, sufficient_ns=10 * MS)
 
     def monotonic(self) -> int:
         return BOOT + self.now + round(self.now * self.drift)
@@ -59,9 +59,8 @@ class World(MemoryBus):
         self.in_flight.append((self.now + self.there_ns + extra, arrive))
 
     def reports(self, query: bytes) -> bytes | None:
-        """Content of the server's answer to a query."""
-        answer = self.query("convoy/@clock/run", 1.0, self.seal.sealed("clock query", query))
-        return self.seal.opened("clock answer", answer or b"")
+        """The server's answer to a query."""
+        return self.query("convoy/@clock/run", 1.0, addressed(RUN_ID, query))
 
     def run(self, seconds: float) -> list[int]:
         """Let time pass; errors (ns) of the clock every 10 ms."""
@@ -193,13 +192,11 @@ def test_malformed_reports_are_ignored(payload: bytes) -> None:
     assert world.server.offsets == {"v2": ClockOffset("v2", -7, 5)}
 
 
-def test_a_forged_report_is_counted_and_gets_no_answer() -> None:
+def test_a_report_of_another_run_gets_no_answer() -> None:
     world, report = World(), ClockOffset("v2", -7, 5).pack()
-    of_earlier_run = Seal(lambda: "earlier", "key").sealed("clock query", b"mark\n" + report)
-    for forged in (report, b"", of_earlier_run):
-        assert world.query("convoy/@clock/run", 1.0, forged) == b""
+    for query in (report, b"", addressed("earlier", b"mark\n" + report)):
+        assert world.query("convoy/@clock/run", 1.0, query) == b""
     assert world.server.offsets == {}
-    assert world.seal.take_forged()[0] == 3
 
 
 @pytest.mark.parametrize("answer", [b"noon", b"", b"-5", b"1e9", b"9" * 400, "٣".encode()])
@@ -208,24 +205,13 @@ def test_an_answer_that_is_no_time_measures_nothing(answer: bytes) -> None:
     world.answer("convoy/@clock/run", lambda _: answer)
     world.run(3.0)
     assert not world.sync.is_measured
-    assert world.seal.take_forged()[0] > 0
 
 
-def test_a_replayed_answer_is_counted_and_measures_nothing() -> None:
-    """An answer to another query, and one to an earlier run with the same key."""
+def test_an_answer_to_another_query_measures_nothing() -> None:
     world = World()
-    earlier = Seal(lambda: "earlier", "key")
-    for answer in (world.seal.sealed("clock answer", b"v2 1 5"), b"of an earlier run"):
-
-        def reply(query: bytes, answer: bytes = answer) -> bytes:
-            mark = (world.seal.opened("clock query", query) or b"").partition(b"\n")[0]
-            forged = earlier.sealed("clock answer", mark + b" 5")
-            return answer if answer.endswith(b"5") else forged
-
-        world.answer("convoy/@clock/run", reply)
-        world.run(3.0)
-        assert not world.sync.is_measured
-        assert world.seal.take_forged()[0] > 0
+    world.answer("convoy/@clock/run", lambda _: b"v2 1 5")
+    world.run(3.0)
+    assert not world.sync.is_measured
 
 
 def test_an_offset_names_vehicle_direction_and_uncertainty() -> None:
@@ -235,8 +221,7 @@ def test_an_offset_names_vehicle_direction_and_uncertainty() -> None:
 
 
 def test_no_clock_is_queried_before_the_recorder_is_known() -> None:
-    """Its recorder would count such a query as forged."""
     world = World()
-    world.sync = ClockSync(world, "v2", world.clock, Seal(lambda: "", "key"), sufficient_ns=MS)
+    world.sync = ClockSync(world, "v2", world.clock, lambda: "", sufficient_ns=MS)
     world.run(1.0)
     assert world.queries == 0

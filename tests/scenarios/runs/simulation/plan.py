@@ -229,7 +229,7 @@ def _stop(plan: Plan, random: Random) -> Fault:
 
 
 def _stranger(plan: Plan, random: Random) -> Fault:
-    kind = random.choice(("recorder", "namesake", "other seed", "forged end", "noise"))
+    kind = random.choice(("recorder", "namesake", "other seed", "foreign end", "noise"))
     return ("stranger", _instant(plan, random), kind, random.choice(plan.names))
 
 

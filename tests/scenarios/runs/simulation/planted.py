@@ -1,6 +1,7 @@
 """Protocol bugs to plant, by name: the simulation has to find each of them."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +11,6 @@ from scenarios.definition.changing.live_change import describe_change
 from scenarios.results.channel.account import Accounts
 from scenarios.results.limits import evaluation
 from scenarios.runs.control.live_control import Confirmation, LiveControl, first_instant
-from scenarios.runs.control.seal import Seal
 from scenarios.runs.node.pending_changes import DueChange, PendingChanges
 from scenarios.runs.processes import vehicle_process
 from scenarios.runs.processes.arrivals import SendingOrder
@@ -19,8 +19,12 @@ from scenarios.runs.processes.conductor import Conductor
 from scenarios.runs.processes.membership import Fingerprint, RecorderWatch
 from scenarios.runs.processes.recorder_process import RecorderProcess
 from scenarios.runs.processes.router_watch import RouterWatch
+from scenarios.runs.processes.vehicle_process import RunAnnouncements
+from transport.codec import RefusedMessageError, decode, encode
 from transport.log.writer import LogWriter
 from transport.message_numbers import MessageNumbers
+from transport.topics import TOPICS
+from vehicles.messages import RunEnd
 from vehicles.schedule import SECOND
 
 Plant = Callable[[pytest.MonkeyPatch], None]
@@ -49,8 +53,17 @@ def missing_messages_are_not_counted(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(Accounts, "of_links", of_links)
 
 
-def any_end_is_believed(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(Seal, "ends", lambda *_: True)
+def ends_of_other_runs_are_accepted(patch: pytest.MonkeyPatch) -> None:
+    receive = RunAnnouncements._receive
+
+    def receive_as_own(announced: RunAnnouncements, key_expression: str, data: bytes) -> None:
+        with suppress(RefusedMessageError):
+            end = decode(TOPICS["end"], data, exact=True)
+            assert isinstance(end, RunEnd)
+            data = encode(replace(end, run_id=announced._membership.run_id))
+        receive(announced, key_expression, data)
+
+    patch.setattr(RunAnnouncements, "_receive", receive_as_own)
 
 
 def a_recorder_that_was_held_up_blames_vehicles(patch: pytest.MonkeyPatch) -> None:
@@ -121,7 +134,7 @@ PLANTED: Mapping[str, Plant] = {
         other_seeds_join,
         clocks_are_not_corrected,
         missing_messages_are_not_counted,
-        any_end_is_believed,
+        ends_of_other_runs_are_accepted,
         a_recorder_that_was_held_up_blames_vehicles,
         changes_take_effect_when_they_are_confirmed,
         duplicates_are_recorded,

@@ -269,7 +269,7 @@ class World:
             gather_s=60.0 if self.plan.launched else self.plan.gather_s,
             launched=self.plan.launched,
             machine=self._machine(process),
-            make_secret=lambda: f"{self.random.getrandbits(128):x}",
+            make_run_id=lambda: f"{self.random.getrandbits(64):016x}",
         )
 
     def _vehicle(self, process: Process) -> int:
@@ -387,13 +387,13 @@ class World:
             bus = self.network.open(role, ZenohOptions())
             fingerprint = Fingerprint.of(self.scenario).chunk
             if kind == "recorder":
-                bus.announce(RECORDER_ROLE, "0" * 64, fingerprint)
+                bus.announce(RECORDER_ROLE, "0" * 16, fingerprint)
             elif kind == "namesake":
                 bus.announce(VEHICLE, name, fingerprint)
             elif kind == "other seed":
                 bus.announce(VEHICLE, name, fingerprint.replace("~1~", "~2~"))
-            elif kind == "forged end":
-                end = RunEnd(vehicle=RUN_SENDER, seq=0, end_at_ns=1, reason="", secret="0" * 64)
+            elif kind == "foreign end":
+                end = RunEnd(vehicle=RUN_SENDER, seq=0, end_at_ns=1, reason="", run_id="0" * 16)
                 bus.publish(key(RUN_SENDER, TOPICS["end"]), encode(end))
             else:
                 for topic in TOPICS.values():
