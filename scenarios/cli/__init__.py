@@ -7,7 +7,7 @@ live/              commands for a running convoy
 comparing/         commands that compare runs
 tables/            export, browse
 many/              commands that simulate many runs
-channel/           channel show, fit, figure, cuts
+channel/           channel show, fit
 reference/         the pages of convoy reference
 guide/             shell completion, and the table of convoy check
 scenario_commands  list, check, new

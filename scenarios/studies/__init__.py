@@ -2,7 +2,6 @@
 
 channel/        `convoy channel`: laws of links, fitted and compared
 comparison/     `convoy diff` and `convoy compare`
-cuts/           `convoy channel cuts`: followers while links are cut
 drills/         `convoy drill`: limits that must hold when something fails
 engine/         parallel runs, locally or on a dask scheduler, with a journal
 figures/        `convoy figure`: standard figures of the field, each from a few sweeps

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scenarios.cli.channel.campaign_commands import cuts, figure
 from scenarios.cli.common_options import (
     FiniteRange,
     json_option,
@@ -34,16 +33,10 @@ PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 Examples:
   convoy channel show bursty
   convoy channel fit run.mcap
-  convoy channel figure
-  convoy channel cuts
 """
 )
 def channel() -> None:
-    """Inspect, fit and study channels."""
-
-
-channel.add_command(figure)
-channel.add_command(cuts)
+    """Inspect channels and fit them to runs."""
 
 
 @channel.command(

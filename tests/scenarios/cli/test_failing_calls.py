@@ -8,8 +8,7 @@ import re
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import Any
@@ -23,11 +22,6 @@ from scenarios.definition.scenario import load_scenario
 from scenarios.results.log_summary import summary_of
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
-from scenarios.studies.cuts import campaign as cutting
-from scenarios.studies.cuts.campaign import draw_cuts
-from scenarios.studies.cuts.cut import LinkCut, Variant
-from scenarios.studies.cuts.cut_figures import CutFigures, run_cut
-from scenarios.studies.engine.workers import open_workers
 from tests.made.failing_calls import FAULTS, Fault, failing_calls
 from tests.made.scenarios.recorded_drives import as_plane_csv, drive
 from transport.log.mcap_file import McapFile
@@ -68,9 +62,6 @@ COMMANDS = {
     "scenario-from": Command(f"scenario-from {LOG} -o out/again.toml", "again.toml"),
     "channel fit": Command(f"channel fit {LOG} -o out/links.toml", "links.toml"),
     "channel show": Command("channel show bursty --messages 100 -o out/link.svg", "link.svg"),
-    "channel cuts": Command(
-        "channel cuts --cuts 2 --road slalom --out out", "cuts.json cuts.png", slow=True
-    ),
     "export": Command(
         f"export {LOG} --format csv --format parquet --format gpx --out out",
         "vehicles.csv links.csv vehicles.parquet links.parquet v1.gpx v2.gpx",
@@ -125,8 +116,6 @@ Ending = Callable[[str, Command, int | None, Fault], Ended]
 @pytest.fixture
 def ended(inputs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Ending:
     """Run a command in a new folder; the call with a number fails."""
-    monkeypatch.setattr(cutting, "run_cut", figures_of)
-    monkeypatch.setattr(cutting, "open_workers", lambda _: open_workers(0))
 
     def run(name: str, command: Command, number: int | None, fault: Fault) -> Ended:
         folder = tmp_path / f"{name}-{fault}-{number}"
@@ -144,16 +133,6 @@ def ended(inputs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Endi
         return Ended(result, calls.made, files)
 
     return run
-
-
-@cache
-def first_figures(variant: Variant) -> tuple[CutFigures, ...]:
-    """Figures of one cut, which stand for those of all cuts with a variant."""
-    return run_cut(next(draw_cuts(1, variant, ["slalom"])))
-
-
-def figures_of(cut: LinkCut) -> tuple[CutFigures, ...]:
-    return tuple(replace(row, cut=cut) for row in first_figures(cut.variant))
 
 
 @pytest.mark.campaign(1, 10_000)

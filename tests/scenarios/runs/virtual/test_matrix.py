@@ -10,9 +10,7 @@ import pytest
 
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.scenario import library, load_scenario
-from scenarios.results.stream import FigureStream
-from scenarios.runs.virtual.drive import drive
-from scenarios.studies.cuts.road_record import RoadObserver
+from tests.made.convoys.cuts import simulated
 
 SCENARIOS = [name for name in library() if not name.startswith("paper")]
 CASES = list(product(SCENARIOS, presets(), range(3, 9), (1, 2, 3)))
@@ -26,11 +24,9 @@ def test_a_convoy_drives_on_a_shipped_channel(case: int) -> None:
     name, preset, vehicles, seed = CASES[case]
     overrides = (f"convoy.vehicles={vehicles}", f"links.preset={preset}")
     scenario = load_scenario(name, overrides, seed)
-    stream = FigureStream.of(scenario)
-    road = RoadObserver(stream)
-    drive(scenario, [stream, road]).raise_fault()
-    assert sum(car.collisions for car in road.cars.values()) == 0
-    assert sum(road.avoidable_departures().values()) == 0
+    cars = simulated(scenario).values()
+    assert sum(car.collisions for car in cars) == 0
+    assert sum(car.departures_avoidable() for car in cars) == 0
 
 
 def test_the_matrix_is_complete() -> None:
