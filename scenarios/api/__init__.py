@@ -16,7 +16,6 @@
     convoy.diff("runs/first", run).sentence   # what differs first
     convoy.compare("runs/first", run).plot()  # errors along the path and along the string
     convoy.replay("runs/first", ["v1"], set={"control.controller": "stanley"})
-    convoy.recompute("runs/first", "v3", set={"control.preview_s": 1.2}).sentence
     convoy.check("lane_change").warnings
     convoy.sweep("lane_change", {"links.loss_ratio": [0.0, 0.4]}, seeds=5).cells
     convoy.figure("cacc").points              # CACC against Ploeg over loss, with intervals
@@ -29,7 +28,7 @@ home       the packages of this installation, which are imported first
 running    run and check
 recorded   open and browse, and the class of recorded runs
 comparing  diff and compare
-repeating  replay and recompute
+repeating  replay
 plots      the plots of a run and of a comparison
 sweeping   sweep and bisect
 figures    figure
@@ -42,7 +41,7 @@ import_own_packages()
 from scenarios.api.comparing import ComparedRuns, Diff, compare, diff  # noqa: E402
 from scenarios.api.figures import FigureData, figure  # noqa: E402
 from scenarios.api.recorded import Run, browse, open  # noqa: A004, E402
-from scenarios.api.repeating import recompute, replay  # noqa: E402
+from scenarios.api.repeating import replay  # noqa: E402
 from scenarios.api.running import check, run  # noqa: E402
 from scenarios.api.sweeping import Sweep, bisect, sweep  # noqa: E402
 from scenarios.results.recorded.data_table import DataTable  # noqa: E402
@@ -65,7 +64,6 @@ __all__ = [
     "diff",
     "figure",
     "open",
-    "recompute",
     "replay",
     "run",
     "sweep",

@@ -1,4 +1,4 @@
-"""Run or decide again from a log."""
+"""Run again from a log."""
 
 import warnings
 from collections.abc import Callable, Sequence
@@ -11,8 +11,6 @@ from scenarios.api.running import Settings, overrides_of, run_loaded
 from scenarios.results.log_queries.session import replayed_session
 from scenarios.results.log_summary import log_in
 from scenarios.results.summary import ClockName
-from scenarios.studies.comparison import recomputation
-from scenarios.studies.comparison.recomputation import Recomputation
 
 
 def replay(
@@ -41,21 +39,3 @@ def replay(
         return run_loaded(
             scenario, [str(file)], clock=clock, out=out, confirmed=confirmed, report=report
         )
-
-
-def recompute(
-    log: AnyRun,
-    vehicle: str,
-    *,
-    controller: str = "",
-    set: Settings | None = None,  # noqa: A002 - as on the command line
-    partial: bool = False,
-) -> Recomputation:
-    """Let a vehicle decide again on its recorded inputs, like `convoy recompute`.
-
-    `set` has keys of [control]. The result has arrays of recorded and recomputed values by field.
-    """
-    overrides = overrides_of(set)
-    return recomputation.recompute(
-        log_in(path_of(log)), vehicle, controller=controller, overrides=overrides, partial=partial
-    )

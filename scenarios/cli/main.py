@@ -18,7 +18,6 @@ from scenarios.cli import log_commands, paper_commands, scenario_commands
 from scenarios.cli.channel.channel_commands import channel
 from scenarios.cli.comparing.compare import compare
 from scenarios.cli.comparing.diff import diff
-from scenarios.cli.comparing.recompute import recompute
 from scenarios.cli.grouped_help import ConvoyGroup
 from scenarios.cli.live import live_commands
 from scenarios.cli.logs.info_command import info
@@ -89,7 +88,6 @@ for command in (
     recover,
     diff,
     compare,
-    recompute,
     export,
     blame,
     channel,

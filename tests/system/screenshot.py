@@ -37,20 +37,14 @@ def can_take_pictures() -> bool:
 
 
 @contextmanager
-def headless_viewer(
-    source: str, size: str = "1600x1000", layout: Path | None = None
-) -> Iterator[ViewerClient]:
-    """Open a viewer without a window on `source`, a recording's path or a server's URL.
-
-    A `layout` is passed on standard input: `rerun SOURCE - < LAYOUT`.
-    """
+def headless_viewer(source: str, size: str = "1600x1000") -> Iterator[ViewerClient]:
+    """Open a viewer without a window on `source`, a recording's path or a server's URL."""
     port = viewer_process.free_port("127.0.0.1", 0)
     flags = ["--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", size]
-    sources = [source] if layout is None else [source, "-"]
     viewer = subprocess.Popen(
-        [str(viewer_process.viewer_binary()), *flags, *sources],
+        [str(viewer_process.viewer_binary()), *flags, source],
         env=viewer_process.quiet_environment(),
-        stdin=subprocess.DEVNULL if layout is None else layout.open("rb"),
+        stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )

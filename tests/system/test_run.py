@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
-from scenarios.results.pictures.layouts import FOXGLOVE_NAME, RERUN_NAME
+from scenarios.results.pictures.layouts import FOXGLOVE_NAME
 from tests.made.scenarios.shipped import whole_run
 from tests.system.conftest import DURATION_S, Driven
 from tests.system.logs import (
@@ -33,7 +33,9 @@ def test_a_run_prints_progress_and_a_summary(lane_change: Driven) -> None:
         assert row in lane_change.out
     assert lane_change.out.rstrip().endswith(f" wall/{LOG_NAME}")
     assert {path.name for path in lane_change.wall.folder.iterdir()} == {
-        *(LOG_NAME, SUMMARY_NAME, FOXGLOVE_NAME, RERUN_NAME)
+        LOG_NAME,
+        SUMMARY_NAME,
+        FOXGLOVE_NAME,
     }
 
 

@@ -3,5 +3,4 @@
 diff        `convoy diff`
 diff_table  its tables
 compare     `convoy compare`
-recompute   `convoy recompute`
 """

@@ -4,5 +4,4 @@ drive             the harness: a run whose messages go to observers
 virtual_convoy    the vehicles, their bus, their clock and the order of their steps
 logged_run        a run with log and summary
 unlogged_run      a run with only its summary, or its drives
-open_loop         one vehicle that decides again on recorded inputs
 """

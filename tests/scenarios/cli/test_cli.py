@@ -21,7 +21,6 @@ from scenarios.definition.channel.presets import presets, read_preset
 from scenarios.definition.library import template
 from scenarios.definition.scenario import drills, library, load_scenario
 from scenarios.runs.run_log import RunLog
-from tests.made.rerun_layouts import with_layouts
 from transport.codec import encode
 from transport.log.reader import LogReader
 from transport.log.records import LogError
@@ -481,12 +480,10 @@ def test_an_unknown_option_is_a_usage_error() -> None:
 
 def test_run_writes_a_log_and_a_summary(tmp_path: Path) -> None:
     out = tmp_path / "deep" / "run"
-    with with_layouts():
-        result = convoy("run", *SHORT, "--seed", "5", "--out", out)
+    result = convoy("run", *SHORT, "--seed", "5", "--out", out)
     assert result.exit_code == 0
     assert sorted(path.name for path in out.iterdir()) == [
         "foxglove.json",
-        "rerun.rbl",
         "run.mcap",
         "summary.json",
     ]

@@ -1,23 +1,15 @@
 """Viewers that connect during a run show all of it."""
 
 import time
-from pathlib import Path
 from typing import Any
 
 import pytest
 from rerun.experimental import ViewerClient
 
-from scenarios.definition.scenario import load_scenario
-from scenarios.results.pictures.layouts import rerun_layout
-from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
-from tests.made.rerun_layouts import with_layouts
 from tests.made.transport import drive
-from tests.system.processes import until
 from tests.system.screenshot import (
     can_take_pictures,
     headless_viewer,
-    picture_now,
     take_picture,
 )
 from transport.colours import colour_of
@@ -67,29 +59,3 @@ def test_each_viewer_sees_the_whole_run() -> None:
         with headless_viewer(data_url.replace("%2B", "+")) as viewer:
             assert shows_cars(viewer, 0.5)
             assert shows_cars(viewer, 2.5)
-
-
-def test_a_log_opens_without_this_project(tmp_path: Path) -> None:
-    """With the layout next to it, Rerun draws true and estimated values without this project."""
-    scenario = load_scenario("lossy_lane_change", ["duration_s=3"])
-    run_virtual(scenario, tmp_path, Stop())
-    layout = tmp_path / "rerun.rbl"
-    with with_layouts(), rerun_layout(tmp_path, scenario):  # waits for up to 1 s on exit
-        assert until(layout.exists, PATIENCE_S)
-    with headless_viewer(str(tmp_path / "run.mcap"), layout=layout) as viewer:
-        assert until(lambda: all(has_curves(picture_now(viewer))), PATIENCE_S)
-
-
-def has_curves(picture: Any) -> list[bool]:
-    """Whether each third of the right side has a curve in the first follower's colour."""
-    thirds = []
-    for third in range(3):
-        top = third * picture.height // 3
-        part = picture.crop((picture.width * 5 // 9, top, picture.width, top + picture.height // 3))
-        pixels = sum(
-            count
-            for count, colour in part.getcolors(maxcolors=2**24)
-            if max(abs(a - b) for a, b in zip(colour, colour_of(1), strict=True)) < NEARLY
-        )
-        thirds.append(pixels > FEWEST_PIXELS)
-    return thirds

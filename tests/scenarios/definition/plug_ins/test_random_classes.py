@@ -79,12 +79,10 @@ def test_each_class_that_draws_changes_its_vehicles_by_the_seed(module: Module, 
 
 
 @pytest.mark.filterwarnings("ignore:v. from 30.0 m/s a gap")
-def test_random_decisions_are_recomputed_and_replayed(module: Module, tmp_path: Path) -> None:
+def test_random_decisions_are_replayed(module: Module, tmp_path: Path) -> None:
     text = load_scenario("lane_change", [*SHORT, *random_settings(module(CODE))]).text
     (tmp_path / "own.toml").write_text(text, encoding="utf-8")
     first = convoy.run(tmp_path / "own.toml", out=tmp_path / "first")
-    for vehicle in ("v1", "v2", "v3"):
-        assert convoy.recompute(first, vehicle).is_equal
     again = convoy.replay(first, ["v1"], out=tmp_path / "again")
     assert again.vehicles["v3"].true.error_m.tolist() == first.vehicles["v3"].true.error_m.tolist()
 

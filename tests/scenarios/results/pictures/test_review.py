@@ -7,7 +7,7 @@ from typing import Any, get_args
 
 import pytest
 from mcap.reader import make_reader
-from rerun.chunk import McapReader, RrdReader
+from rerun.chunk import RrdReader
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.events.bodies import BodySize
@@ -21,7 +21,6 @@ from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
-from tests.made.rerun_layouts import with_layouts
 from tests.made.transport import drive
 from tests.made.transport.recording import Table, columns
 from transport.convoy_pb2 import Deviation
@@ -189,8 +188,7 @@ def drawn(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
         summary = run_virtual(
             driven, folder, Stop(), metrics=metrics, observers=[OnMessage(view.draw)]
         )
-    with with_layouts():
-        again = reviewed(folder / "run.mcap")
+    again = reviewed(folder / "run.mcap")
     return Drawn(folder, driven, summary, (columns(folder / "live.rrd"), again))
 
 
@@ -249,21 +247,6 @@ def test_true_values_in_the_log_are_those_drawn(drawn: Drawn) -> None:
             }
             assert known.items() <= at.items()
             assert len(known) > 0.8 * min(len(at) / 5, len(results))
-
-
-def test_layouts_lie_beside_the_log_of_a_run(drawn: Drawn) -> None:
-    """Rerun's layout exists from the first review on, and names topics of the log."""
-    layout = drawn.folder / "rerun.rbl"
-    (store,) = RrdReader(str(layout)).blueprints()
-    assert store.application_id == "run"  # by this Rerun finds the log it is for
-    assert sorted(path.name for path in drawn.folder.iterdir()) == [
-        *("foxglove.json", "live.rrd", "rerun.rbl", "run.mcap", "run.rrd", "summary.json"),
-    ]
-    named = layout.read_bytes()
-    in_log = {chunk.entity_path for chunk in McapReader(str(drawn.folder / "run.mcap")).stream()}
-    for topic in ("v1/pose", "v2/pose", "v2/deviation", "v2/tracking", "run/path"):
-        assert f"/convoy/{topic}" in in_log
-        assert f"convoy/{topic}".encode() in named
 
 
 def test_loss_shares_drawn_add_up_to_the_table_s(drawn: Drawn) -> None:
