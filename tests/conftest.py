@@ -8,7 +8,7 @@ hostile messages.
 import gc
 import os
 import sys
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
@@ -111,14 +111,6 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     marker = metafunc.definition.get_closest_marker("campaign")
     if marker is not None and "case" in metafunc.fixturenames:
         metafunc.parametrize("case", range(_size(marker, metafunc.config)))
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _without_rerun_layouts() -> Iterator[None]:
-    from tests.made.rerun_layouts import without_layouts  # noqa: PLC0415 - not for collection
-
-    with without_layouts():
-        yield
 
 
 @pytest.fixture

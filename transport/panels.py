@@ -1,6 +1,6 @@
 """Panels of the picture as a table.
 
-The live picture, the layout for a plain log in Rerun and the layout for Foxglove follow it.
+The picture in Rerun and the layout for Foxglove follow it.
 """
 
 import math
@@ -69,8 +69,7 @@ class Panel:
     colours `states`. Values are drawn in `unit`, `factor` times those of the messages, every
     `period_ns` (0: each of them). A vehicle that is not drawn in detail has no series, except in a
     panel of `every_vehicle`. `lead` states whether the lead has series and whether the panel shows
-    them. `marked` plots show the events. `plain_row` is the row in the layout for a plain log in
-    Rerun (0: absent), `foxglove` whether Foxglove's layout has the panel.
+    them. `marked` plots show the events. `foxglove` states whether Foxglove's layout has the panel.
     """
 
     name: str
@@ -84,7 +83,6 @@ class Panel:
     every_vehicle: bool = False
     states: Mapping[str, Colour] = field(default_factory=dict)
     marked: bool = False
-    plain_row: int = 0
     foxglove: bool = False
 
     @property
@@ -107,7 +105,7 @@ class Panel:
         return self.kind != "plot_of_one" or len(vehicles) > 1
 
     def followers(self, vehicles: Sequence[str]) -> Mapping[int, str]:
-        """Followers by position in the layout of a plain log: one if each has its own plot."""
+        """Followers by position in the layout for Foxglove: one if each has its own plot."""
         middle = len(vehicles) // 2
         only = range(middle, middle + 1) if self.kind == "plot_of_one" else range(len(vehicles))
         return {place: vehicles[place] for place in only if place}
@@ -158,13 +156,13 @@ ROWS = (
         Panel(
             name="cross_track", title="True cross-track error", unit="m, left positive",
             kind="plot", series=(Series("deviation", "cross_track_error_m"),),
-            marked=True, plain_row=1, foxglove=True,
+            marked=True, foxglove=True,
         ),
         Panel(
             name="tracking", title="Self-estimated error, ± 3σ of the position", unit="m",
             kind="plot",
             series=(Series("tracking", "lateral_error_m", deviation="lateral_deviation_m"),),
-            lead="shown", plain_row=2, foxglove=True,
+            lead="shown", foxglove=True,
         ),
         Panel(
             name="steering", title="Steering", unit="deg",
@@ -184,7 +182,7 @@ ROWS = (
                 Series("tracking", "known_m", name="known",
                        label="known path", colour=(0x2F, 0x8C, 0xFF), width=2.5),
             ),
-            period_ns=CURVE_NS, marked=True, plain_row=3, foxglove=True,
+            period_ns=CURVE_NS, marked=True, foxglove=True,
         ),
         Panel(
             name="age", title="Pose age, lead bright, others dark", unit="s",
@@ -222,7 +220,7 @@ ROWS = (
         Panel(
             name="true_gap", title="Gap, true", unit="m",
             kind="plot", series=(Series("deviation", "true_gap_m"),),
-            marked=True, plain_row=4, foxglove=True,
+            marked=True, foxglove=True,
         ),
         Panel(
             name="gap", title="Gap, estimated bright, measured dark", unit="m",
@@ -231,7 +229,7 @@ ROWS = (
                 Series("tracking", "estimated_gap_m"),
                 Series("tracking", "measured_gap_m", name="measured", brightness_ratio=0.6),
             ),
-            plain_row=4, foxglove=True,
+            foxglove=True,
         ),
         Panel(
             name="speed", title="Speed", unit="m/s",

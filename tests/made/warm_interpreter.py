@@ -1,8 +1,7 @@
 """A process that has imported the project, and forks `convoy` commands.
 
 A new interpreter imports for 0.6 s of processor time, most of what a short command costs. A forked
-command has its own session, output, environment, working folder and arguments. It writes no layout
-of Rerun, which costs half a second more.
+command has its own session, output, environment, working folder and arguments.
 """
 
 import ctypes
@@ -23,7 +22,6 @@ from scenarios.cli.__main__ import main as run_command
 from scenarios.cli.main import cli
 from scenarios.cli.running import launching, recorder_run, wall_clock_run
 from scenarios.runs.processes import vehicle_process
-from tests.made.rerun_layouts import without_layouts
 from transport.bus import zenoh_bus
 
 ROOT = Path(__file__).parents[2]
@@ -153,16 +151,15 @@ def serve(file: IO[str]) -> Mapping[str, Any] | None:
 
 
 def main() -> None:
-    with without_layouts():
-        gc.freeze()
-        with (
-            socket.socket(fileno=int(sys.argv[1])) as connection,
-            connection.makefile("rw") as file,
-        ):
-            request = serve(file)
-        if request is not None:
-            become(request)
-            run_command()
+    gc.freeze()
+    with (
+        socket.socket(fileno=int(sys.argv[1])) as connection,
+        connection.makefile("rw") as file,
+    ):
+        request = serve(file)
+    if request is not None:
+        become(request)
+        run_command()
 
 
 if __name__ == "__main__":

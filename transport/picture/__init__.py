@@ -10,7 +10,6 @@ axes              axes of the plots
 marks             marks of events in plans and plots
 series/           curves, states and trajectories
 blueprint         layout and colours
-log_layout        layout for a log that Rerun opens without this project
 comparison/       several runs in one picture or catalog
 viewer_process    Rerun's own programs as processes
 """

@@ -4,12 +4,11 @@ The options of every command import this module, so it imports viewers' librarie
 """
 
 import importlib.util
-import json
 import os
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -72,23 +71,6 @@ def start_web_page(*, address: str, port: int, data_url: str) -> "subprocess.Pop
     if is_listening(address, port):
         return None
     raise _did_not_start(page)
-
-
-def start_log_layout(
-    path: Path,
-    *,
-    log: str,
-    cars: Mapping[str, tuple[float, float, float]],
-    spacing_m: float,
-) -> "subprocess.Popen[bytes]":
-    """Write the layout for a log to `path`; see `save_log_layout`.
-
-    A process of low priority writes it, which ends with this one, so this one does not load Rerun.
-    Without Rerun or disk space no layout is written.
-    """
-    arguments = {"path": str(path), "log": log, "cars": cars, "spacing_m": spacing_m}
-    command = [sys.executable, "-m", "transport.picture.log_layout", json.dumps(arguments)]
-    return _start([*_ends_with_parent(nice=LAYOUT_NICENESS), *command])
 
 
 def require_display() -> None:

@@ -1,7 +1,7 @@
 """Display of a run during recording and at its end, for both clocks."""
 
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import click
@@ -14,23 +14,11 @@ from scenarios.cli.summary_tables import print_summary
 from scenarios.definition.scenario import Scenario
 from scenarios.results.files import LOG_NAME
 from scenarios.results.metrics import Metrics
-from scenarios.results.pictures.layouts import rerun_layout
 from scenarios.results.pictures.run_drawing import open_drawing
 from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import Observer, OnMessage
 from transport.picture.option import parse_rerun_option
 from transport.picture.viewer_process import UnwritableRecordingError
-
-
-def layout(
-    folder: Path, scenario: Scenario, display: DisplayOptions
-) -> AbstractContextManager[None]:
-    """Write Rerun's layout for the log, but not for quiet runs: it takes a while."""
-    return (
-        nullcontext()
-        if display.quiet and display.rerun == "off"
-        else rerun_layout(folder, scenario)
-    )
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from pathlib import Path
 from scenarios.cli.display_options import DisplayOptions
 from scenarios.cli.error_lines import print_error
 from scenarios.cli.running.destination import refuse_picture
-from scenarios.cli.running.display import layout, observers, print_start, show
+from scenarios.cli.running.display import observers, print_start, show
 from scenarios.definition.scenario import Scenario
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import summary_of
@@ -50,10 +50,7 @@ def record_run(
         if not launched:
             print_start(options.run, folder, display, ", ".join(options.connect))
         metrics, lost = Metrics.of(scenario), list[str]()
-        with (
-            layout(folder, scenario, display),
-            observers(scenario, metrics, display, folder, lost) as watchers,
-        ):
+        with observers(scenario, metrics, display, folder, lost) as watchers:
             stop.begun = True
             recorder = RecorderProcess(
                 scenario,

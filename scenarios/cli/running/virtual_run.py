@@ -4,7 +4,7 @@ from pathlib import Path
 
 from scenarios.cli.display_options import DisplayOptions
 from scenarios.cli.error_lines import print_error
-from scenarios.cli.running.display import layout, observers, print_start, show
+from scenarios.cli.running.display import observers, print_start, show
 from scenarios.definition.scenario import Scenario
 from scenarios.results.metrics import Metrics
 from scenarios.runs.stop import EXIT_FAILED, Stop
@@ -20,10 +20,7 @@ def run_virtually(
 ) -> int:
     print_start(run, folder, options)
     metrics, lost = Metrics.of(scenario), list[str]()
-    with (
-        layout(folder, scenario, options),
-        observers(scenario, metrics, options, folder, lost) as watchers,
-    ):
+    with observers(scenario, metrics, options, folder, lost) as watchers:
         stop.begun = True
         summary = run_virtual(scenario, folder, stop, metrics=metrics, observers=watchers)
     show(summary, folder, options)

@@ -4,6 +4,6 @@ run_drawing      the live picture of a run, with its events and gaps
 log_drawing      the same from the columns of a log
 ordered_figures  true errors and events by their places in a log
 lead_in          the true poses that the errors of a part need
-layouts          layouts of a log for Foxglove and Rerun
+layouts          layout of a log for Foxglove
 review           opens a log and draws it
 """

@@ -1,7 +1,6 @@
 """`convoy review`: shows a recorded run in Rerun as it was drawn live."""
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 import click
@@ -10,10 +9,9 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
 from scenarios.results.events.bodies import BodySize
-from scenarios.results.files import LOG_NAME, SUMMARY_NAME
+from scenarios.results.files import SUMMARY_NAME
 from scenarios.results.log_queries.notes import RunNote, read_notes
 from scenarios.results.log_summary import scenario_in
-from scenarios.results.pictures.layouts import rerun_layout
 from scenarios.results.pictures.log_drawing import WHOLE_RUN, Excerpt, LogDrawing
 from scenarios.results.pictures.run_drawing import open_view, recording_id
 from scenarios.results.stream import FigureStream
@@ -56,7 +54,7 @@ def review(
     scenario = _scenario_in(reader, warn)
     stream = _stream(reader, scenario)
     excerpt = excerpt.with_lead(list(stream.sizes), reader.path)
-    with _layout(log, scenario), _open(reader, option, scenario, stream, excerpt) as view:
+    with _open(reader, option, scenario, stream, excerpt) as view:
         drawing = LogDrawing(reader, view, stream, has_events=_may_have_events(reader))
         count = drawing.draw(excerpt, progress) if view.enabled else 0
         for note in notes:
@@ -102,12 +100,6 @@ def _notes_of(log: Path, warn: Callable[[str], None]) -> tuple[RunNote, ...]:
     except (ScenarioError, OSError) as error:
         warn(f"the notes are left out: {error}")
         return ()
-
-
-def _layout(log: Path, scenario: Scenario | None) -> AbstractContextManager[None]:
-    """Write Rerun's layout next to the log of a run, which a quiet run has not written."""
-    is_run = log.name == LOG_NAME and (log.parent / SUMMARY_NAME).is_file()
-    return rerun_layout(log.parent, scenario) if scenario and is_run else nullcontext()
 
 
 def _open(
