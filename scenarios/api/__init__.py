@@ -18,7 +18,6 @@
     convoy.replay("runs/first", ["v1"], set={"control.controller": "stanley"})
     convoy.check("lane_change").warnings
     convoy.sweep("lane_change", {"links.loss_ratio": [0.0, 0.4]}, seeds=5).cells
-    convoy.figure("cacc").points              # CACC against Ploeg over loss, with intervals
     convoy.bisect("lossy_lane_change", "links.loss_ratio", "v4.error_m=0.5", share=0.05).boundary
 
 Invalid input raises `convoy.Error`, with the sentences of the command line. Errors of the
@@ -31,7 +30,6 @@ comparing  diff and compare
 repeating  replay
 plots      the plots of a run and of a comparison
 sweeping   sweep and bisect
-figures    figure
 """
 
 from .home import import_own_packages
@@ -39,7 +37,6 @@ from .home import import_own_packages
 import_own_packages()
 
 from scenarios.api.comparing import ComparedRuns, Diff, compare, diff  # noqa: E402
-from scenarios.api.figures import FigureData, figure  # noqa: E402
 from scenarios.api.recorded import Run, browse, open  # noqa: A004, E402
 from scenarios.api.repeating import replay  # noqa: E402
 from scenarios.api.running import check, run  # noqa: E402
@@ -54,7 +51,6 @@ __all__ = [
     "DataTable",
     "Diff",
     "Error",
-    "FigureData",
     "Run",
     "Sweep",
     "bisect",
@@ -62,7 +58,6 @@ __all__ = [
     "check",
     "compare",
     "diff",
-    "figure",
     "open",
     "replay",
     "run",

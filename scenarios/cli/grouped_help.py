@@ -23,7 +23,7 @@ SECTIONS: Mapping[str, Sequence[str]] = {
         "status", "link", "cut", "heal", "gnss", "stall", "kill", "speed", "scenario-from",
     ),
     "Study": (
-        "sweep", "figure", "bisect", "blame", "drill", "channel", "gains",
+        "sweep", "bisect", "blame", "drill", "channel", "gains",
         "reproduce",
     ),
     "Machines": ("router", "vehicle", "record"),

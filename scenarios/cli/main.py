@@ -26,7 +26,6 @@ from scenarios.cli.logs.recover_command import recover
 from scenarios.cli.many import drill
 from scenarios.cli.many.bisect import bisect
 from scenarios.cli.many.blame import blame
-from scenarios.cli.many.figure import figure
 from scenarios.cli.many.sweep import sweep
 from scenarios.cli.output import keep_output_going, unwritable_output_reported
 from scenarios.cli.reference.reference_command import reference
@@ -92,7 +91,6 @@ for command in (
     blame,
     channel,
     sweep,
-    figure,
     live_commands.link,
     live_commands.cut,
     live_commands.heal,

@@ -4,7 +4,6 @@ channel/        `convoy channel`: laws of links, fitted and compared
 comparison/     `convoy diff` and `convoy compare`
 drills/         `convoy drill`: limits that must hold when something fails
 engine/         parallel runs, locally or on a dask scheduler, with a journal
-figures/        `convoy figure`: standard figures of the field, each from a few sweeps
 gains/          `convoy gains`: stabilizing gain sets, margins, certificates
 many/           sweeps, boundaries, and attribution of losses
 paper/          `convoy reproduce`: the experiments and claims of the paper

@@ -16,6 +16,7 @@ UNITS = {
     "radps": "rad/s",
     "deg": "°",
     "per_m": "1/m",
+    "per_s": "1/s",
     "kg": "kg",
     "db": "dB",
     "ppm": "ppm",

@@ -48,6 +48,8 @@ STYLE: Any = {
     "figure.dpi": 200.0,
     "savefig.dpi": 200.0,
     "svg.hashsalt": "convoy",
+    "pdf.fonttype": 42,  # TrueType: text stays text in other programs
+    "ps.fonttype": 42,
 }
 
 

@@ -92,6 +92,13 @@ A figure is a number in summary.json (see `convoy reference fields`):
 @engine_options
 @picture_format_option
 @click.option("--no-pictures", is_flag=True, help="Write tables only; needs no Matplotlib.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Draw the plot here too.",
+)
 @click.option("--parquet", is_flag=True, help="Write the tables as Parquet too.")
 def sweep(
     *,
@@ -107,11 +114,12 @@ def sweep(
     parquet: bool,
     no_pictures: bool,
     picture_format: str,
+    output: Path | None,
 ) -> None:
     """Run a scenario over values and seeds.
 
-    Simulates SCENARIO for each combination of values and each seed. Writes tables with confidence
-    intervals, and heat maps.
+    Simulates SCENARIO for each combination of values and each seed. Writes tables and plots with
+    confidence intervals: lines, or a heat map of two numeric keys.
     """
     with clear_errors():
         if not no_pictures:
@@ -122,12 +130,16 @@ def sweep(
 
     from scenarios.runs.stop import EXIT_FAILED
     from scenarios.studies.many.sweeps.plan import planned
-    from scenarios.studies.many.sweeps.sweep import run_sweep
+    from scenarios.studies.many.sweeps.sweep import draw_sweep, run_sweep
+    from scenarios.studies.picture_style import require_new_picture
 
     with clear_errors():
         plan = planned(
             scenario, vary=vary, seeds=seeds, sets=overrides, figures=figures, limits=limits
         )
+        if output:
+            require("--output", "studies", "matplotlib")
+            require_new_picture(output)
         fleet = selected_workers(workers, scheduler)
         report = partial(click.echo, err=True)
         table, written = run_sweep(
@@ -139,6 +151,8 @@ def sweep(
             picture_format=None if no_pictures else picture_format,
         )
         print_sweep(table, Console())
+        if output:
+            written.append(draw_sweep(table, output))
         click.echo(f"written: {', '.join(map(str, written))}")
         if table.errors:
             first = next(run for cell in table.cells for run in cell.runs if run.error)

@@ -48,8 +48,7 @@ SECTIONS: Mapping[str, Section] = {
             "the disturbance. Of the last vehicle it is the head-to-tail gain.",
             "v3 over v2": "v2 follows the lead, whose speed control announces its acceleration one "
             "control period earlier than a follower's law. With laws that use it, such as Ploeg's, "
-            "the spacing error of v2 is smaller for that reason, and the first gain is large. "
-            "`convoy figure cacc` relates the last vehicle to v3.",
+            "the spacing error of v2 is smaller for that reason, and the first gain is large.",
             "*_growth_l2": "geometric mean of the gains per vehicle from the head to vehicle i: "
             "the gain from the head to the power of 1 / number of vehicles between.",
         },

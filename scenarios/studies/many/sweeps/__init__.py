@@ -5,5 +5,5 @@ figure      figures of a summary by name
 plan        the runs of a sweep, with the figures and limits to evaluate
 sweep       the runs, with a journal, and the files
 cell_table  statistics of the runs of each cell
-heat_maps   heat maps, lines with bands, distributions over seeds
+plots       lines with intervals, heat maps, distributions over seeds
 """

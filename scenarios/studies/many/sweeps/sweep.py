@@ -4,6 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from scenarios.definition.errors import ScenarioError
+from scenarios.results.files import write_whole
 from scenarios.studies.engine.dispatcher import Outcome
 from scenarios.studies.engine.engine import Engine, study_engine
 from scenarios.studies.engine.results import write_files
@@ -15,10 +17,11 @@ from scenarios.studies.many.sweeps.cell_table import (
     typed_rows,
 )
 from scenarios.studies.many.sweeps.plan import SweepPlan
+from scenarios.studies.picture_style import encoded, picture_format_of
 
 CELLS, RUNS, JSON_FILE = "sweep.csv", "runs.csv", "sweep.json"
 PARQUET = ("sweep.parquet", "runs.parquet")
-HEAT_MAP, SEEDS = "sweep", "seeds"
+SWEEP, SEEDS = "sweep", "seeds"
 
 
 def run_sweep(
@@ -35,7 +38,7 @@ def run_sweep(
     An interrupted sweep resumes with the same results. Without a `picture_format` there are no
     plots, and without a folder no files. Raises ScenarioError if the folder holds other files.
     """
-    plots = [f"{name}.{picture_format}" for name in (HEAT_MAP, SEEDS) if picture_format]
+    plots = [f"{name}.{picture_format}" for name in (SWEEP, SEEDS) if picture_format]
     files = (CELLS, RUNS, JSON_FILE, *plots, *PARQUET)
     with study_engine(
         open_workers, report, out=out, files=files, identity=plan.identity(), keep_journal=True
@@ -71,19 +74,32 @@ def tables_of(table: SweepTable, *, parquet: bool = False) -> dict[str, Any]:
     return contents
 
 
+def draw_sweep(table: SweepTable, path: Path) -> Path:
+    """Draw the plot of a sweep into a file; raises ScenarioError if it cannot be drawn."""
+    from scenarios.studies.many.sweeps.plots import (  # noqa: PLC0415 - needs Matplotlib
+        sweep_figure,
+        why_no_plot,
+    )
+
+    if why_not := why_no_plot(table):
+        raise ScenarioError([f"--output: {why_not}"])
+    write_whole(path, encoded(sweep_figure(table), picture_format_of(path)), new=True)
+    return path
+
+
 def drawn(
     table: SweepTable, report: Callable[[str], None], picture_format: str = "png"
 ) -> dict[str, Any]:
-    """Return all plots by file name; the reason for a missing heat map goes to `report`."""
-    from scenarios.studies.many.sweeps.heat_maps import (  # noqa: PLC0415 - needs matplotlib
+    """Return all plots by file name; the reason for a missing plot goes to `report`."""
+    from scenarios.studies.many.sweeps.plots import (  # noqa: PLC0415 - needs Matplotlib
         seeds_figure,
         sweep_figure,
-        why_no_heat_map,
+        why_no_plot,
     )
 
-    if why_not := why_no_heat_map(table):
+    if why_not := why_no_plot(table):
         report(why_not)
         figures = {SEEDS: seeds_figure(table)}
     else:
-        figures = {HEAT_MAP: sweep_figure(table), SEEDS: seeds_figure(table)}
+        figures = {SWEEP: sweep_figure(table), SEEDS: seeds_figure(table)}
     return {f"{name}.{picture_format}": figure for name, figure in figures.items()}

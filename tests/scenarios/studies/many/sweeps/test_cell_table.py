@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scenarios.studies.axis_labels import axis_label
 from scenarios.studies.engine.results import write_files
 from scenarios.studies.many.statistics import agresti_coull
 from scenarios.studies.many.sweeps.cell_table import SweepTable, table_of
 from scenarios.studies.many.sweeps.plan import SweepPlan
+from scenarios.studies.many.sweeps.plots import sweep_figure
 from scenarios.studies.many.sweeps.sweep import drawn, tables_of
 from tests.made.many.small_sweeps import TABLES, small_plan
 
@@ -142,8 +144,16 @@ def of(vary: tuple[str, ...]) -> SweepTable:
     return table_of(plan, entries)
 
 
-@pytest.mark.parametrize("vary", [THREE[:1], THREE, ("links.preset=clear,lossy",)])
-def test_up_to_three_keys_are_plotted(vary: tuple[str, ...], tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "vary",
+    [
+        THREE[:1],
+        THREE[:2],
+        ("links.preset=clear,lossy",),
+        ("links.preset=clear,lossy", "convoy.gap_m=5,10"),
+    ],
+)
+def test_up_to_two_keys_are_plotted(vary: tuple[str, ...], tmp_path: Path) -> None:
     lines: list[str] = []
     write_files(tmp_path, drawn(of(vary), lines.append))
     assert not lines
@@ -161,13 +171,24 @@ def test_plots_of_equal_runs_are_identical(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("vary", "why"),
     [
-        ((), "no heat map: no key varies"),
-        ((*THREE, "control.rate_hz=20,50"), "no heat map: 4 keys vary, three can be drawn"),
-        (("gnss.rate_hz=1:13:1", *THREE[:2]), "no heat map: gnss.rate_hz has 13 values, 12 can"),
+        ((), "no plot over a key: no key varies"),
+        (THREE, "no plot: 3 keys vary, two can be drawn"),
     ],
 )
-def test_the_reason_for_a_missing_heat_map_is_reported(vary: tuple[str, ...], why: str) -> None:
+def test_the_reason_for_a_missing_plot_is_reported(vary: tuple[str, ...], why: str) -> None:
     lines: list[str] = []
     assert list(drawn(of(vary), lines.append)) == ["seeds.png"]
     (line,) = lines
     assert line.startswith(why)
+
+
+def test_each_value_of_a_word_has_a_line_along_the_numbers() -> None:
+    table = of(("links.preset=clear,lossy", "convoy.gap_m=5,10,20"))
+    figure = sweep_figure(table)
+    place = figure.axes[0]
+    assert place.get_xlabel() == axis_label("convoy.gap_m").text
+    _, names = place.get_legend_handles_labels()
+    assert names == ["clear", "lossy"]
+    lines = [np.asarray(line[0].get_ydata()) for line in place.containers]
+    means = [cell.limits[0].ratio for cell in table.cells]
+    np.testing.assert_allclose(np.concatenate(lines), 100.0 * np.array(means))

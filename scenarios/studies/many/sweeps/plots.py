@@ -1,11 +1,12 @@
-"""Plots of a sweep: heat maps with the contour of a limit, lines with bands, distributions.
+"""Plots of a sweep: lines with 95 % intervals, heat maps, and distributions over the seeds.
 
-Needs matplotlib. Two keys make heat maps, three several of them, one a line, none only the
-distribution over the seeds.
+Needs Matplotlib. One key makes a line. Of two keys, one is along x, and each value of the other has
+a line; two numeric keys make a heat map with the contour of a limit. Without a key only the
+distribution over the seeds is drawn.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any
 
@@ -23,11 +24,14 @@ from scenarios.studies.many.sweeps.cell_table import SweepTable
 from scenarios.studies.picture_style import (
     BLUE,
     COLUMN_IN,
+    GREEN,
     GREY,
     ORANGE,
     PAGE_IN,
+    PURPLE,
     RED,
     SEQUENCE,
+    SKY,
     SMALL_PT,
     STYLE,
     ink_on,
@@ -35,7 +39,6 @@ from scenarios.studies.picture_style import (
 
 HALF = 0.5
 """Share of broken runs at which the boundary of a limit is drawn."""
-MOST_PANELS = 12
 PANEL_HEIGHT_IN = 2.8
 MOST_LABELS = 8
 """Values that an axis is labelled with."""
@@ -46,6 +49,9 @@ MOST_NUMBERS = 40
 MOST_NAMED = 8
 """Cells with a name of their own in the legend."""
 PERCENT = 100.0
+SHIFT_RATIO = 0.006
+"""Shift of a line from the next one, relative to the x axis, so that intervals do not overlap."""
+COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,22 +60,24 @@ class SweepPanel:
 
     label: str
     title: str
-    band: str
     values: NDArray[np.float64]
     low: NDArray[np.float64]
     high: NDArray[np.float64]
     bound: float | None
     is_share: bool
 
+    def of(self, cells: Any) -> "SweepPanel":
+        """The panel of some cells only."""
+        return replace(self, values=self.values[cells], low=self.low[cells], high=self.high[cells])
+
 
 def _panels(table: SweepTable) -> Iterator[SweepPanel]:
-    """Yield the share of each limit with its interval, and medians of figures (5 to 95 %)."""
+    """Yield the share of each limit and the mean of each figure, with 95 % intervals."""
     for number, limit in enumerate(table.plan.limits):
         shares = [cell.limits[number] for cell in table.cells]
         yield SweepPanel(
             label=f"runs that break {limit}, %",
             title=f"Runs that break {limit}",
-            band="95 % interval",
             values=PERCENT * _numbers(share.ratio for share in shares),
             low=PERCENT * _numbers(share.low for share in shares),
             high=PERCENT * _numbers(share.high for share in shares),
@@ -82,11 +90,10 @@ def _panels(table: SweepTable) -> Iterator[SweepPanel]:
         label = axis_label(figure.name)
         yield SweepPanel(
             label=label.text,
-            title="Median of the runs",
-            band="5 to 95 %",
-            values=label.factor * _numbers(spread.median for spread in spreads),
-            low=label.factor * _numbers(spread.p5 for spread in spreads),
-            high=label.factor * _numbers(spread.p95 for spread in spreads),
+            title="Mean of the runs",
+            values=label.factor * _numbers(spread.mean for spread in spreads),
+            low=label.factor * _numbers(spread.mean_low for spread in spreads),
+            high=label.factor * _numbers(spread.mean_high for spread in spreads),
             bound=None if bound is None else label.factor * bound,
             is_share=False,
         )
@@ -106,32 +113,38 @@ def _numbers(values: Any) -> NDArray[np.float64]:
     return np.array([np.nan if value is None else value for value in values], dtype=float)
 
 
-def why_no_heat_map(table: SweepTable) -> str:
+def why_no_plot(table: SweepTable) -> str:
     """Return the reason if the cells cannot be drawn, else an empty text."""
     axes = table.plan.axes
     if not axes:
-        return "no heat map: no key varies; the plot of the seeds shows their distribution"
-    if len(axes) > 3:
-        return f"no heat map: {len(axes)} keys vary, three can be drawn; fix some by --set"
-    if len(axes) == 3 and len(axes[0].texts) > MOST_PANELS:
-        count = len(axes[0].texts)
-        return f"no heat map: {axes[0].key} has {count} values, {MOST_PANELS} can be drawn"
+        return "no plot over a key: no key varies; the plot of the seeds shows their distribution"
+    if len(axes) > 2:
+        return f"no plot: {len(axes)} keys vary, two can be drawn; fix some by --set"
     return ""
 
 
 @mpl.rc_context(STYLE)
 def sweep_figure(table: SweepTable) -> Figure:
+    """Draw each limit and figure of a sweep over one or two keys."""
     axes, panels = table.plan.axes, list(_panels(table))
-    if len(axes) == 3:
-        return _multiples(axes, panels[0])
+    is_map = len(axes) == 2 and not any(map(_is_category, axes))
     figure, places = _places(panels)
     for place, panel in zip(places, panels, strict=True):
-        if len(axes) == 2:
-            _heat(figure, place, axes, panel, panel.values)
+        if is_map:
+            _heat(figure, place, axes, panel)
             place.set_title(panel.title)
         else:
-            _line(place, axes[0], panel)
+            _lines(place, axes, panel)
+    if len(axes) == 2 and not is_map:
+        handles = places[0].get_legend_handles_labels()
+        title = axis_label(axes[1 - _along(axes)].key).text
+        figure.legend(*handles, loc="outside lower center", title=title, ncols=3)
     return figure
+
+
+def _along(axes: Sequence[SweepAxis]) -> int:
+    """Number of the key along x: the first numeric one, else the last."""
+    return next((k for k, axis in enumerate(axes) if not _is_category(axis)), len(axes) - 1)
 
 
 def _places(panels: Sequence[object]) -> tuple[Figure, list[Axes]]:
@@ -174,11 +187,10 @@ def _heat(
     place: Axes,
     axes: Sequence[SweepAxis],
     panel: SweepPanel,
-    values: NDArray[np.float64],
 ) -> None:
     """Draw the cells in colour, the first key along x, and the contour of the bound."""
-    along, up = axes[-2:]
-    grid = values.reshape(len(along.texts), len(up.texts)).T
+    along, up = axes
+    grid = panel.values.reshape(len(along.texts), len(up.texts)).T
     x, y = _positions(along), _positions(up)
     least, most = _ends(panel)
     mesh = place.pcolormesh(x, y, grid, shading="nearest", cmap=SEQUENCE, vmin=least, vmax=most)
@@ -211,29 +223,34 @@ def _ends(panel: SweepPanel) -> tuple[float, float]:
     return (least, most) if most > least else (least - 0.5, most + 0.5)
 
 
-def _multiples(axes: Sequence[SweepAxis], panel: SweepPanel) -> Figure:
-    """Draw a heat map over the last two keys for each value of the first one."""
-    texts = axes[0].texts
-    parts = panel.values.reshape(len(texts), -1)
-    figure, places = _places(texts)
-    for place, text, part in zip(places, texts, parts, strict=True):
-        _heat(figure, place, axes, panel, part)
-        place.set_title(f"{axes[0].key} = {text}")
-    figure.suptitle(panel.title)
-    return figure
-
-
-def _line(place: Axes, axis: SweepAxis, panel: SweepPanel) -> None:
-    """Draw values with their bands; categories as points with bars, which no line joins."""
-    x = _positions(axis)
+def _lines(place: Axes, axes: Sequence[SweepAxis], panel: SweepPanel) -> None:
+    """Draw a line for each value of the key that is not along x, with its intervals."""
+    axis = axes[_along(axes)]
+    cells = np.arange(len(panel.values)).reshape([len(each.texts) for each in axes])
+    rows = np.moveaxis(cells, _along(axes), -1).reshape(-1, len(axis.texts))
+    other = axes[1 - _along(axes)] if len(axes) == 2 else None
+    names = ["" if other is None else _shown(other, text) for text in (other or axis).texts]
+    reach = SHIFT_RATIO * float(np.ptp(_positions(axis)))
+    for number, row in enumerate(rows):
+        part, shift = panel.of(row), reach * (number - 0.5 * (len(rows) - 1))
+        band = [part.values - part.low, part.high - part.values]
+        place.errorbar(
+            _positions(axis) + shift,
+            part.values,
+            yerr=np.nan_to_num(np.maximum(band, 0.0)),
+            fmt="o" if _is_category(axis) else "o-",  # no line joins categories
+            color=COLOURS[number % len(COLOURS)],
+            markersize=3.5,
+            elinewidth=0.9,
+            capsize=2.0,
+            label=names[number] or None,
+        )
     if _is_category(axis):
-        band = [panel.values - panel.low, panel.high - panel.values]
-        place.errorbar(x, panel.values, yerr=np.maximum(band, 0.0), fmt="o", color=BLUE,
-                       markersize=4.0, elinewidth=1.0, capsize=2.0)  # fmt: skip
-        place.set_xlim(-0.5, len(x) - 0.5)
-    else:
-        place.fill_between(x, panel.low, panel.high, color=BLUE, alpha=0.2, linewidth=0.0)
-        place.plot(x, panel.values, "o-", color=BLUE, markersize=3.0)
+        place.set_xlim(-0.5, len(axis.texts) - 0.5)
+    _label(place, axis, panel)
+
+
+def _label(place: Axes, axis: SweepAxis, panel: SweepPanel) -> None:
     if panel.bound is not None:
         place.axhline(panel.bound, color=RED, linewidth=0.9, linestyle=":")
     places, texts = _labels(axis)
@@ -245,7 +262,7 @@ def _line(place: Axes, axis: SweepAxis, panel: SweepPanel) -> None:
     place.set(
         xlabel=axis_label(axis.key).text,
         ylabel=panel.label,
-        title=f"{panel.title} and {panel.band}",
+        title=f"{panel.title}, 95 % interval",
     )
     if panel.is_share:
         place.set_ylim(-3.0, 103.0)
