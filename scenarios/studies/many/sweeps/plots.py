@@ -8,6 +8,7 @@ distribution over the seeds is drawn.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
+from textwrap import fill
 from typing import Any
 
 import matplotlib as mpl
@@ -40,6 +41,8 @@ from scenarios.studies.picture_style import (
 HALF = 0.5
 """Share of broken runs at which the boundary of a limit is drawn."""
 PANEL_HEIGHT_IN = 2.8
+LABEL_WIDTH = 30
+"""Characters of a line of a label along y."""
 MOST_LABELS = 8
 """Values that an axis is labelled with."""
 WIDEST_LABELS = 32
@@ -261,7 +264,7 @@ def _label(place: Axes, axis: SweepAxis, panel: SweepPanel) -> None:
             tick.set(ha="right", rotation_mode="anchor")
     place.set(
         xlabel=axis_label(axis.key).text,
-        ylabel=panel.label,
+        ylabel=fill(panel.label, LABEL_WIDTH),
         title=f"{panel.title}, 95 % interval",
     )
     if panel.is_share:
