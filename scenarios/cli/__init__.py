@@ -11,7 +11,7 @@ channel/           channel show, fit
 reference/         the pages of convoy reference
 guide/             shell completion, and the table of convoy check
 scenario_commands  list, check, new
-logs/              info, extract, merge, recover
+logs/              info, recover
 log_commands       review, report, explain
 paper_commands     gains, reproduce
 common_options     options that several commands share

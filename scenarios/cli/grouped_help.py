@@ -15,10 +15,10 @@ SUMMARY_MAX = 45
 SECTIONS: Mapping[str, Sequence[str]] = {
     "Run": ("run", "replay", "check", "list", "new"),
     "Look": (
-        "browse", "report", "review", "explain", "note", "diff", "compare", "export",
+        "browse", "report", "review", "explain", "diff", "compare", "export",
         "reference",
     ),
-    "Logs": ("info", "extract", "merge", "recover"),
+    "Logs": ("info", "recover"),
     "Live": (
         "status", "link", "cut", "heal", "gnss", "stall", "kill", "speed", "scenario-from",
     ),

@@ -1,4 +1,4 @@
-"""Commands that read recorded runs: review, report, explain, note."""
+"""Commands that read recorded runs: review, report, explain."""
 
 from pathlib import Path
 
@@ -7,8 +7,7 @@ import click
 from scenarios.cli.common_options import json_option, rerun_option, tables_option, time_option
 from scenarios.cli.display_options import Tables
 from scenarios.cli.error_lines import clear_errors, warn_of_log
-from scenarios.definition.errors import ScenarioError, require
-from transport.texts import printable
+from scenarios.definition.errors import require
 
 
 @click.command(
@@ -145,61 +144,3 @@ def explain(log: Path, *, vehicle: str, at_s: float, as_json: bool) -> None:
             click.echo(json.dumps(fields, indent=2))
         else:
             print_explanation(explanation, Console())
-
-
-@click.command(
-    epilog="""\b
-Examples:
-  convoy note runs/first --at 9.1 "v3 leaves the lane here"
-  convoy note runs/first                 lists the notes
-  convoy note runs/first --delete 2
-"""
-)
-@click.argument("log", type=click.Path(path_type=Path))
-@click.argument("text", required=False)
-@time_option("--at", help_text="Time after the start of the run, for a new note.")
-@click.option(
-    "--delete", type=click.IntRange(min=1), metavar="N", help="Delete the note with this number."
-)
-@json_option("Print the notes as JSON.")
-def note(
-    log: Path, text: str | None, *, at_s: float | None, delete: int | None, as_json: bool
-) -> None:
-    """Write, list or delete notes on a run.
-
-    LOG is a run.mcap or its folder. Notes are kept in run.notes.toml next to the log, which they do
-    not change. `convoy review` and `convoy report` show them.
-    """
-    import json
-    from dataclasses import asdict
-    from datetime import UTC, datetime
-
-    from scenarios.results.log_queries.notes import (
-        RunNote,
-        add_note,
-        delete_note,
-        duration_s,
-        read_notes,
-    )
-    from scenarios.results.log_summary import log_in
-
-    if (text is None) != (at_s is None):
-        raise click.UsageError("a new note needs both: --at TIME and TEXT")
-    if text is not None and not text.strip():
-        raise click.UsageError("TEXT: given an empty note")
-    with clear_errors():
-        log = log_in(log)
-        ends_s = duration_s(log)
-        if delete is not None:
-            delete_note(log, delete)
-        if text is not None and at_s is not None:
-            if at_s > ends_s:
-                raise ScenarioError([f"--at: given {at_s:g} s, the run ends at {ends_s:.2f} s"])
-            now = datetime.now(tz=UTC).isoformat(timespec="seconds")
-            add_note(log, RunNote(at_s=at_s, text=printable(text.strip()), written_at=now))
-        notes = read_notes(log)
-        if as_json:
-            click.echo(json.dumps([asdict(one) for one in notes], indent=2))
-        else:
-            for number, one in enumerate(notes, 1):
-                click.echo(f"{number:3}  {one.at_s:8.2f} s  {one.text}")

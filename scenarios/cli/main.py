@@ -21,7 +21,6 @@ from scenarios.cli.comparing.diff import diff
 from scenarios.cli.grouped_help import ConvoyGroup
 from scenarios.cli.live import live_commands
 from scenarios.cli.logs.info_command import info
-from scenarios.cli.logs.piece_commands import extract, merge
 from scenarios.cli.logs.recover_command import recover
 from scenarios.cli.many import drill
 from scenarios.cli.many.bisect import bisect
@@ -80,10 +79,7 @@ for command in (
     log_commands.review,
     log_commands.report,
     log_commands.explain,
-    log_commands.note,
     info,
-    extract,
-    merge,
     recover,
     diff,
     compare,

@@ -1,23 +1,18 @@
 """The summary and the scenario of a run, from its log alone."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.results.channel.link_summary import LinkSummary
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
-from scenarios.results.holes import RecordHole
 from scenarios.results.metrics import Metrics
 from scenarios.results.outcome import with_outcome_line
 from scenarios.results.summarise import METADATA_NAME, summarise
 from scenarios.results.summary import RunIdentity, RunSummary, from_json
-from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from transport.log.reader import LogReader
 from transport.log.records import REPAIRED, LogError
-from vehicles.messages import RunEnd
-from vehicles.schedule import SECOND
 
 PARTIAL = "use the rest of it by --partial"
 """Remedy for a refused log that is damaged or incomplete."""
@@ -81,90 +76,6 @@ def summary_of(
     outcome = "running" if running else summary.outcome
     return with_outcome_line(
         replace(summary, outcome=outcome, outcome_line="", holes=holes, log_faults=faults)
-    )
-
-
-def summary_of_piece(reader: LogReader, held: Mapping[str, str]) -> RunSummary:
-    """Figures of what a piece of a log holds; limits and what it lacks are left out.
-
-    `held` describes the piece by name and value, as in its metadata.
-    """
-    metrics, scenario = _measured(reader)
-    start_at = metrics.start_at or reader.first_at
-    first_s = float(held.get("from_s", 0.0))
-    last_s = (reader.last_at - start_at) / SECOND
-    summary = summarise(
-        _identity_in(reader),
-        scenario,
-        metrics,
-        ran_ns=reader.last_at - start_at,
-        reason="",
-        rejected={},
-    )
-    holes = tuple(hole for hole in summary.holes if hole.from_s > first_s and hole.to_s < last_s)
-    summary = with_outcome_line(
-        replace(
-            summary,
-            vehicles=tuple(_held_figures(reader, row, holes) for row in summary.vehicles),
-            links=tuple(_held_links(reader, summary.links)),
-            outcome="completed",
-            outcome_line="",
-            reason="",
-            ran_s=last_s - first_s,
-            holes=holes,
-            limits=(),
-            warnings=tuple(metrics.warnings),
-        )
-    )
-    text = ", ".join(f"{name} {value}" for name, value in held.items())
-    line = summary.outcome_line.removeprefix("OK: ")
-    if not any(count for (_, topic), count in reader.counts.items() if topic == "truth"):
-        line = line.removesuffix(", no events")  # unknown
-    return replace(summary, outcome_line=f"PIECE ({text}); {line}")
-
-
-def _held_figures(
-    reader: LogReader, vehicle: VehicleSummary, holes: Sequence[RecordHole]
-) -> VehicleSummary:
-    """Figures of a vehicle in a piece: what other pieces hold is not missing."""
-    poses = [hole.poses for hole in holes if (hole.vehicle, hole.kind) == (vehicle.name, "pose")]
-    is_held = any(count for (name, _), count in reader.counts.items() if name == vehicle.name)
-    silent_from_s = vehicle.silent_from_s if is_held else None
-    return replace(vehicle, missing_poses=sum(poses), silent_from_s=silent_from_s)
-
-
-def _held_links(reader: LogReader, links: Sequence[LinkSummary]) -> Iterator[LinkSummary]:
-    """Yield the figures of the links whose verdicts are in a piece."""
-    for link in links:
-        if reader.counts.get((link.receiver, "verdict")):
-            unrecorded = link.unrecorded if reader.missing else 0
-            sent = link.sent - link.unrecorded + unrecorded
-            yield replace(link, sent=sent, unrecorded=unrecorded)
-
-
-def summary_of_joined(reader: LogReader) -> RunSummary:
-    """Figures of a log with all messages of a run, to its recorded end.
-
-    Messages that the recorder refused are in no log, so they are not counted.
-    """
-    metrics, scenario = _measured(reader)
-    (end,) = [message for *_, message in reader.messages(["end"]) if isinstance(message, RunEnd)]
-    start_at = metrics.start_at or reader.first_at
-    summary = summarise(
-        _identity_in(reader),
-        scenario,
-        metrics,
-        ran_ns=max(end.end_at_ns - start_at, 0),
-        reason="",
-        rejected={},
-    )
-    return with_outcome_line(
-        replace(
-            summary,
-            outcome="failed" if end.reason else "completed",
-            outcome_line="",
-            reason=end.reason,
-        )
     )
 
 

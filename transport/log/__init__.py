@@ -10,6 +10,5 @@ scene            cars and road as Foxglove scene entities
 foxglove_layout  layout of a log for Foxglove
 mcap_file        readable records of a file
 records          records of a file that may be truncated or damaged
-pieces           a part of a log, or several logs, as a new log
 repair           completes a truncated file
 """

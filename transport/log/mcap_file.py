@@ -226,36 +226,30 @@ class McapFile:
         stated = self.metadata().get(EXTENTS, {})
         return {name: ChannelExtent(*map(int, text.split())) for name, text in stated.items()}
 
-    def totals(self, numbered: Container[int], *, from_zero: bool = True) -> dict[int, int]:
+    def totals(self, numbered: Container[int]) -> dict[int, int]:
         """Messages of each channel, by the statistics of the file.
 
-        Those of `numbered` channels are counted by their sequence numbers as well, from zero or
-        from the smallest one.
+        Those of `numbered` channels are counted by their sequence numbers as well.
         """
         totals = Counter[int]()
         if self._summary.statistics:
             totals.update(self._summary.statistics.channel_message_counts)
-        for channel, (smallest, largest) in self._numbers().items():
+        for channel, largest in self._largest_numbers().items():
             if channel in numbered:
-                first = 0 if from_zero else smallest
-                totals[channel] = max(totals[channel], largest + 1 - first)
+                totals[channel] = max(totals[channel], largest + 1)
         return totals
 
-    def _numbers(self) -> dict[int, tuple[int, int]]:
-        """Smallest and largest sequence number of the messages of each channel."""
+    def _largest_numbers(self) -> dict[int, int]:
+        """Largest sequence number of the messages of each channel."""
         if extents := self.extents:
             return {
-                number: extents[channel.topic][:2]
+                number: extents[channel.topic].last
                 for number, channel in self.described().items()
                 if channel.topic in extents
             }
-        largest, smallest = np.full(CHANNELS, -1, np.int64), np.full(CHANNELS, 2**32, np.int64)
+        largest = np.full(CHANNELS, -1, np.int64)
         np.maximum.at(largest, self.heads.channel, self.heads.sequence)
-        np.minimum.at(smallest, self.heads.channel, self.heads.sequence)
-        return {
-            channel: (int(smallest[channel]), int(largest[channel]))
-            for channel in np.flatnonzero(largest >= 0).tolist()
-        }
+        return {channel: int(largest[channel]) for channel in np.flatnonzero(largest >= 0).tolist()}
 
     def may_hold(self, record: Record, channels: Set[int]) -> bool:
         """Whether a chunk may hold messages of some channels."""

@@ -8,7 +8,7 @@ from transport.codec import RefusedMessageError, decode
 from transport.columns import DEVIATION, Columns, Integers
 from transport.log.columns import Selection, read_columns, read_places
 from transport.log.mcap_file import McapFile
-from transport.log.records import EXTENTS, PIECE, REPAIRED, THINNED_NAME, LogError
+from transport.log.records import EXTENTS, REPAIRED, THINNED_NAME, LogError
 from transport.topics import TOPICS, Topic, key
 from vehicles.messages import Message
 
@@ -137,8 +137,7 @@ class LogReader:
         """Numbers of missing messages and of all, by (vehicle, topic), where some are missing.
 
         A message is missing if its number was used but the log lacks it: the log is damaged, or the
-        message did not reach the recorder. Thinned topics are left out. Of a piece only the numbers
-        between its first and its last message count.
+        message did not reach the recorder. Thinned topics are left out.
         """
         thinned, counts = self.thinned, self._counts
         names = {
@@ -147,7 +146,7 @@ class LogReader:
             if source and source[1].name not in thinned
         }
         numbered = {number for number, (_, topic) in names.items() if topic not in OF_DECISIONS}
-        totals = self.file.totals(numbered, from_zero=PIECE not in self.metadata())
+        totals = self.file.totals(numbered)
         return {
             name: (total - counts.get(number, 0), total)
             for number, name in names.items()
@@ -175,17 +174,6 @@ class LogReader:
         return f"{self.path}: {faults}" if faults else ""
 
     @property
-    def notice(self) -> str:
-        """Faults of the log, and what a piece holds, in one line; empty for a whole log."""
-        held = ", ".join(
-            f"{name} {value}" for name, value in self.metadata().get(PIECE, {}).items()
-        )
-        piece = f"is a piece of a log ({held})" if held else ""
-        texts = filter(None, (self.faults.removeprefix(f"{self.path}: "), piece))
-        notice = "; ".join(texts)
-        return f"{self.path}: {notice}" if notice else ""
-
-    @property
     def thinned(self) -> dict[str, str]:
         """Maximum rates (Hz) of thinned topics."""
         return self.metadata().get(THINNED_NAME, {})
@@ -208,7 +196,7 @@ class LogReader:
     def metadata(self) -> dict[str, dict[str, str]]:
         """Named text values of the log."""
         values = self.file.metadata()
-        values.pop(EXTENTS, None)  # of this file only, see `recorded_span`
+        values.pop(EXTENTS, None)  # see `recorded_span`
         return values
 
     def attachments(self) -> dict[str, bytes]:

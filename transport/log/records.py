@@ -48,8 +48,6 @@ _BEGINNING = re.compile(rb"[\x06\x07\x09\x0c\x0f](?=.{4}\x00{4})", re.DOTALL)
 
 THINNED_NAME = "thinned"
 """Name of the metadata record with the maximum rates of thinned topics."""
-PIECE = "piece"
-"""Name of the metadata record of a part of a log, with what it holds."""
 REPAIRED = "repaired"
 """Name of the metadata record of a repaired log."""
 EXTENTS = "channels"

@@ -12,9 +12,6 @@ from transport.picture.blueprint import MARKS
 ROW_RATIO = 0.75
 """Distance between rows of names, in distances of name tags."""
 
-NOTE = "note"
-NOTE_COLOUR = (0xB4, 0x8C, 0xFF)
-
 
 @dataclass(frozen=True, slots=True)
 class Mark:
@@ -84,13 +81,3 @@ class Marks:
         self._recording.log(f"world/events/{mark.kind}/name", name)
         for plot in mark.plots:  # on the zero line
             self._recording.log(f"plots/{plot}/events/{mark.kind}", rr.Scalars(0.0))
-
-    def draw_note(self, text: str) -> None:
-        """Mark a note in the plots of all vehicles at the recording's present time."""
-        style = rr.SeriesPoints(
-            colors=[NOTE_COLOUR], markers=["Circle"], names=[NOTE], marker_sizes=[6.0]
-        )
-        for plot in _marked_plots(()):
-            entity = f"plots/{plot}/events/{NOTE}"
-            self._recording.log(entity, style, static=True)
-            self._recording.log(entity, rr.Scalars(0.0), rr.AnyValues(text=text))

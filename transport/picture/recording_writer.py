@@ -26,7 +26,7 @@ from transport.picture.blueprint import (
     plan_tag_m,
 )
 from transport.picture.detail import Detail
-from transport.picture.marks import NOTE, NOTE_COLOUR, Mark, Marks
+from transport.picture.marks import Mark, Marks
 from transport.picture.series.curves import Curves, PanelSeries, States
 from transport.picture.series.moving_rows import MovingRows
 from transport.picture.shapes import (
@@ -56,7 +56,7 @@ from vehicles.messages import (
     Tracking,
     TruePose,
 )
-from vehicles.schedule import MILLISECOND, SECOND, Timer, nanoseconds
+from vehicles.schedule import MILLISECOND, SECOND, Timer
 
 CAR_NS = 40 * MILLISECOND
 TRAJECTORY_NS = 100 * MILLISECOND
@@ -199,14 +199,6 @@ class RecordingWriter:
         self._marks.draw(mark, self._yaw.get(mark.vehicles[-1], 0.0), self._tag_m)
         if mark.kind not in self._marked:
             self._marked[mark.kind] = MARKS[mark.kind][0]
-            self._log_legend()
-
-    def note(self, at_s: float, text: str) -> None:
-        """Show a note on a time (s) of the run in the log and in the marked plots."""
-        self._log("note", (self._start or 0) + nanoseconds(at_s), text, "INFO")
-        self._marks.draw_note(text)
-        if NOTE not in self._marked:
-            self._marked[NOTE] = NOTE_COLOUR
             self._log_legend()
 
     def finish(self) -> None:

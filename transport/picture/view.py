@@ -251,11 +251,6 @@ class RerunView(OpenRecording):
 
             self._writer.mark(Mark(kind, at, place, vehicles))
 
-    def note(self, at_s: float, text: str) -> None:
-        """Show a note on a time (s) after the start of the run."""
-        if self._writer is not None:
-            self._writer.note(at_s, text)
-
     def finish(self) -> None:
         """Draw the last values and fit the layout to the run; nothing is drawn after it."""
         writer, self._writer = self._writer, None

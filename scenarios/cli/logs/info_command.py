@@ -58,8 +58,6 @@ def _lines(log: "LogInfo") -> Iterator[tuple[str, str]]:
     )
     yield "vehicles", ", ".join(log.vehicles)
     yield "state", log.faults.removeprefix(f"{log.log}: ") or "complete"
-    if log.piece:
-        yield "piece", ", ".join(f"{name} {value}" for name, value in log.piece.items())
     if log.thinned:
         yield "thinned", ", ".join(f"{topic} {rate} Hz" for topic, rate in log.thinned.items())
     for name, value in log.identity.items():

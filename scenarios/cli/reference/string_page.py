@@ -88,7 +88,7 @@ SECTIONS: Mapping[str, Section] = {
         "from the speed (or spacing error) of the vehicle ahead to that of a vehicle, from the "
         "cross spectrum over the spectrum of the input (H1), averaged over five Fourier "
         "coefficients of the whole run, whose last fifth is faded out; a run that does not begin "
-        "at constant speed, such as a piece of a log, has a Hann window. A pulse that has faded by "
+        "at constant speed, such as a part of a log, has a Hann window. A pulse that has faded by "
         "the end of a run from constant speed on, and a steady oscillation, are exact up to noise; "
         "the interval has a confidence of 95 % (Bendat and Piersol, Random Data).",
         {

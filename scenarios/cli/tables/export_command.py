@@ -53,7 +53,6 @@ def export(log: Path, *, formats: tuple[str, ...], out: Path | None) -> None:
         run = RunRecord(log)
         warn_of_log(run.faults)
         folder = out or run.log.parent / "export"
-        origin = {"log": run.origin["log_faults"], "piece": run.origin["piece"]}
-        remarks = [f"{name}: {text}" for name, text in origin.items() if text]
-        suffix = f" ({'; '.join(remarks)})" if remarks else ""
+        faults = run.origin["log_faults"]
+        suffix = f" (log: {faults})" if faults else ""
         export_run(run, folder, formats, lambda path: click.echo(f"written: {path}{suffix}"))

@@ -82,7 +82,7 @@ class Explanation:
     """What `vehicle` knew at its last decision until the requested instant.
 
     `steered_along` are the senders along whose path it steers in its mode.
-    `log_faults` describes damage and holes of the log, and what a piece holds, in one line.
+    `log_faults` describes damage and holes of the log in one line.
     """
 
     vehicle: str
@@ -346,7 +346,7 @@ class RecordedKnowledge:
             mode=mode,
             reason=reason,
             steered_along=self._steered_along(mode, statuses),
-            log_faults=self._reader.notice,
+            log_faults=self._reader.faults,
             sources=tuple(
                 self._known(excerpt, sender, now, statuses.get(sender, ""))
                 for sender in self.senders

@@ -8,7 +8,6 @@ import numpy as np
 
 from scenarios.results.summarise import METADATA_NAME
 from transport.log.reader import LogReader
-from transport.log.records import PIECE
 from transport.topics import RUN_SENDER
 from vehicles.schedule import SECOND
 
@@ -41,7 +40,6 @@ class LogInfo:
     vehicles: tuple[str, ...]
     is_complete: bool
     faults: str
-    piece: Mapping[str, str]
     thinned: Mapping[str, str]
     identity: Mapping[str, str]
     attachments: Mapping[str, int]
@@ -51,7 +49,6 @@ class LogInfo:
 def info_of(log: Path) -> LogInfo:
     """Describe a log; raises LogError."""
     reader = LogReader(log)
-    metadata = reader.metadata()
     channels = tuple(_channels(reader))
     return LogInfo(
         log=str(log),
@@ -63,9 +60,8 @@ def info_of(log: Path) -> LogInfo:
         vehicles=tuple(name for name in reader.vehicles if name != RUN_SENDER),
         is_complete=not reader.faults,
         faults=reader.faults,
-        piece=metadata.get(PIECE, {}),
         thinned=reader.thinned,
-        identity=metadata.get(METADATA_NAME, {}),
+        identity=reader.metadata().get(METADATA_NAME, {}),
         attachments={name: len(data) for name, data in reader.attachments().items()},
         channels=channels,
     )

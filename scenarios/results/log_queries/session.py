@@ -12,7 +12,7 @@ from scenarios.definition.schema.limit_tables import DEADLINES
 from scenarios.definition.schema.replay_table import ReplayTable
 from scenarios.results.log_summary import PARTIAL, scenario_in
 from transport.log.reader import LogReader
-from transport.log.records import PIECE, LogError
+from transport.log.records import LogError
 from vehicles.messages import Change, RunStart
 from vehicles.schedule import SECOND
 
@@ -34,15 +34,13 @@ def session_of(
     """The scenario in `log` with the changes made by hand; raises LogError.
 
     Equal changes of several receivers at one instant are one change. A log from which changes may
-    be missing, because it is damaged, incomplete or a piece, is refused unless `partial`; `warn`
+    be missing, because it is damaged or incomplete, is refused unless `partial`; `warn`
     gets a line about it.
     """
     reader = LogReader(log)
     if not partial:
         reader.refuse_faults(*USED, remedy=PARTIAL)
-        if PIECE in reader.metadata():
-            raise LogError(f"{reader.notice}; {PARTIAL}")
-    if faults := reader.faults_in(USED) or reader.notice:
+    if faults := reader.faults_in(USED) or reader.faults:
         warn(faults)
     scenario = scenario_in(reader)
     start_at: int | None = None

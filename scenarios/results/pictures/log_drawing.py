@@ -51,10 +51,6 @@ class Excerpt(NamedTuple):
     def shows(self, vehicle: str) -> bool:
         return self.vehicles is None or vehicle in {*self.vehicles, RUN_SENDER}
 
-    def covers(self, at_s: float) -> bool:
-        """Whether a time (s) of the run is within this part."""
-        return (self.from_s or 0.0) <= at_s and (self.to_s is None or at_s <= self.to_s)
-
     def check(self, start: int, reader: LogReader) -> None:
         """Raise LogError if nothing was recorded in this part of a run that began at `start`."""
         first, last = self.span(start)

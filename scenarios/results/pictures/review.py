@@ -10,7 +10,6 @@ from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
 from scenarios.results.events.bodies import BodySize
 from scenarios.results.files import SUMMARY_NAME
-from scenarios.results.log_queries.notes import RunNote, read_notes
 from scenarios.results.log_summary import scenario_in
 from scenarios.results.pictures.log_drawing import WHOLE_RUN, Excerpt, LogDrawing
 from scenarios.results.pictures.run_drawing import open_view, recording_id
@@ -48,17 +47,14 @@ def review(
     if at_s is not None:
         require_cursor(option)
     reader = LogReader(log)
-    if notice := reader.notice:
-        warn(notice)
-    notes = [note for note in _notes_of(log, warn) if excerpt.covers(note.at_s)]
+    if reader.faults:
+        warn(reader.faults)
     scenario = _scenario_in(reader, warn)
     stream = _stream(reader, scenario)
     excerpt = excerpt.with_lead(list(stream.sizes), reader.path)
     with _open(reader, option, scenario, stream, excerpt) as view:
         drawing = LogDrawing(reader, view, stream, has_events=_may_have_events(reader))
         count = drawing.draw(excerpt, progress) if view.enabled else 0
-        for note in notes:
-            view.note(note.at_s, note.text)
         view.finish()
         if at_s is not None:
             view.show_at(at_s)
@@ -92,14 +88,6 @@ def _scenario_in(reader: LogReader, warn: Callable[[str], None]) -> Scenario | N
     except (LogError, ScenarioError) as error:  # damaged, or of another version
         warn(f"{reader.path}: the road is left out: {error}")
         return None
-
-
-def _notes_of(log: Path, warn: Callable[[str], None]) -> tuple[RunNote, ...]:
-    try:
-        return read_notes(log)
-    except (ScenarioError, OSError) as error:
-        warn(f"the notes are left out: {error}")
-        return ()
 
 
 def _open(

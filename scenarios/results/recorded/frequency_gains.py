@@ -141,7 +141,7 @@ def estimated(vehicle: str, x: Floats, y: Floats, step: float) -> list[Frequency
     The cross spectrum over the input spectrum (H1), averaged over bands of five Fourier
     coefficients of the whole record, whose end is faded out. A record from rest on needs no window
     at its begin, and neither a pulse that has faded nor a steady oscillation is distorted by that
-    at the end. Another one, such as a piece of a log, has a Hann window. The frequency of a band is
+    at the end. Another one, such as a part of a log, has a Hann window. The frequency of a band is
     the centroid of its input power. The delay within a band is removed before averaging, or it
     would lower the coherence. Interval: Bendat and Piersol, Random Data (2010), section 9.2.
     """

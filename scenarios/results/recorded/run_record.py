@@ -28,7 +28,7 @@ from scenarios.results.summarise import METADATA_NAME
 from scenarios.results.summary import RunSummary
 from transport.columns import Columns
 from transport.log.reader import LogReader
-from transport.log.records import PIECE, LogError
+from transport.log.records import LogError
 from transport.topics import RUN_SENDER, TOPICS
 from vehicles.schedule import SECOND
 
@@ -78,18 +78,12 @@ class RunRecord:
     def faults(self) -> str:
         return self._reader.faults
 
-    @property
-    def notice(self) -> str:
-        """Faults, and what a piece holds, in a line."""
-        return self._reader.notice
-
     @cached_property
     def origin(self) -> Mapping[str, str]:
-        """Where the data come from: log, run, scenario, seed, faults, what a piece holds."""
+        """Where the data come from: log, run, scenario, seed, faults."""
         metadata = self._reader.metadata()
         texts = {
             "log_faults": self.faults.removeprefix(f"{self.log}: "),
-            "piece": _listed(metadata.get(PIECE, {})),
             "thinned_hz": _listed(self._reader.thinned),
         }
         identity = metadata.get(METADATA_NAME, {}) | {"schema": ORIGIN_SCHEMA}
@@ -147,7 +141,7 @@ class RunRecord:
     def texts(self) -> DataTable:
         """Lines of text of all vehicles and of the recorder ("run"), in order of time."""
         tables = self.columns_of("log")
-        none = np.zeros(0, object)  # a piece may hold no texts
+        none = np.zeros(0, object)  # a log may hold no texts
         names = [none, *(np.full(len(rows), name, object) for name, rows in tables.items())]
         whole = {
             field: np.concatenate([none.astype(kind), *(rows[field] for rows in tables.values())])

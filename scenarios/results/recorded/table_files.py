@@ -116,7 +116,7 @@ def gpx_of(vehicle: VehicleRecord, origin: Mapping[str, str]) -> bytes:
 
     `origin` is its description.
     """
-    described = ("title", "log", "log_faults", "piece")
+    described = ("title", "log", "log_faults")
     description = "; ".join(f"{name}: {origin[name]}" for name in described if origin.get(name))
     gps = vehicle.gps
     order = np.argsort(gps.measured_at_ns, kind="stable")

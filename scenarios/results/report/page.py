@@ -1,13 +1,12 @@
 """The report of a run as one HTML file: no request to a network, light and dark."""
 
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
 
 from scenarios.results.files import write_whole
 from scenarios.results.holes import hole_lines
-from scenarios.results.log_queries.notes import RunNote, read_notes
 from scenarios.results.outcome import with_outcome_line
 from scenarios.results.recorded.run_record import RunRecord
 from scenarios.results.report.markup import Markup, element, join
@@ -142,9 +141,6 @@ def _sections(record: RunRecord, summary: RunSummary, detail: ReportDetail) -> I
 
     hint = "A click on a time moves the cursor of the pictures, one on a command copies it."
     yield from _section("Events", event_table(summary, command), hint)
-    notes = read_notes(record.log)
-    if notes:
-        yield from _section("Notes", lines_table([(note.at_s, note.text) for note in notes]))
     if summary.changes:
         changes = [
             (
@@ -156,7 +152,7 @@ def _sections(record: RunRecord, summary: RunSummary, detail: ReportDetail) -> I
             for change in summary.changes
         ]
         yield from _section("Changes", lines_table(changes[:MOST_CHANGES]))
-    yield from _pictures(record, summary, detail, notes)
+    yield from _pictures(record, summary, detail)
     yield from _section("Links", link_table(summary, rows))
     yield from _section("Limits", limit_table(summary))
     if detail.all_figures:
@@ -166,12 +162,9 @@ def _sections(record: RunRecord, summary: RunSummary, detail: ReportDetail) -> I
         yield from _section("All figures", element("p", text))
 
 
-def _pictures(
-    record: RunRecord, summary: RunSummary, detail: ReportDetail, notes: Sequence[RunNote]
-) -> Iterator[Markup]:
+def _pictures(record: RunRecord, summary: RunSummary, detail: ReportDetail) -> Iterator[Markup]:
     events = summary.events[:MOST_EVENTS]
-    marks = [TimeMark(event.at_s, event_text(event), "event") for event in events]
-    marks += [TimeMark(note.at_s, note.text, "note") for note in notes]
+    marks = [TimeMark(event.at_s, event_text(event)) for event in events]
     plots = RunPlots(record, summary, detail, marks)
     if plots.is_empty:
         return

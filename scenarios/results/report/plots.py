@@ -43,11 +43,10 @@ Span = tuple[float, float]
 
 
 class TimeMark(NamedTuple):
-    """A text about a time (s); `kind` is event or note."""
+    """A text about a time (s)."""
 
     at_s: float
     text: str
-    kind: str
 
 
 def colour_code(colour: Colour) -> str:
@@ -217,7 +216,7 @@ class RunPlots:
         yield _figure(title, unit, picture)
 
     def _drawn_marks(self, axis: Axis, scale: Scale) -> Iterator[Markup]:
-        """Yield events and notes over time, and the gain of 1 over the frequency."""
+        """Yield events over time, and the gain of 1 over the frequency."""
         if axis.name == "frequency":
             y = scale.pixel(1.0)
             yield _line(LEFT, y, WIDTH - RIGHT, y, "zero bound")
@@ -225,7 +224,7 @@ class RunPlots:
             x = self._pixel(mark.at_s)
             title = element("title", f"{mark.at_s:.2f} s: {mark.text}")
             d = f"M{x:.1f} {TOP + 8:g}l-4.5 -8h9z"
-            yield element("path", title, d=d, class_=f"mark {mark.kind}")
+            yield element("path", title, d=d, class_="mark")
 
     def _pixel(self, at_s: float) -> float:
         """Pixel of a time, at most at the end of the axis."""

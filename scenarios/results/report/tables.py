@@ -185,7 +185,7 @@ def command_cell(text: str) -> Markup:
 
 
 def lines_table(rows: Sequence[tuple[float, str]]) -> Markup:
-    """Times with a text, such as changes and notes."""
+    """Times with a text, such as changes."""
     return table(("at, s", "what"), [[time_cell(at), element("td", text)] for at, text in rows])
 
 

@@ -186,8 +186,8 @@ def compare_runs(
     runs: list[ComparedRun] = []
     for label, log in zip(ascii_uppercase, logs, strict=False):
         record = RunRecord(log)
-        if record.notice:
-            faults.append(record.notice)
+        if record.faults:
+            faults.append(record.faults)
         reference = runs[0].record if runs else record
         vehicles = _placed(record, reference)
         summary = _summary(record, faults)

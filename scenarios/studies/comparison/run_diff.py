@@ -100,7 +100,6 @@ def diff_runs(
         summaries[done > len(of_a)].extend(_summary(log, faults, is_needed=not is_single))
         report(done, total)
     first_a, first_b = LogReader(of_a[0]), LogReader(of_b[0])
-    faults += [line for reader in (first_a, first_b) if (line := _piece_line(reader))]
     settings = setting_differences(first_a, first_b)
     if not is_single:
         settings = tuple(one for one in settings if one.key != SEED)
@@ -112,10 +111,6 @@ def diff_runs(
         figures=figure_differences(*summaries) if all(summaries) else (),
         faults=tuple(faults),
     )
-
-
-def _piece_line(reader: LogReader) -> str:
-    return "" if reader.faults else reader.notice
 
 
 def _summary(log: Path, faults: list[str], *, is_needed: bool) -> list[RunSummary]:

@@ -1,8 +1,7 @@
-"""`convoy report --html`: figures of the summary, one file, no network; and notes."""
+"""`convoy report --html`: figures of the summary, one file, no network."""
 
 import json
 import re
-import shutil
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -254,11 +253,9 @@ def test_the_band_is_three_sigma_of_the_self_estimate(folder: Path, page: str) -
         assert [values.min(), values.max()] == pytest.approx(expected, abs=(high - low) / 1300.0)
 
 
-def test_texts_of_a_log_are_escaped(folder: Path, tmp_path: Path) -> None:
-    shutil.copytree(folder, tmp_path / "run")
-    assert run("note", tmp_path / "run", "--at", "1", "</td><script>x</script>").exit_code == 0
-    record = RunRecord(tmp_path / "run")
-    text = report_page(record, record.summary)
+def test_texts_of_a_log_are_escaped(folder: Path) -> None:
+    record = RunRecord(folder)
+    text = report_page(record, replace(record.summary, warnings=("</td><script>x</script>",)))
     assert "&lt;/td&gt;&lt;script&gt;x&lt;/script&gt;" in text
     assert text.count("<script>") == 1
     assert element("p", "a & b", title='"x"') == '<p title="&quot;x&quot;">a &amp; b</p>'
@@ -296,62 +293,3 @@ def test_ticks_are_round_and_inside(low: float, high: float) -> None:
     ticks = Scale(low, high, 0.0, 100.0).ticks(5)
     assert 1 <= len(ticks) <= 12
     assert all(low - 1e-12 <= tick <= high + 1e-12 for tick in ticks)
-
-
-# ---- Notes
-
-
-def test_notes_are_listed_in_order_deleted_and_survive_copying(
-    folder: Path, tmp_path: Path
-) -> None:
-    shutil.copytree(folder, tmp_path / "run")
-    copied = tmp_path / "run"
-    before = (copied / "run.mcap").read_bytes()
-    for at, text in (("3s", "later"), ("1500ms", "earlier: „ä“ [x]\n")):
-        assert run("note", copied, "--at", at, text).exit_code == 0
-    assert (copied / "run.mcap").read_bytes() == before
-    shutil.copytree(copied, tmp_path / "again")
-    notes = json.loads(run("note", tmp_path / "again", "--json").stdout)
-    assert [(note["at_s"], note["text"]) for note in notes] == [
-        (1.5, "earlier: „ä“ [x]"),
-        (3.0, "later"),
-    ]
-    assert run("note", copied, "--delete", "1").exit_code == 0
-    assert [note["text"] for note in json.loads(run("note", copied, "--json").stdout)] == ["later"]
-    assert run("note", copied, "--delete", "2").exit_code == 2
-    assert run("note", copied, "--delete", "1").exit_code == 0
-    assert not (copied / "run.notes.toml").exists()
-
-
-def test_the_picture_of_a_run_shows_its_notes(folder: Path, tmp_path: Path) -> None:
-    chunk = pytest.importorskip("rerun.chunk")
-    shutil.copytree(folder, tmp_path / "run")
-    assert run("note", tmp_path / "run", "--at", "2", "look here").exit_code == 0
-    out = tmp_path / "run.rrd"
-    assert run("review", tmp_path / "run", "--rerun", f"save={out}").exit_code == 0
-    drawn = {
-        str(one.entity_path).strip("/"): one.to_record_batch().to_pydict()
-        for one in chunk.RrdReader(out).stream()
-    }
-    (text,) = drawn["log/note"]["TextLog:text"]
-    assert text == ["    2.00 s  note: look here"]
-    assert "plots/cross_track/events/note" in drawn
-
-
-@pytest.mark.parametrize(
-    "arguments", [("--at", "1"), ("text",), ("--at", "1", "  "), ("--at", "99", "text")]
-)
-def test_an_incomplete_note_is_refused(folder: Path, arguments: tuple[str, ...]) -> None:
-    result = run("note", folder, *arguments)
-    assert result.exit_code == 2
-    assert not list(folder.glob("*.toml"))
-
-
-@pytest.mark.parametrize("content", ["note = 1", "[[note]]\ntext = 'x'", "\xff", "x ="])
-def test_an_invalid_file_of_notes_is_named(folder: Path, tmp_path: Path, content: str) -> None:
-    shutil.copytree(folder, tmp_path / "run")
-    path = tmp_path / "run" / "run.notes.toml"
-    path.write_bytes(content.encode("latin-1"))
-    result = run("note", tmp_path / "run")
-    assert result.exit_code == 2
-    assert str(path) in result.stderr

@@ -1,0 +1,169 @@
+"""Contents of logs, parts of them cut out by other programs, and damaged logs recovered."""
+
+import random
+from pathlib import Path
+from shutil import copyfile
+
+import pytest
+from click.testing import CliRunner
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from scenarios.cli.main import cli
+from scenarios.definition.scenario import scenario_from_text
+from scenarios.results.files import SUMMARY_NAME
+from scenarios.results.log_queries.log_info import info_of
+from scenarios.results.log_queries.recovery import recover_log
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual.logged_run import run_virtual
+from tests.made.transport.logs import rerun_accepts, rows
+from transport.log.reader import LogReader
+from transport.topics import TOPICS
+from vehicles.schedule import SECOND
+
+SCENARIO = """
+name = "part"
+duration_s = 4.0
+[convoy]
+vehicles = 3
+gap_m = 7.0
+[speed]
+set_mps = 10.0
+[path]
+kind = "segments"
+segments = [{ length_m = 10.0 }, { length_m = 60.0, radius_m = 50.0, turn = "left" }]
+[links]
+loss_ratio = 0.3
+"""
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("whole")
+    run_virtual(scenario_from_text(SCENARIO), folder, Stop())
+    return folder / "run.mcap"
+
+
+def own_messages(log: Path) -> list[tuple[str, int, bytes]]:
+    """Topics, instants of recording and bytes, as MCAP's own reader gives them."""
+    return [(channel.topic, row.log_time, row.data) for _, channel, row in rows(log)]
+
+
+def second_half(log: Path, part: Path) -> None:
+    """Copy later messages and attachments with MCAP's own library, as `mcap filter` does."""
+    with log.open("rb") as file, part.open("wb") as out:
+        reader, writer = make_reader(file), Writer(out)
+        writer.start()
+        for attached in reader.iter_attachments():
+            if attached.name != SUMMARY_NAME:
+                writer.add_attachment(0, 0, attached.name, attached.media_type, attached.data)
+        channels: dict[int, int] = {}
+        for schema, channel, row in reader.iter_messages(
+            starting_at=LogReader(log).first_at + 2 * SECOND
+        ):
+            assert schema is not None
+            if channel.id not in channels:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, number, channel.metadata
+                )
+            writer.add_message(
+                channels[channel.id], row.log_time, row.data, row.publish_time, row.sequence
+            )
+        writer.finish()  # type: ignore[no-untyped-call]
+
+
+def test_a_part_made_by_another_program_is_read_as_a_log(log: Path, tmp_path: Path) -> None:
+    part, (_, *messages) = tmp_path / "part.mcap", own_messages(log)
+    second_half(log, part)
+    assert 0.3 < len(own_messages(part)) / len(messages) < 0.7
+    for line in (
+        "info {}",
+        "report {}",
+        "export {} --out {out}",
+    ):
+        arguments = line.format(part, out=tmp_path / "out").split()
+        done = CliRunner().invoke(cli, arguments, env={"COLUMNS": "200"})
+        assert done.exit_code == 0, done.output
+        assert "messages are missing" in done.output, line
+
+
+def test_what_a_log_holds_is_described(log: Path) -> None:
+    info = info_of(log)
+    counts: dict[str, int] = {}
+    for topic, _, _ in own_messages(log):
+        counts[topic] = counts.get(topic, 0) + 1
+    assert {row.channel: row.messages for row in info.channels} == counts
+    assert info.messages == sum(counts.values())
+    assert sum(row.bytes for row in info.channels) == sum(len(row[2]) for row in own_messages(log))
+    truth = next(row for row in info.channels if row.channel == "/convoy/v2/truth")
+    assert truth.rate_hz == pytest.approx(50.0)
+    assert truth.gap_s_max == pytest.approx(0.02)
+    assert truth.missing == 0
+    assert info.is_complete
+    assert info.identity["scenario"] == "part"
+    assert info.bytes == log.stat().st_size
+
+
+@pytest.mark.campaign(4, 100)
+def test_every_message_of_the_chunks_before_a_cut_is_recovered(
+    log: Path, tmp_path: Path, campaign: int
+) -> None:
+    whole, chance = log.read_bytes(), random.Random(5)
+    chunks = chunks_of(log)
+    for number in range(campaign):
+        cut = chance.randrange(chunks[0][1], len(whole) - 40)
+        (tmp_path / "cut.mcap").write_bytes(whole[:cut])
+        expected = [row for _, end, rows in chunks if end <= cut for row in rows]
+        assert recovered(tmp_path, number, "cut.mcap") == sorted(expected)
+
+
+@pytest.mark.campaign(4, 100)
+def test_a_flipped_bit_costs_at_most_its_chunk(log: Path, tmp_path: Path, campaign: int) -> None:
+    whole, chance = log.read_bytes(), random.Random(6)
+    chunks = chunks_of(log)
+    for number in range(campaign):
+        place = chance.randrange(8, len(whole))
+        flipped = bytearray(whole)
+        flipped[place] ^= 1 << chance.randrange(8)
+        (tmp_path / "flipped.mcap").write_bytes(flipped)
+        expected = {row for start, end, rows in chunks if not start <= place < end for row in rows}
+        assert expected <= set(recovered(tmp_path, number, "flipped.mcap"))
+
+
+Rows = list[tuple[str, int, bytes]]
+
+
+def chunks_of(log: Path) -> list[tuple[int, int, Rows]]:
+    """First byte, end and messages of each chunk, by MCAP's own index and reader."""
+    with log.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    messages = own_messages(log)
+    found = []
+    for index in summary.chunk_indexes:
+        rows_of = [
+            row for row in messages if index.message_start_time <= row[1] <= index.message_end_time
+        ]
+        found.append(
+            (index.chunk_start_offset, index.chunk_start_offset + index.chunk_length, rows_of)
+        )
+    return found
+
+
+def recovered(folder: Path, number: int, name: str) -> Rows:
+    output = folder / f"{number}-{name}"
+    recover_log(folder / name, output)
+    reader = LogReader(output)
+    assert not reader.damage
+    assert not reader.truncated
+    if number == 0:
+        assert rerun_accepts(output)
+    assert sum(map(len, reader.columns(TOPICS).values())) == sum(reader.counts.values())
+    return sorted(own_messages(output))
+
+
+def test_a_whole_log_is_recovered_unchanged(log: Path, tmp_path: Path) -> None:
+    copyfile(log, tmp_path / "copy.mcap")
+    recover_log(tmp_path / "copy.mcap", tmp_path / "same.mcap")
+    assert (tmp_path / "same.mcap").read_bytes() == log.read_bytes()
