@@ -250,7 +250,7 @@ def names(requirements: Iterable[str]) -> set[str]:
 
 EXTRAS = ("viewer", "studies")
 """Extras of a developer, which containers of vehicles lack."""
-UNLOCKED_EXTRAS = ("catalog", "dask", "tables", "pandas", "polars")
+UNLOCKED_EXTRAS = ("dask", "tables", "pandas", "polars")
 """Extras in no lock, installed only on request."""
 LOCKS = {"requirements.lock": EXTRAS, "requirements-container.lock": ()}
 """Locks with their extras."""

@@ -12,7 +12,7 @@
     run.report("run.html")
 
     old = convoy.open("runs/first")          # a folder, or a log
-    convoy.browse("runs").to_pandas()         # a row for each run in a folder
+    convoy.runs().to_pandas()                 # a row for each run in a folder
     convoy.diff("runs/first", run).sentence   # what differs first
     convoy.compare("runs/first", run).plot()  # errors along the path and along the string
     convoy.replay("runs/first", ["v1"], set={"control.controller": "stanley"})
@@ -25,7 +25,7 @@ operating system, such as a full disk, are OSError as usual. Names and columns e
 
 home       the packages of this installation, which are imported first
 running    run and check
-recorded   open and browse, and the class of recorded runs
+recorded   open and runs, and the class of recorded runs
 comparing  diff and compare
 repeating  replay
 plots      the plots of a run and of a comparison
@@ -37,7 +37,7 @@ from .home import import_own_packages
 import_own_packages()
 
 from scenarios.api.comparing import ComparedRuns, Diff, compare, diff  # noqa: E402
-from scenarios.api.recorded import Run, browse, open  # noqa: A004, E402
+from scenarios.api.recorded import Run, open, runs  # noqa: A004, E402
 from scenarios.api.repeating import replay  # noqa: E402
 from scenarios.api.running import check, run  # noqa: E402
 from scenarios.api.sweeping import Sweep, bisect, sweep  # noqa: E402
@@ -54,12 +54,12 @@ __all__ = [
     "Run",
     "Sweep",
     "bisect",
-    "browse",
     "check",
     "compare",
     "diff",
     "open",
     "replay",
     "run",
+    "runs",
     "sweep",
 ]

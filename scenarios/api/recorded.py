@@ -130,8 +130,8 @@ def open(path: str | Path) -> Run:  # noqa: A001 - as convoy.open
     return Run(path)
 
 
-def browse(folder: str | Path = "runs", where: Sequence[str] = (), sort: str = "") -> DataTable:
-    """List the runs in a folder, like `convoy browse`; the column `log` opens one.
+def runs(folder: str | Path = "runs", where: Sequence[str] = (), sort: str = "") -> DataTable:
+    """List the runs in a folder, like `convoy runs`; the column `log` opens one.
 
     Args:
         folder: It is searched for logs, in its folders too.

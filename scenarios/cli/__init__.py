@@ -5,7 +5,7 @@ grouped_help       its help under headings, usage errors, renamed options
 running/           run, router, vehicle, record
 live/              commands for a running convoy
 comparing/         commands that compare runs
-tables/            export, browse
+tables/            export, runs
 many/              commands that simulate many runs
 channel/           channel show, fit
 reference/         the pages of convoy reference

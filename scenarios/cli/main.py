@@ -30,8 +30,8 @@ from scenarios.cli.output import keep_output_going, unwritable_output_reported
 from scenarios.cli.reference.reference_command import reference
 from scenarios.cli.running import commands as running
 from scenarios.cli.running.replay_command import replay
-from scenarios.cli.tables.browse_command import browse
 from scenarios.cli.tables.export_command import export
+from scenarios.cli.tables.runs_command import runs
 
 EXAMPLES = """\b
 Examples:
@@ -75,7 +75,7 @@ for command in (
     scenario_commands.check,
     paper_commands.gains,
     scenario_commands.new,
-    browse,
+    runs,
     log_commands.review,
     log_commands.report,
     log_commands.explain,

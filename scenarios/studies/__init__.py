@@ -7,9 +7,7 @@ engine/         parallel runs, locally or on a dask scheduler, with a journal
 gains/          `convoy gains`: stabilizing gain sets, margins, certificates
 many/           sweeps, boundaries, and attribution of losses
 paper/          `convoy reproduce`: the experiments and claims of the paper
-run_list        `convoy browse`: the runs in a folder
-run_list_page   the same as a page
-run_catalog     the same in Rerun's catalog
+run_list        `convoy runs`: the runs in a folder
 drive_picture   `convoy check --output`: a recorded drive
 axis_labels     labels with units
 picture_style   style and formats of the plots

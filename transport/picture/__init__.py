@@ -10,6 +10,6 @@ axes              axes of the plots
 marks             marks of events in plans and plots
 series/           curves, states and trajectories
 blueprint         layout and colours
-comparison/       several runs in one picture or catalog
+comparison/       several runs in one picture
 viewer_process    Rerun's own programs as processes
 """

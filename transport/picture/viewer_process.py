@@ -95,13 +95,6 @@ def start_native_viewer(port: int) -> "subprocess.Popen[bytes]":
     raise _did_not_start(viewer)
 
 
-def open_native_viewer(url: str) -> None:
-    """Open the native viewer on what a server of Rerun serves; the viewer outlives this process."""
-    require_display()
-    flags = ["--port", str(free_port("127.0.0.1", 0)), "--bind", "127.0.0.1"]
-    _start([str(viewer_binary()), *flags, url])
-
-
 def stop(process: "subprocess.Popen[bytes]") -> None:
     process.terminate()
     try:

@@ -1,5 +1,5 @@
 """Commands that make tables of recorded runs.
 
 export_command  tables and tracks as files
-browse_command  the runs of a folder
+runs_command    the runs of a folder
 """

@@ -66,7 +66,6 @@ COMMANDS = {
         f"export {LOG} --format csv --format parquet --format gpx --out out",
         "vehicles.csv links.csv vehicles.parquet links.parquet v1.gpx v2.gpx",
     ),
-    "browse": Command("browse inputs --html out/runs.html", "runs.html"),
     "compare": Command(f"compare {LOG} {LOG} -o out/both.svg", "both.svg"),
     "check": Command("check inputs/drive.csv --out out/drive.png", "drive.png"),
     "new": Command("new out/my.toml", "my.toml"),

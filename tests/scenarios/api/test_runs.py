@@ -1,34 +1,26 @@
-"""Runs of a folder as a table: on the terminal, as JSON, as a page, and in Python."""
+"""Runs of a folder as a table: on the terminal, as JSON, and in Python."""
 
 import json
 import os
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 from shutil import copytree
-from typing import Any
-from urllib.parse import urlsplit
 
 import pytest
 from click.testing import CliRunner, Result
-from rerun.catalog import CatalogClient
 
 import scenarios.api as convoy
 from scenarios.cli.main import cli
 from scenarios.results.holes import RecordHole
-from scenarios.results.log_summary import log_in
-from scenarios.results.pictures.run_drawing import recording_id
 from scenarios.results.summary import from_json, to_json
 from scenarios.runs.run_folder import claimed
-from scenarios.studies.run_catalog import show_catalog
 from scenarios.studies.run_list import runs_in, selected
-from transport.picture.option import RerunOption
 
 
 def command(*arguments: object, width: int = 200) -> Result:
     return CliRunner().invoke(
-        cli, ["browse", *map(str, arguments)], env={"COLUMNS": str(width), "NO_COLOR": "1"}
+        cli, ["runs", *map(str, arguments)], env={"COLUMNS": str(width), "NO_COLOR": "1"}
     )
 
 
@@ -98,10 +90,7 @@ def test_faults_of_logs_are_listed_from_their_endings(folder: Path, tmp_path: Pa
     assert [row["faults"] for row in json.loads(command(tmp_path, "--json").stdout)] == [
         *expected.values()
     ]
-    assert convoy.browse(tmp_path, ["faults~missing"]).log.tolist() == [str(tmp_path / "d")]
-    page = tmp_path / "runs.html"
-    assert command(tmp_path, "--html", page).exit_code == 0
-    assert [row[-2] for row in Page(page.read_text()).rows[1:]] == [*expected.values()]
+    assert convoy.runs(tmp_path, ["faults~missing"]).log.tolist() == [str(tmp_path / "d")]
 
 
 def test_holes_in_a_summary_are_listed(folder: Path, tmp_path: Path) -> None:
@@ -152,20 +141,10 @@ def test_runs_are_sorted_with_unknown_values_last(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "options",
-    [
-        ("--where=evnts>0",),
-        ("--where=events>many",),
-        ("--where=events",),
-        ("--sort=error",),
-        ("--open=5",),
-        ("--where=seed=7", "--open=1"),
-        ("--catalog", "--rerun=save=runs.rrd"),
-        ("--where=seed=7", "--catalog", "--rerun=serve"),
-    ],
+    "option", ["--where=evnts>0", "--where=events>many", "--where=events", "--sort=error"]
 )
-def test_bad_options_are_refused_in_one_line(folder: Path, options: tuple[str, ...]) -> None:
-    done = command(folder, *options)
+def test_bad_options_are_refused_in_one_line(folder: Path, option: str) -> None:
+    done = command(folder, option)
     assert done.exit_code == 2
     (line,) = done.stderr.splitlines()
     assert line.startswith("error: ")
@@ -185,83 +164,11 @@ def test_the_table_numbers_the_runs(folder: Path) -> None:
     assert numbers == [1, 2, 3, 4]
 
 
-def test_a_run_of_the_table_is_opened(folder: Path, tmp_path: Path) -> None:
-    picture = tmp_path / "run.rrd"
-    done = command(folder, "--where=seed=2", "--open=1", "--rerun", f"save={picture}")
-    assert done.exit_code == 0, done.output
-    assert picture.stat().st_size > 1000
-
-
-def test_runs_are_listed_in_a_catalog_of_rerun(folder: Path) -> None:
-    runs = runs_in(folder)
-    lines: list[str] = []
-    rows: dict[str, Any] = {}
-
-    def read(url: str, shown_in: str) -> None:
-        address = urlsplit(url)
-        assert address.hostname == "127.0.0.1"
-        assert "http://127.0.0.1:" in shown_in
-        dataset = CatalogClient(f"rerun+http://{address.netloc}").get_dataset("runs")
-        frame = dataset.segment_table().to_pandas()
-        rows.update({row["rerun_segment_id"]: row for row in frame.to_dict("records")})
-        assert len(dataset.blueprints()) == 1
-
-    show_catalog(runs, RerunOption("serve"), read, lines.append)
-    readable = [run for run in runs if run.outcome != "unreadable"]
-    assert rows.keys() == {recording_id(log_in(Path(run.log))) for run in readable}
-    for run in readable:
-        row = rows[recording_id(log_in(Path(run.log)))]
-        assert row["property:run:outcome"].tolist() == [run.outcome]
-        assert row["property:run:seed"].tolist() == [run.seed]
-        assert row["property:run:worst_error_m"].tolist() == [pytest.approx(run.worst_error_m)]
-    assert lines[-1] == "3 of 3 runs are drawn"
-
-
-class Page(HTMLParser):
-    """Cells of a page's table, and addresses that it would load."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.rows: list[list[str]] = []
-        self.loaded: list[str | None] = []
-        self._in_cell = False
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.loaded += [value for name, value in attrs if name in {"src", "href"}]
-        if tag == "tr":
-            self.rows.append([])
-        self._in_cell = tag in {"td", "th", "code"}
-        if tag in {"td", "th"}:
-            self.rows[-1].append("")
-
-    def handle_data(self, data: str) -> None:
-        if self._in_cell:
-            self.rows[-1][-1] += data
-
-    def handle_endtag(self, tag: str) -> None:  # noqa: ARG002 - any
-        self._in_cell = False
-
-
-def test_the_page_holds_the_table_and_loads_nothing(folder: Path, tmp_path: Path) -> None:
-    file = tmp_path / "runs.html"
-    assert command(folder, "--html", file).exit_code == 0
-    text = file.read_text(encoding="utf-8")
-    page = Page(text)
-    assert page.loaded == []
-    assert "://" not in text
-    head, *rows = page.rows
-    assert all(len(row) == len(head) for row in rows)
-    assert [row[0] for row in rows] == [run.log for run in runs_in(folder)]
-    assert rows[1][-1] == f"convoy review {folder / 'first'}"
-    assert command(folder, "--html", file).exit_code == 2  # it exists
-
-
 def test_python_gets_the_same_rows(folder: Path) -> None:
-    table = convoy.browse(folder, ["seed>=1"], "-seed")
+    table = convoy.runs(folder, ["seed>=1"], "-seed")
     assert [Path(log).name for log in table.log] == ["second", "first", "half.mcap"]
     assert table.seed.tolist() == [2, 1, 1]
-    assert len(convoy.browse(folder, ["seed>5"])) == 0
+    assert len(convoy.runs(folder, ["seed>5"])) == 0
     assert convoy.open(table.log[0]).summary.identity.seed == 2
     with pytest.raises(convoy.Error, match="allowed log"):
-        convoy.browse(folder, sort="nothing")
+        convoy.runs(folder, sort="nothing")
