@@ -18,7 +18,7 @@ from scenarios.results.vehicles.string_errors import STRING_COLUMNS, string_erro
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from scenarios.runs.run_folder import is_running
 from scenarios.studies.run_list import COLUMNS, as_rows, runs_in, selected
-from transport.log.records import LogError
+from transport.log.errors import LogError
 
 if TYPE_CHECKING:  # an extra
     from matplotlib.figure import Figure

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 import click
 
 from scenarios.runs.stop import EXIT_BAD_INPUT, EXIT_FAILED
-from transport.log.records import UnwritableError
+from transport.log.errors import UnwritableError
 from transport.picture.viewer_process import UnwritableRecordingError
 from transport.texts import ConvoyError
 

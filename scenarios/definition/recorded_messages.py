@@ -61,7 +61,7 @@ def digest_of(log: Path) -> str:
 
 def _checked(table: ReplayTable, path: Path) -> ReplayTable:
     """Raise ValueError unless the log at `path` can be replayed."""
-    from transport.log.records import LogError  # noqa: PLC0415 - not in a vehicle's process
+    from transport.log.errors import LogError  # noqa: PLC0415 - not in a vehicle's process
 
     if not is_file(path):
         raise ValueError("is a directory" if path.is_dir() else "no such file")

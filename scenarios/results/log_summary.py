@@ -11,8 +11,9 @@ from scenarios.results.metrics import Metrics
 from scenarios.results.outcome import with_outcome_line
 from scenarios.results.summarise import METADATA_NAME, summarise
 from scenarios.results.summary import RunIdentity, RunSummary, from_json
+from transport.log.errors import LogError
+from transport.log.mcap_file import REPAIRED
 from transport.log.reader import LogReader
-from transport.log.records import REPAIRED, LogError
 
 PARTIAL = "use the rest of it by --partial"
 """Remedy for a refused log that is damaged or incomplete."""

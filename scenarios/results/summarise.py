@@ -11,7 +11,7 @@ from scenarios.results.metrics import Metrics
 from scenarios.results.outcome import LATE_RATIO, late_ratio, with_outcome_line
 from scenarios.results.summary import RunIdentity, RunSummary, to_json
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
-from transport.log.records import UnwritableError
+from transport.log.errors import UnwritableError
 from vehicles.schedule import SECOND, nanoseconds
 
 METADATA_NAME = "convoy"

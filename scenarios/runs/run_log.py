@@ -18,7 +18,7 @@ from scenarios.results.summary import ClockName, RunIdentity, RunSummary, to_jso
 from scenarios.runs.limit_watch import LimitWatch
 from scenarios.runs.observer import Observer
 from scenarios.runs.recorder import Recorder
-from transport.log.records import LogError
+from transport.log.errors import LogError
 from transport.log.scene import Scene
 from transport.log.writer import LogWriter
 from vehicles.geometry.geodesy import LocalPlane
@@ -150,11 +150,6 @@ class RunLog:
             if not self._writer.broken:
                 self.reason = failure_reason(self.reason, [str(error)])
             summary = self._summary()
-        if self._writer.broken:
-            from transport.log.repair import repair  # noqa: PLC0415 - rarely
-
-            with suppress(LogError):
-                repair(self._folder / LOG_NAME, make_room=True)
         return summary
 
     def _summary(self) -> RunSummary:

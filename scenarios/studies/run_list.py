@@ -15,7 +15,7 @@ from scenarios.results.log_summary import summary_of
 from scenarios.results.outcome import with_outcome_line
 from scenarios.results.summary import RunSummary, from_json
 from scenarios.runs.run_folder import is_running
-from transport.log.records import ending_fault
+from transport.log.mcap_file import ending_fault
 from transport.texts import ConvoyError
 
 UNREADABLE = "unreadable"

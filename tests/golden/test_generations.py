@@ -25,8 +25,8 @@ from scenarios.results.summary import from_json, to_json
 from scenarios.runs.node.recorded_vehicle import read_recorded_vehicle
 from scenarios.studies.many.blame.losses import read_run
 from transport.codec import PROTOBUF
+from transport.log.mcap_file import repair
 from transport.log.reader import LogReader
-from transport.log.repair import repair
 from transport.log.writer import LogWriter
 from transport.topics import TOPICS
 from vehicles.messages import Message

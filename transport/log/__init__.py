@@ -8,7 +8,6 @@ location_fixes   reads positions of other programs' files
 foxglove         standard Foxglove messages made from ours
 scene            cars and road as Foxglove scene entities
 foxglove_layout  layout of a log for Foxglove
-mcap_file        readable records of a file
-records          records of a file that may be truncated or damaged
-repair           completes a truncated file
+mcap_file        readable records of a file, and logs written again
+errors           errors of logs
 """

@@ -10,8 +10,14 @@ import numpy as np
 from transport.codec import MessageForm, RefusedMessageError, decode, form_of
 from transport.columns import DEVIATION, Array, Columns, Integers, Lists, instant_of, ranges
 from transport.convoy_pb2 import Deviation
-from transport.log.mcap_file import CHANNELS, McapFile
-from transport.log.records import HEAD_BYTES, MESSAGE, MESSAGE_HEAD_BYTES, LogError
+from transport.log.errors import LogError
+from transport.log.mcap_file import (
+    CHANNELS,
+    HEAD_BYTES,
+    MESSAGE,
+    MESSAGE_HEAD_BYTES,
+    McapFile,
+)
 from transport.log.wire import (
     WireColumns,
     WireData,
@@ -142,9 +148,9 @@ def _batches(file: McapFile, channels: Set[int], span: tuple[int, int] | None) -
     """Yield the messages of the chunks that may hold messages to read."""
     chunks: list[_Chunk] = []
     before = size = 0
-    for number, (record, head) in enumerate(file.chunks):
+    for number, head in enumerate(file.chunks):
         is_within = span is None or (head.first_at <= span[1] and head.last_at >= span[0])
-        if is_within and file.may_hold(record, channels):
+        if is_within and file.may_hold(head, channels):
             content = file.unpack(head)
             chunks.append(_Chunk(before, content, file.record_starts(number, content)))
             size += head.size

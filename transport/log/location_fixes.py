@@ -13,7 +13,7 @@ from google.protobuf.message import DecodeError
 from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
 
-from transport.log.records import LogError
+from transport.log.errors import LogError
 
 SECOND = 1_000_000_000
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from transport.codec import RefusedMessageError, decode
 from transport.columns import DEVIATION, Columns, Integers
 from transport.log.columns import Selection, read_columns, read_places
-from transport.log.mcap_file import McapFile
-from transport.log.records import EXTENTS, REPAIRED, THINNED_NAME, LogError
+from transport.log.errors import LogError
+from transport.log.mcap_file import EXTENTS, REPAIRED, THINNED_NAME, McapFile
 from transport.topics import TOPICS, Topic, key
 from vehicles.messages import Message
 
@@ -52,9 +52,9 @@ class LogReader:
                     f"with <topic> one of {', '.join(TOPICS)}"
                 )
             raise LogError(self.damage or f"{path}: {why}")
-        self.first_at = min((head.first_at for _, head in self.file.chunks), default=0)
+        self.first_at = min((head.first_at for head in self.file.chunks), default=0)
         """Instant (ns) at which the first message was recorded."""
-        self.last_at = max((head.last_at for _, head in self.file.chunks), default=0)
+        self.last_at = max((head.last_at for head in self.file.chunks), default=0)
         """Instant (ns) at which the last message was recorded."""
         self.vehicles = tuple(sorted({vehicle for vehicle, _ in self.counts}))
 
@@ -201,7 +201,7 @@ class LogReader:
 
     def attachments(self) -> dict[str, bytes]:
         """Attached files by name."""
-        return self.file.attachments()
+        return {name: one.data for name, one in self.file.attachments().items()}
 
 
 def _source(channel: str) -> tuple[str, Topic] | None:

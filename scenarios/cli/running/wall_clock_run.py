@@ -23,7 +23,7 @@ from scenarios.runs.processes.supervisor import Supervisor
 from scenarios.runs.stop import EXIT_DONE, Stop, stop_on_signals
 from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
 from transport.clock import SYSTEM_TIME, SystemTime
-from transport.log.records import LogError
+from transport.log.errors import LogError
 
 PrepareCommand = Callable[[Scenario, Sequence[str]], Task]
 """Prepares `convoy ARGUMENTS` in a forked process, for a run of a scenario."""
@@ -98,7 +98,7 @@ def _completed(folder: Path, display: DisplayOptions) -> bool:
 
 
 def _complete(log: Path) -> bool:
-    from transport.log.repair import repair_if_truncated
+    from transport.log.mcap_file import repair_if_truncated
 
     return repair_if_truncated(log)
 

@@ -186,8 +186,8 @@ class _RecordedVerdicts:
 
 
 def _links_of(path: Path) -> _RecordedVerdicts:
+    from transport.log.errors import LogError  # noqa: PLC0415
     from transport.log.reader import LogReader  # noqa: PLC0415 - not in a vehicle's process
-    from transport.log.records import LogError  # noqa: PLC0415
 
     result: dict[tuple[str, str], dict[int, LinkVerdict]] = {}
     numbers: dict[str, set[int]] = {}

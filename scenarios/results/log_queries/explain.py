@@ -19,8 +19,8 @@ from scenarios.results.recorded.link_outcomes import (
 )
 from scenarios.results.vehicles.reaction import NOT_RELIED_ON
 from transport.columns import Columns
+from transport.log.errors import LogError
 from transport.log.reader import LogReader
-from transport.log.records import LogError
 from transport.reasons import counts_as_loss
 from transport.topics import TOPIC_OF
 from vehicles.driver.degradation.source import RELIED_ON

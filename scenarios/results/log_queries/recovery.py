@@ -1,25 +1,23 @@
 """`convoy recover`: the readable messages of a truncated or damaged log as a new log."""
 
-import shutil
 from pathlib import Path
 
+from transport.log.errors import LogError, UnwritableError
+from transport.log.mcap_file import write_again
 from transport.log.reader import LogReader
-from transport.log.records import LogError, UnwritableError
-from transport.log.repair import repair
 
 
 def recover_log(log: Path, output: Path) -> int:
     """Write every readable message of a truncated or damaged log; returns their number."""
     if output.exists():
         raise LogError(f"{output}: exists; a log is never overwritten")
-    LogReader(log)  # refuse other files
+    reader = LogReader(log)  # refuse other files
     part = output.with_name(output.name + ".part")
     try:
-        shutil.copyfile(log, part)
-        repair(part, also_damaged=True)
+        write_again(reader.file, part)
         part.rename(output)
     except OSError as error:
         raise UnwritableError(f"{output}: cannot write the log: {error.strerror}") from error
     finally:
         part.unlink(missing_ok=True)
-    return sum(LogReader(output).counts.values())
+    return sum(reader.counts.values())

@@ -11,8 +11,8 @@ from scenarios.definition.schema.change_tables import AnyChange, VehicleChangeTa
 from scenarios.definition.schema.limit_tables import DEADLINES
 from scenarios.definition.schema.replay_table import ReplayTable
 from scenarios.results.log_summary import PARTIAL, scenario_in
+from transport.log.errors import LogError
 from transport.log.reader import LogReader
-from transport.log.records import LogError
 from vehicles.messages import Change, RunStart
 from vehicles.schedule import SECOND
 

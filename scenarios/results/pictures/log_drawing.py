@@ -15,8 +15,8 @@ from scenarios.results.recorded.column_messages import in_order, messages_of
 from scenarios.results.recorded.true_figures import true_gaps
 from scenarios.results.stream import FigureStream
 from transport.columns import Columns, Integers
+from transport.log.errors import LogError
 from transport.log.reader import LogReader
-from transport.log.records import LogError
 from transport.panels import drawn_fields
 from transport.picture.view import RerunView
 from transport.topics import RUN_SENDER, TOPICS

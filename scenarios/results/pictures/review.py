@@ -15,8 +15,8 @@ from scenarios.results.pictures.log_drawing import WHOLE_RUN, Excerpt, LogDrawin
 from scenarios.results.pictures.run_drawing import open_view, recording_id
 from scenarios.results.stream import FigureStream
 from scenarios.results.summary import from_json
+from transport.log.errors import LogError
 from transport.log.reader import LogReader
-from transport.log.records import LogError
 from transport.picture.option import RerunOption, require_cursor
 from transport.picture.view import RerunView
 from transport.topics import RUN_SENDER

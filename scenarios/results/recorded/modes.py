@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scenarios.results.recorded.run_record import VehicleRecord
-from transport.log.records import LogError
+from transport.log.errors import LogError
 
 
 class ModeFrom(NamedTuple):

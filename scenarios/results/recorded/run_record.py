@@ -27,8 +27,8 @@ from scenarios.results.stream import sizes_of
 from scenarios.results.summarise import METADATA_NAME
 from scenarios.results.summary import RunSummary
 from transport.columns import Columns
+from transport.log.errors import LogError
 from transport.log.reader import LogReader
-from transport.log.records import LogError
 from transport.topics import RUN_SENDER, TOPICS
 from vehicles.schedule import SECOND
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from scenarios.definition.recorded_messages import digest_of
 from scenarios.definition.schema.replay_table import ReplayTable
-from transport.log.records import LogError
+from transport.log.errors import LogError
 from transport.topics import RUN_SENDER
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, RunStart, TruePose

@@ -22,7 +22,7 @@ from transport.bus.bus import Bus
 from transport.bus.telemetry import MAX_RECORDS_BYTES, records_key
 from transport.clock import SYSTEM_TIME, SystemTime, WallClock, poll
 from transport.codec import RefusedMessageError, encode
-from transport.log.records import LogError
+from transport.log.errors import LogError
 from transport.topics import RUN_SENDER, TOPICS, key
 from vehicles.messages import RunEnd
 from vehicles.schedule import MILLISECOND, SECOND, Timer

@@ -12,7 +12,7 @@ from scenarios.runs.observer import ALL_KINDS, Observer, OnMessage
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from scenarios.runs.virtual.drive import drive
-from transport.log.records import LogError
+from transport.log.errors import LogError
 from vehicles.messages import Message, RunStart
 from vehicles.schedule import SECOND
 

@@ -13,8 +13,8 @@ from typing import Any, Literal
 from google.protobuf.message import DecodeError
 
 from transport.codec import PROTOBUF
+from transport.log.errors import LogError
 from transport.log.reader import LogReader
-from transport.log.records import LogError
 from transport.topics import TOPICS, Topic, key
 from vehicles.messages import RunStart
 from vehicles.schedule import SECOND

@@ -16,7 +16,7 @@ from scenarios.results.recorded.modes import ModeFrom, mode_changes
 from scenarios.results.recorded.run_record import RunRecord
 from scenarios.results.summary import RunSummary
 from scenarios.results.vehicles.string_errors import StringError, string_errors
-from transport.log.records import LogError
+from transport.log.errors import LogError
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.geometry.path_offsets import driven_feet
 

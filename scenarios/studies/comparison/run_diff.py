@@ -13,8 +13,8 @@ from scenarios.results.summary import RunSummary
 from scenarios.studies.comparison.figure_diff import FigureDifference, figure_differences
 from scenarios.studies.comparison.message_diff import MessageComparison, compare_messages
 from scenarios.studies.comparison.settings_diff import SettingDifference, setting_differences
+from transport.log.errors import LogError
 from transport.log.reader import LogReader
-from transport.log.records import LogError
 
 SCHEMA = "convoy.diff/1"
 SEED = "seed"

@@ -8,8 +8,8 @@ from typing import Any
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.results.summarise import METADATA_NAME
 from scenarios.results.summary import RunIdentity
+from transport.log.errors import LogError
 from transport.log.reader import LogReader
-from transport.log.records import LogError
 
 NOT_SETTINGS = {"overrides", "description"}
 """Keys of a recorded scenario that repeat or describe other keys."""

@@ -12,7 +12,7 @@ from scenarios.studies.engine.job import EngineError, Job
 from scenarios.studies.engine.journal import JOURNAL, Entry, RunJournal, open_journal
 from scenarios.studies.engine.results import refuse_existing
 from scenarios.studies.engine.workers import OpenWorkers, WorkerGroup
-from transport.log.records import LogError
+from transport.log.errors import LogError
 
 ABANDONED = "given_up"
 """Journal key of a job that killed its workers. It is retried when the study resumes."""

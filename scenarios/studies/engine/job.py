@@ -10,7 +10,7 @@ from typing import Any
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.versions import ProgramStamp, current_stamp, module_digests
-from transport.log.records import LogError
+from transport.log.errors import LogError
 from transport.texts import printable
 
 Work = Callable[[], Any]

@@ -22,8 +22,8 @@ from scenarios.definition.library import template
 from scenarios.definition.scenario import drills, library, load_scenario
 from scenarios.runs.run_log import RunLog
 from transport.codec import encode
+from transport.log.errors import LogError
 from transport.log.reader import LogReader
-from transport.log.records import LogError
 from transport.topics import RUN_SENDER, TOPIC_OF, key
 from vehicles.schedule import SECOND
 

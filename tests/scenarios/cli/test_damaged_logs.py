@@ -15,10 +15,9 @@ from scenarios.definition.scenario import Scenario, load_scenario, scenario_from
 from scenarios.runs.node.recorded_vehicle import read_recorded_vehicle
 from tests.made.scenarios.shipped import whole_run
 from transport.links.laws.loss.earlier_run import EarlierRun
-from transport.log.mcap_file import McapFile
+from transport.log.errors import LogError
+from transport.log.mcap_file import McapFile, repair
 from transport.log.reader import LogReader
-from transport.log.records import LogError
-from transport.log.repair import repair
 from transport.log.writer import LogWriter
 from vehicles.messages import LinkVerdict
 
@@ -39,8 +38,8 @@ def with_damaged_chunk(whole: Path, folder: Path, place: int) -> Path:
     log = folder / "run.mcap"
     log.parent.mkdir()
     data = bytearray(whole.read_bytes())
-    _, head = McapFile(whole).chunks[place]
-    data[(head.packed.start + head.packed.end) // 2] ^= 1
+    chunk = McapFile(whole).chunks[place]
+    data[(chunk.start + chunk.end) // 2] ^= 1
     log.write_bytes(data)
     return log
 
@@ -51,7 +50,7 @@ def interrupted(whole: Path, tmp_path: Path) -> Path:
     log = tmp_path / "interrupted" / "run.mcap"
     log.parent.mkdir()
     chunks = McapFile(whole).chunks
-    end = chunks[2 * len(chunks) // 3][0].start + 100
+    end = chunks[2 * len(chunks) // 3].start + 100
     log.write_bytes(whole.read_bytes()[:end])
     assert repair(log)
     return log
@@ -151,7 +150,7 @@ def test_a_chunk_that_was_cut_out_or_copied_is_damage(
     copies: int, whole: Path, tmp_path: Path
 ) -> None:
     data = whole.read_bytes()
-    first, second = (record.start for record, _ in McapFile(whole).chunks[3:5])
+    first, second = (chunk.start for chunk in McapFile(whole).chunks[3:5])
     log = tmp_path / "run.mcap"
     log.write_bytes(data[:first] + copies * data[first:second] + data[second:])
     assert LogReader(log).damage

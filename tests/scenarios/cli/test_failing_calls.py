@@ -24,8 +24,8 @@ from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.failing_calls import FAULTS, Fault, failing_calls
 from tests.made.scenarios.recorded_drives import as_plane_csv, drive
+from transport.log.errors import LogError
 from transport.log.mcap_file import McapFile
-from transport.log.records import LogError
 
 SHORT = "--set convoy.vehicles=2 --set duration_s=0.2"
 HERE = f"{SHORT} --workers 0"

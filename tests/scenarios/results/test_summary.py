@@ -29,9 +29,9 @@ from scenarios.results.versions import PACKAGES
 from scenarios.runs.run_log import RunLog
 from tests.made.scenarios.messages import START, at, gps, health, text, tracking, truth, verdict
 from transport.codec import encode
+from transport.log.errors import LogError
+from transport.log.mcap_file import repair
 from transport.log.reader import LogReader
-from transport.log.records import LogError
-from transport.log.repair import repair
 from transport.log.writer import LogWriter
 from transport.topics import TOPIC_OF, key
 from vehicles.messages import Message

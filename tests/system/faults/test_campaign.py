@@ -16,8 +16,8 @@ import pytest
 
 from scenarios.results.files import SUMMARY_NAME
 from tests.system.processes import Process, start
+from transport.log.errors import LogError
 from transport.log.reader import LogReader
-from transport.log.records import LogError
 from vehicles.messages import TruePose
 
 DURATION_S = 1.5

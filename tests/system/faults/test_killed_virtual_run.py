@@ -6,8 +6,8 @@ from pathlib import Path
 
 from tests.system.logs import Run, assert_sound
 from tests.system.processes import until
+from transport.log.mcap_file import repair
 from transport.log.reader import LogReader
-from transport.log.repair import repair
 
 ENOUGH_BYTES = 1_000_000
 

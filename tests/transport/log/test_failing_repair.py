@@ -6,20 +6,18 @@ import pytest
 
 from tests.made.failing_calls import FAULTS, Fault, failing_calls
 from tests.made.transport.logs import write
-from transport.log.mcap_file import McapFile
+from transport.log.errors import LogError
+from transport.log.mcap_file import McapFile, repair
 from transport.log.reader import LogReader
-from transport.log.records import LogError
-from transport.log.repair import repair
 
 
 def interrupted(path: Path, *, damaged: bool) -> bytes:
     """A log that ends within a chunk, and maybe has another chunk that cannot be read."""
     write(path, 100)
     chunks = McapFile(path).chunks
-    data = bytearray(path.read_bytes()[: chunks[-1][0].start + 100])
+    data = bytearray(path.read_bytes()[: chunks[-1].start + 100])
     if damaged:
-        packed = chunks[1][1].packed
-        data[(packed.start + packed.end) // 2] ^= 1
+        data[(chunks[1].start + chunks[1].end) // 2] ^= 1
     path.write_bytes(data)
     return bytes(data)
 

@@ -12,8 +12,8 @@ import pytest
 from tests.made.transport import drive
 from tests.made.transport.logs import TICKS, put, rerun_accepts, rows
 from transport.codec import encode
+from transport.log.mcap_file import repair
 from transport.log.reader import LogReader
-from transport.log.repair import repair
 from transport.log.writer import LogWriter
 from transport.topics import valid_at
 

@@ -31,8 +31,8 @@ def read_mcap(path: Path, vehicle: str | None, topic: str | None) -> RecordedDri
 
     `vehicle` is by default the lead. `topic` may be missing if only one has positions.
     """
+    from transport.log.errors import LogError  # noqa: PLC0415
     from transport.log.reader import LogReader  # noqa: PLC0415 - not in a vehicle's process
-    from transport.log.records import LogError  # noqa: PLC0415
 
     try:
         if topic is not None:

@@ -8,8 +8,8 @@ from pathlib import Path
 from scenarios.definition.scenario import Scenario
 from scenarios.results.log_queries.session import session_of
 from transport.links.laws.loss.number_sets import NumberSet
+from transport.log.errors import LogError
 from transport.log.reader import LogReader
-from transport.log.records import LogError
 from transport.reasons import counts_as_loss
 from vehicles.messages import GpsPose, LinkVerdict, Message, RunStart, Tracking, TruePose
 from vehicles.schedule import SECOND

@@ -16,7 +16,7 @@ from scenarios.studies.many.blame.ranking import Attribution, losses_of, rank_lo
 from scenarios.studies.many.blame.rerun import FigureName, RerunCriteria, RerunResult, result_of
 from scenarios.studies.many.blame.shrinking import SmallestSet, smallest_set
 from scenarios.studies.many.blame.trials import Trials
-from transport.log.records import LogError
+from transport.log.errors import LogError
 from vehicles.schedule import SECOND
 
 AFTER_NS = SECOND

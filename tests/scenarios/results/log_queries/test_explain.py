@@ -32,9 +32,9 @@ from scenarios.results.log_queries.explain import (
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
 from transport import convoy_pb2
-from transport.log.mcap_file import McapFile
+from transport.log.errors import LogError
+from transport.log.mcap_file import ChunkPlace, McapFile
 from transport.log.reader import LogReader
-from transport.log.records import ChunkHead, LogError
 from transport.log.writer import LogWriter
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import Tracking
@@ -341,7 +341,7 @@ def test_a_complete_log_is_read_around_the_instant_only(
     unpacked: list[object] = []
     unpack = McapFile.unpack
 
-    def count(file: McapFile, head: ChunkHead) -> bytes:
+    def count(file: McapFile, head: ChunkPlace) -> bytes:
         unpacked.append(head)
         return unpack(file, head)
 

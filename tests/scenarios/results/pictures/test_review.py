@@ -24,8 +24,8 @@ from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.transport import drive
 from tests.made.transport.recording import Table, columns
 from transport.convoy_pb2 import Deviation
+from transport.log.errors import LogError
 from transport.log.reader import LogReader
-from transport.log.records import LogError
 from transport.log.writer import LogWriter
 from transport.picture.blueprint import EVENTS
 from transport.picture.log_writer import LogRecordingWriter

@@ -264,8 +264,8 @@ def test_texts_of_a_log_are_escaped(folder: Path) -> None:
 def test_damage_is_named(folder: Path, tmp_path: Path) -> None:
     log = folder / "run.mcap"
     data = bytearray(log.read_bytes())
-    _, head = McapFile(log).chunks[1]
-    data[(head.packed.start + head.packed.end) // 2] ^= 1
+    second = McapFile(log).chunks[1]
+    data[(second.start + second.end) // 2] ^= 1
     damaged = tmp_path / "run.mcap"
     damaged.write_bytes(data)
     out = tmp_path / "run.html"

@@ -24,8 +24,8 @@ from scenarios.runs.stop import Stop
 from tests.made.scenarios.messages import START
 from transport.bus.bus import BusError
 from transport.clock import SystemTime
+from transport.log.mcap_file import repair_if_truncated
 from transport.log.reader import LogReader
-from transport.log.repair import repair_if_truncated
 
 ENDPOINT = "tcp/127.0.0.1:4711"
 SEGMENTATION_FAULT = -signal.SIGSEGV

@@ -16,8 +16,8 @@ from tests.scenarios.runs.simulation.plan import FOREVER, LAUNCHER, RECORDER, RO
 from tests.scenarios.runs.simulation.world import Process, World, scenario_of
 from transport.bus.telemetry import records_key, unpacked
 from transport.codec import decode
+from transport.log.errors import LogError
 from transport.log.reader import LogReader
-from transport.log.records import LogError
 from transport.topics import RUN_SENDER, TOPICS, key
 from vehicles.messages import Change, GpsPose, Health, LogText, Message, RunEnd, RunStart, TruePose
 from vehicles.schedule import MILLISECOND, SECOND, nanoseconds

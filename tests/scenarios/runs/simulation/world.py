@@ -33,7 +33,7 @@ from transport.bus.bus import BusError
 from transport.bus.zenoh_options import ZenohOptions
 from transport.clock import SystemTime
 from transport.codec import encode
-from transport.log.records import LogError, UnwritableError
+from transport.log.errors import LogError, UnwritableError
 from transport.topics import RUN_SENDER, TOPICS, key
 from vehicles.messages import RunEnd
 from vehicles.schedule import MILLISECOND, SECOND

@@ -25,8 +25,8 @@ from scenarios.runs.virtual.unlogged_run import drive_trial
 from tests.made.transport.links import inbox as inbox_of
 from transport.bus.memory_bus import MemoryBus
 from transport.codec import decode, encode
+from transport.log.errors import LogError
 from transport.log.reader import LogReader
-from transport.log.records import LogError
 from transport.topics import TOPICS
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, Message, TruePose

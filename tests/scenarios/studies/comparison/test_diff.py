@@ -17,9 +17,9 @@ from scenarios.studies.comparison.figure_diff import figure_differences
 from scenarios.studies.comparison.message_diff import compare_messages
 from scenarios.studies.comparison.run_diff import logs_of
 from tests.made.transport.changed_logs import changed_log
+from transport.log.errors import LogError
 from transport.log.mcap_file import McapFile
 from transport.log.reader import LogReader
-from transport.log.records import LogError
 from vehicles.messages import LinkVerdict, Message, Outcome, TruePose
 from vehicles.schedule import SECOND
 
@@ -115,8 +115,8 @@ def test_a_missing_message_is_the_first_difference_of_complete_logs_only(
 def test_damage_of_either_log_is_named(whole: Path, tmp_path: Path) -> None:
     data = bytearray(whole.read_bytes())
     chunks = McapFile(whole).chunks
-    _, head = chunks[len(chunks) // 2]
-    data[(head.packed.start + head.packed.end) // 2] ^= 1
+    middle = chunks[len(chunks) // 2]
+    data[(middle.start + middle.end) // 2] ^= 1
     damaged = tmp_path / "run.mcap"
     damaged.write_bytes(data)
     for pair in ((whole, damaged), (damaged, whole)):
