@@ -138,7 +138,6 @@ def override_options(command: Command) -> Command:
             "overrides",
             multiple=True,
             metavar="KEY=VALUE",
-            shell_complete=completion.settings,
             help="Override a key of the scenario, such as convoy.gap_m=12. Repeatable.",
         ),
     ):
@@ -219,9 +218,7 @@ def _destinations(purpose: str, usual: str) -> list[click.Option]:
         return click.Option([f"--{name}", _parameter(name)], help=help_text, **more)
 
     return [
-        click.Option(
-            ["--rerun"], hidden=True, help="Earlier name.", shell_complete=completion.rerun
-        ),
+        click.Option(["--rerun"], hidden=True, help="Earlier name."),
         option("save", "The same into a file, such as run.rrd.", metavar="FILE"),
         option("connect", "The same in the running viewer with this URL.", metavar="URL"),
         option(
@@ -309,7 +306,6 @@ def link_option(help_text: str) -> Callable[[Command], Command]:
     return click.option(
         "--link",
         metavar="SENDER:RECEIVER",
-        shell_complete=completion.links,
         help=help_text,
     )
 

@@ -43,7 +43,7 @@ Examples:
   convoy report runs/…/run.mcap           the tables of a recorded run
 
 \b
-Shell completion of scenarios, keys and vehicles:
+Shell completion of commands, options and scenarios:
   eval "$(_CONVOY_COMPLETE=bash_source convoy)"    in bash
   eval "$(_CONVOY_COMPLETE=zsh_source convoy)"     in zsh
   _CONVOY_COMPLETE=fish_source convoy | source     in fish

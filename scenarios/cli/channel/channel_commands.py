@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from scenarios.definition.scenario import Scenario
     from scenarios.studies.channel.fitting.fit import FittedLink
 
+DEFAULT = "lane_change"
+"""Scenario in which a preset is shown."""
 NEAREST_M, FARTHEST_M = 1.0, 100_000.0
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 
@@ -59,7 +61,7 @@ Examples:
 @json_option("Print the figures as JSON.")
 @output_option("Draw the comparison into this PNG, SVG or PDF file.")
 @setting_options
-@click.argument("scenario", metavar="PRESET|SCENARIO", shell_complete=completion.channels)
+@click.argument("scenario", metavar="PRESET|SCENARIO", shell_complete=completion.scenarios)
 def show(
     *,
     scenario: str,
@@ -117,7 +119,7 @@ def _loaded(name: str, overrides: tuple[str, ...], seed: int | None) -> "Scenari
     from scenarios.definition.validation.wording import did_you_mean, toml_repr
 
     if name in presets():
-        return load_scenario(completion.DEFAULT, [f"links.preset={name}", *overrides], seed)
+        return load_scenario(DEFAULT, [f"links.preset={name}", *overrides], seed)
     if name not in library() and not Path(name).exists():
         close = did_you_mean(name, (*presets(), *library()))
         channels, scenarios = ", ".join(presets()), ", ".join(library())

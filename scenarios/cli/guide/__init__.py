@@ -1,6 +1,6 @@
 """Shell completion, and `convoy check`.
 
-completion     names and keys that a shell offers
+completion     scenarios that a shell offers
 checking       `convoy check`: the reports, and the picture of a drive
 check_table    the configuration of a scenario as a table
 drive_table    a recorded drive as a table

@@ -9,7 +9,6 @@ import click
 from scenarios.cli.columns import Column, table_of
 from scenarios.cli.common_options import confirmation_option, override_options
 from scenarios.cli.error_lines import clear_errors
-from scenarios.cli.guide import completion
 from scenarios.cli.many.study_options import engine_options, selected_workers
 
 if TYPE_CHECKING:
@@ -31,7 +30,7 @@ Examples:
   convoy drill restarted_follower --clock wall --out drills
 """
 )
-@click.argument("names", nargs=-1, metavar="[NAME|FILE]…", shell_complete=completion.drills)
+@click.argument("names", nargs=-1, metavar="[NAME|FILE]…")
 @click.option("--list", "as_list", is_flag=True, help="List the shipped drills and exit.")
 @override_options
 @click.option(

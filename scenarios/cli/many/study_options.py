@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from scenarios.cli.guide import completion
 from scenarios.definition.errors import require
 from scenarios.definition.schema.limit_rows import WORDS, words_with_examples
 
@@ -57,7 +56,6 @@ def limit_option(command: Command) -> Command:
         default="lane",
         show_default=True,
         metavar="LIMIT",
-        shell_complete=completion.limits,
         help=f"Limit to test: {LIMIT_WORDS}.",
     )(command)
 

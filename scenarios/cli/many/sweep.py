@@ -84,7 +84,6 @@ A figure is a number in summary.json (see `convoy reference fields`):
     "limits",
     multiple=True,
     metavar="LIMIT",
-    shell_complete=completion.limits,
     help=f"Count the runs that break this limit: {LIMIT_WORDS}. Repeatable.",
 )
 @override_options

@@ -21,7 +21,6 @@ from scenarios.cli.common_options import (
 )
 from scenarios.cli.display_options import DisplayOptions, Tables
 from scenarios.cli.error_lines import clear_errors, print_error
-from scenarios.cli.guide import completion
 from scenarios.cli.output import unwritable_output_reported
 from scenarios.runs.stop import ignore_hangup, stop_on_request
 
@@ -128,7 +127,6 @@ Examples:
     "--name",
     required=True,
     metavar="NAME",
-    shell_complete=completion.vehicles,
     help="Name of the vehicle in the scenario.",
 )
 @run_option
