@@ -1,7 +1,7 @@
 """The command line: `convoy COMMAND …`.
 
 main               the group of all commands
-grouped_help       its help under headings, usage errors, renamed options
+grouped_help       its help under headings, usage errors
 running/           run, router, vehicle, record
 live/              commands for a running convoy
 comparing/         commands that compare runs

@@ -175,18 +175,18 @@ def log_options(command: Command) -> Command:
 def rerun_option(default: str, purpose: str, usual: str = "") -> Callable[[Command], Command]:
     """Options with Rerun's names for the destination of a picture; the command receives `rerun`.
 
-    `usual` states when the native viewer is the default. The hidden `--rerun` is the earlier name
-    of all of them. Options that the command has already, as Zenoh's `--connect`, are left out.
+    `usual` states when the native viewer is the default. Options that the command has already, as
+    Zenoh's `--connect`, are left out.
     """
 
     def decorate(command: Command) -> Command:
         @wraps(command)
-        def with_destination(*args: Any, rerun: str | None, **options: Any) -> Any:
+        def with_destination(*args: Any, rerun: str | None = None, **options: Any) -> Any:
             given = {name: options.pop(_parameter(name), None) for name in DESTINATIONS}
             given = {name: value for name, value in given.items() if value not in {None, False}}
-            names = [f"--{name}" for name in given] + ["--rerun"] * (rerun is not None)
-            if len(names) > 1:
-                raise click.UsageError(f"{' and '.join(names)}: give one of them")
+            if len(given) > 1:
+                names = " and ".join(f"--{name}" for name in given)
+                raise click.UsageError(f"{names}: give one of them")
             for name, value in given.items():
                 sink = name.removesuffix("-at")
                 rerun = sink if value is True else f"{sink}={value}"
@@ -218,7 +218,6 @@ def _destinations(purpose: str, usual: str) -> list[click.Option]:
         return click.Option([f"--{name}", _parameter(name)], help=help_text, **more)
 
     return [
-        click.Option(["--rerun"], hidden=True, help="Earlier name."),
         option("save", "The same into a file, such as run.rrd.", metavar="FILE"),
         option("connect", "The same in the running viewer with this URL.", metavar="URL"),
         option(

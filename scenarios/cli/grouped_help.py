@@ -28,18 +28,6 @@ SECTIONS: Mapping[str, Sequence[str]] = {
     ),
     "Machines": ("router", "vehicle", "record"),
 }  # fmt: skip
-RENAMED_OPTIONS: Mapping[tuple[str, str], str] = {
-    ("bisect", "--to"): "--precision",
-    ("bisect", "--seeds"): "--runs",
-    ("bisect", "--any"): "--share",
-    ("channel show", "--out"): "--output",
-    ("channel fit", "--out"): "--output",
-    ("scenario-from", "--out"): "--output",
-    ("router", "--leash"): "--parent-watch",
-    ("vehicle", "--leash"): "--parent-watch",
-    ("record", "--leash"): "--parent-watch",
-}
-"""New names of options, by command and old name."""
 WORDINGS = {"\n": " ", "a valid integer range": "a whole number", "a valid float range": "a number"}
 
 
@@ -92,7 +80,7 @@ class ConvoyGroup(click.Group):
 
 
 def usage_error(error: click.ClickException) -> str:
-    """Describe a usage error in one line, with the new name of a renamed option."""
+    """Describe a usage error in one line."""
     context = error.ctx if isinstance(error, click.UsageError) else None
     text = _lower(error.format_message())
     if isinstance(error, click.BadParameter) and error.param is not None:
@@ -108,11 +96,7 @@ def usage_error(error: click.ClickException) -> str:
     text = text.rstrip(".")
     if context is None:
         return text
-    command = context.command_path.removeprefix("convoy ")
     if isinstance(error, click.NoSuchOption):
-        renamed = RENAMED_OPTIONS.get((command, error.option_name))
-        if renamed is not None:
-            return f"{error.option_name}: unknown option, it is now {renamed}"
         text = f"{error.option_name}: unknown option"
         if (choice := _option_with(error.option_name.lstrip("-"), context)) is not None:
             text += f", did you mean {choice}?"

@@ -2,7 +2,7 @@
 
 Prints figures with their limits:
 - memory and processor time of each vehicle process at 50 Hz and 20 Hz
-- start-up time and memory of ten vehicles, forked and spawned, and their late ticks
+- start-up time and memory of ten vehicles, and their late ticks
 - duration of `lane_change` in virtual time, also as a multiple of a plain Python loop
 - number of true poses equal on both clocks
 
@@ -33,8 +33,8 @@ from tests.system.processes import Process, run_to_the_end, start
 MEMORY_MB, CPU_RATIO, LATE_RATIO, VIRTUAL_S = 80.0, 0.06, 0.01, 1.5
 READY_S = ((10, 1.5), (40, 2.5))
 """Limits of the start-up time of forked vehicles, by their largest number."""
-OWN_MB = {"fork": 15.0, "spawn": 80.0}
-"""Limit of the proportional memory (PSS) of a vehicle, by start method."""
+OWN_MB = 15.0
+"""Limit of the proportional memory (PSS) of a vehicle."""
 SETTLED_S = 1.0
 """Time after the start until one-time work is over."""
 ROUNDS = 5
@@ -101,17 +101,11 @@ def drive(folder: Path, name: str, vehicles: int, seconds: float) -> tuple[Run, 
     return Run(folder / name), usage
 
 
-def readiness(folder: Path, vehicles: int, method: str) -> Iterator[Row]:
+def readiness(folder: Path, vehicles: int) -> Iterator[Row]:
     """Rows of the start-up of a convoy."""
-    settings = (
-        f"--set=convoy.vehicles={vehicles}",
-        "--set=duration_s=5",
-        f"--start={method}",
-    )
+    settings = (f"--set=convoy.vehicles={vehicles}", "--set=duration_s=5")
     started = time.monotonic()
-    with start(
-        "run", "lane_change", *settings, "--out", f"ready-{method}", folder=folder
-    ) as convoy:
+    with start("run", "lane_change", *settings, "--out", "ready", folder=folder) as convoy:
         convoy.await_start()
         took = time.monotonic() - started
         time.sleep(SETTLED_S)
@@ -122,20 +116,20 @@ def readiness(folder: Path, vehicles: int, method: str) -> Iterator[Row]:
         ]
         convoy.popen.terminate()
         convoy.wait()
-    within = (limit for largest, limit in READY_S if vehicles <= largest and method == "fork")
+    within = (limit for largest, limit in READY_S if vehicles <= largest)
     limit = next(within, None)
     yield Row(
-        f"{method}: command to all present, s",
+        "command to all present, s",
         f"{took:.1f}",
         "" if limit is None else f"{limit}",
         None if limit is None else took < limit,
     )
     largest = max(own) * 1e-6
     yield Row(
-        f"{method}: proportional memory, MB",
+        "proportional memory, MB",
         f"{largest:.1f} at most",
-        f"{OWN_MB[method]}",
-        largest < OWN_MB[method],
+        f"{OWN_MB}",
+        largest < OWN_MB,
     )
 
 
@@ -261,7 +255,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         print_rows("virtual time", list(virtual_time(folder)))
-        rows = [row for method in OWN_MB for row in readiness(folder, given.vehicles, method)]
+        rows = list(readiness(folder, given.vehicles))
         print_rows(f"start of {given.vehicles} vehicles", rows)
         run, usage = drive(folder, "four", 4, given.seconds)
         run_to_the_end(

@@ -49,12 +49,12 @@ def imported_from(folder: Path) -> Iterator[None]:
             os.environ["PYTHONPATH"] = before
 
 
-def drive(folder: Path, vehicles: int, seconds: float, *, rerun: str) -> tuple[Run, Usage, bool]:
+def drive(folder: Path, vehicles: int, seconds: float, *, serve: bool) -> tuple[Run, Usage, bool]:
     """Run some vehicles; return the run, the use of its processes, and whether it failed."""
     settings = (f"--set=convoy.vehicles={vehicles}", f"--set=duration_s={seconds}")
     out = f"run{time.monotonic_ns()}"
     with start(
-        "run", "lane_change", *settings, "--rerun", rerun, "--out", out, folder=folder
+        "run", "lane_change", *settings, *["--serve"] * serve, "--out", out, folder=folder
     ) as convoy:
         convoy.await_start()
         time.sleep(SETTLED_S)
@@ -88,7 +88,7 @@ def rows(run: Run, usage: Usage, *, failed: bool, limit: float | None) -> Iterat
         mean = sum(usage.cpu[name] for name in names) / len(names)
         yield Row("processor, a vehicle, % of a core", f"{100 * mean:.2f}")
         own = max(usage.own[name] for name in names) / 1e6
-        limit_mb = OWN_MB["fork"]
+        limit_mb = OWN_MB
         yield Row(
             "proportional memory at the end, MB",
             f"{own:.1f} at most",
@@ -107,7 +107,7 @@ def main() -> None:
     parser.add_argument("--against", metavar="COMMIT", help="drive this commit's convoys as well")
     parser.add_argument("--seconds", type=float, default=35.0, help="how long they drive")
     parser.add_argument("--vehicles", type=int, nargs="*", default=list(LATE_RATIO))
-    parser.add_argument("--rerun", default="off", help="with a picture, such as serve")
+    parser.add_argument("--serve", action="store_true", help="with a picture")
     given = parser.parse_args()
     loop_s = min(timed(plain_loop).processor_s for _ in range(3))
     print(f"{os.cpu_count()} cores, {code(HERE)}; yardstick: plain loop {loop_s:.2f} s")
@@ -115,15 +115,15 @@ def main() -> None:
         for vehicles in given.vehicles:
             folder = Path(name) / f"{vehicles}"
             folder.mkdir()
-            ready = readiness(folder, vehicles, "fork")
-            run, usage, failed = drive(folder, vehicles, given.seconds, rerun=given.rerun)
+            ready = readiness(folder, vehicles)
+            run, usage, failed = drive(folder, vehicles, given.seconds, serve=given.serve)
             table_rows = rows(run, usage, failed=failed, limit=LATE_RATIO.get(vehicles))
             print_rows(f"{vehicles} vehicles, {given.seconds:g} s", [*ready, *table_rows])
         if given.against:
             folder = Path(name)
             with checked_out(given.against) as other, imported_from(other):
                 for vehicles in OTHERS:
-                    run, usage, failed = drive(folder, vehicles, given.seconds, rerun="off")
+                    run, usage, failed = drive(folder, vehicles, given.seconds, serve=False)
                     table_rows = rows(run, usage, failed=failed, limit=None)
                     print_rows(f"{given.against}: {vehicles} vehicles", list(table_rows))
 

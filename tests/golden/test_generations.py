@@ -136,7 +136,7 @@ def test_figures_are_computed_from_a_log_that_breaks_off(folder: Path, tmp_path:
 
 
 def test_a_review_draws_the_log(folder: Path, tmp_path: Path) -> None:
-    convoy("review", folder, "--rerun", f"save={tmp_path / 'run.rrd'}")
+    convoy("review", folder, "--save", tmp_path / "run.rrd")
     assert (tmp_path / "run.rrd").stat().st_size > 0
 
 

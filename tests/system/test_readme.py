@@ -23,7 +23,7 @@ ELSEWHERE = ("convoy router", "convoy vehicle", "convoy record", "convoy cut", "
              "convoy status", "docker compose")  # fmt: skip
 """Commands for several machines and for a running convoy: other tests run them."""
 SHORTER = {
-    "review runs/first": "review runs/first --rerun save=first.rrd",  # needs no display
+    "review runs/first": "review runs/first --save first.rrd",  # needs no display
     "run --out runs/live": "run --out runs/live --clock virtual --duration 3",
     "run session.toml": "run session.toml --duration 3",
     "run my.toml": "run my.toml --duration 5",

@@ -79,8 +79,7 @@ class ClockPair:
 
 def first_seconds(scenario: str) -> tuple[str, ...]:
     """Arguments of a run of the first seconds by processes, into folder `wall`."""
-    start_method = "--start=spawn" if scenario == "highway" else "--start=fork"
-    return ("run", scenario, f"--set=duration_s={FIRST_S}", "--quiet", "--out=wall", start_method)
+    return ("run", scenario, f"--set=duration_s={FIRST_S}", "--quiet", "--out=wall")
 
 
 def run_both_clocks(scenario: str, folder: Path) -> ClockPair:

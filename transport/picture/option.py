@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal
 from urllib.parse import urlsplit
 
 from transport.picture.viewer_process import ViewerError
@@ -39,8 +39,6 @@ _FORMS = "--spawn, --serve, --serve-at [ADDRESS:]PORT[:DATA_PORT], --connect URL
 def spelled(text: str) -> str:
     """Options that request a destination, such as "--save run.rrd"."""
     sink, equals, value = text.partition("=")
-    if sink not in get_args(Sink) or sink == "off":
-        return f"--rerun {text}"
     return f"--{sink}{'-at' * (equals != '' and sink == 'serve')} {value}".rstrip()
 
 

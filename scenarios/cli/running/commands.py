@@ -40,13 +40,6 @@ Examples:
 )
 @scenario_options
 @clock_option
-@click.option(
-    "--start",
-    type=click.Choice(["fork", "spawn"]),
-    default="fork",
-    hidden=True,
-    help="Fork the processes from this one, or start each as a new program.",
-)
 @run_option
 @log_options
 @confirmation_option
@@ -56,7 +49,6 @@ def run(
     overrides: tuple[str, ...],
     seed: int | None,
     clock: str,
-    start: str,
     run_name: str | None,
     out: Path | None,
     rerun: str,
@@ -80,7 +72,7 @@ def run(
                 seed,
                 RunOptions(
                     clock=clock,
-                    prepare_command=prepare_command if start == "fork" else None,
+                    prepare_command=prepare_command,
                     display=DisplayOptions(rerun, quiet, tables),
                     run_name=run_name,
                     out=out,
@@ -195,6 +187,7 @@ Examples:
 @zenoh_options
 @confirmation_option
 @time_option("--wait", default=60.0, help_text="Longest wait for all vehicles. Default: 60s.")
+@click.option("--rerun", hidden=True, help="Destination of the picture, from `convoy run`.")
 @parent_watch_option
 @click.pass_obj
 def record(

@@ -25,13 +25,10 @@ if TYPE_CHECKING:  # virtual runs need none
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOptions:
-    """How a scenario runs.
-
-    Processes are forked and do `prepare_command`; without it each is a new program.
-    """
+    """How a scenario runs; forked processes do `prepare_command`."""
 
     clock: str
-    prepare_command: "PrepareCommand | None"
+    prepare_command: "PrepareCommand"
     display: DisplayOptions
     run_name: str | None = None
     out: Path | None = None

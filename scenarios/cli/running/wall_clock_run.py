@@ -32,15 +32,13 @@ PARTS = ("scenarios.runs.processes.router", "scenarios.runs.processes.vehicle_pr
 
 
 def run_processes(
-    plan: LaunchPlan, prepare_command: PrepareCommand | None, display: DisplayOptions
+    plan: LaunchPlan, prepare_command: PrepareCommand, display: DisplayOptions
 ) -> int:
     """Run on the wall clock; returns the exit code."""
     stop = stop_on_signals()
-    prepare_task = None
-    if prepare_command is not None:
-        prepare_parts(plan.scenario)
-        prepare_task = partial(prepare_command, plan.scenario)
-    return launch_and_report(plan, stop, Supervisor(prepare_task), display)
+    prepare_parts(plan.scenario)
+    supervisor = Supervisor(partial(prepare_command, plan.scenario))
+    return launch_and_report(plan, stop, supervisor, display)
 
 
 def launch_and_report(

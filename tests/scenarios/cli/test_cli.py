@@ -352,12 +352,12 @@ def test_a_vehicle_that_is_not_in_the_scenario_is_refused() -> None:
     assert '"v9", allowed v1, v2, v3, v4' in line
 
 
-@pytest.mark.parametrize("option", ["telepathy", "save", "connect="])
+@pytest.mark.parametrize("option", ["--save=", "--connect=", "--serve-at=box"])
 def test_an_unknown_viewer_is_refused_before_anything_is_written(
     option: str, tmp_path: Path
 ) -> None:
     out = tmp_path / "run"
-    line = refused(convoy("run", *SHORT, "--rerun", option, "--out", out))
+    line = refused(convoy("run", *SHORT, option, "--out", out))
     assert "--spawn" in line
     assert not out.exists()
 
@@ -369,7 +369,7 @@ def test_a_viewer_without_a_display_is_refused_before_anything_is_started(
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     out = tmp_path / "run"
-    line = refused(convoy("run", "--clock", clock, "--rerun", "spawn", "--out", out))
+    line = refused(convoy("run", "--clock", clock, "--spawn", "--out", out))
     assert "no display" in line
     assert "serve" in line
     assert "--save FILE" in line
@@ -662,7 +662,7 @@ def test_a_log_with_flipped_bits_is_reported_or_refused_in_one_line(
 def test_a_command_accepts_the_folder_of_a_log(
     command: str, finished: Path, tmp_path: Path
 ) -> None:
-    options = [] if command == "report" else ["--rerun", f"save={tmp_path / 'run.rrd'}"]
+    options = [] if command == "report" else ["--save", str(tmp_path / "run.rrd")]
     of_folder = convoy(command, finished, *options)
     assert of_folder.exit_code == 0
     assert of_folder.stdout == convoy(command, finished / "run.mcap", *options).stdout
@@ -673,7 +673,7 @@ def test_a_command_accepts_the_folder_of_a_log(
 def test_a_damaged_log_is_reviewed_with_a_warning(finished: Path, tmp_path: Path) -> None:
     whole = finished / "run.mcap"
     log = with_a_bit_flipped(whole, tmp_path)
-    result = convoy("review", log, "--rerun", f"save={tmp_path / 'run.rrd'}")
+    result = convoy("review", log, "--save", tmp_path / "run.rrd")
     assert (result.exit_code, result.stderr.count("\n")) == (0, 1)
     assert result.stderr.startswith(f"{log}: damaged, ")
 
@@ -784,11 +784,8 @@ def test_check_names_the_proof_that_does_not_cover_a_speed() -> None:
 
 
 def test_destinations_have_the_names_of_rerun(tmp_path: Path) -> None:
-    """Exactly one is taken; those of the earlier option `--rerun` remain."""
     line = refused(convoy("review", tmp_path, "--save", tmp_path / "a.rrd", "--serve"))
     assert "--serve and --save: give one of them" in line
-    line = refused(convoy("run", *SHORT, "--rerun", "spawn", "--serve-at", "9090"))
-    assert "--serve-at and --rerun: give one of them" in line
     line = refused(convoy("run", *SHORT, "--connect", "box", "--out", tmp_path / "run"))
     assert line.startswith("--connect box: box is no Rerun URL")
     line = refused(convoy("run", *SHORT, "--serve-at", "99999", "--out", tmp_path / "run"))

@@ -236,7 +236,7 @@ def test_a_recording_that_cannot_be_written_fails_the_command(
         "review": ["review", log],
         "compare": ["compare", log, log],
     }
-    done = CliRunner().invoke(cli, [*lines[command], "--rerun", f"save={file}"])
+    done = CliRunner().invoke(cli, [*lines[command], "--save", str(file)])
     assert done.exit_code == 1
     assert any(line.startswith(f"error: {file}: ") for line in done.stderr.splitlines())
     if command == "run":

@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from scenarios.cli.common_options import Ratio, Time
-from scenarios.cli.grouped_help import RENAMED_OPTIONS, SECTIONS, SUMMARY_MAX
+from scenarios.cli.grouped_help import SECTIONS, SUMMARY_MAX
 from scenarios.cli.main import cli
 from scenarios.cli.paper_commands import CASES
 from scenarios.studies.paper.experiments import RUNS_OF_CASE
@@ -64,18 +64,9 @@ def test_help_lists_the_cases_of_the_paper() -> None:
     assert ", ".join(CASES) in " ".join(convoy("reproduce", "--help").stdout.split())
 
 
-@pytest.mark.parametrize("option", ["--parent-watch", "--start"])
+@pytest.mark.parametrize("option", ["--parent-watch", "--rerun"])
 def test_internal_options_are_hidden(option: str) -> None:
     assert not any(option in convoy(*name.split(), "--help").stdout for name in COMMANDS)
-
-
-@pytest.mark.parametrize(("command", "old"), RENAMED_OPTIONS)
-def test_an_old_option_leads_to_the_new_one(command: str, old: str) -> None:
-    result = convoy(*command.split(), old, "1")
-    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
-    new = RENAMED_OPTIONS[command, old]
-    assert new in result.stderr
-    assert new in {name for one in COMMANDS[command].params for name in one.opts}
 
 
 @pytest.mark.parametrize(

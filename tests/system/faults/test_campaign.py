@@ -59,10 +59,9 @@ def test_a_signal_at_any_instant_leaves_no_process_and_a_readable_log(
     random = Random(case)
     kind = KINDS[case % len(KINDS)]
     number, after_s = random.choice(SIGNALS), random.uniform(0.0, LATEST_S)
-    start_method = random.choice(("fork", "fork", "spawn"))
     convoy_of_three = ("lane_change", "--set=convoy.vehicles=3", f"--set=duration_s={DURATION_S}")
-    arguments = ("run", *convoy_of_three, f"--start={start_method}")
-    label = f"{kind} {number.name} after {after_s:.2f} s, started by {start_method}"
+    arguments = ("run", *convoy_of_three)
+    label = f"{kind} {number.name} after {after_s:.2f} s"
     with start(*arguments, "--out", tmp_path / "run", folder=tmp_path) as convoy:
         signal_at = send_signal_after(convoy, kind, number, after_s)
         code = convoy.wait()

@@ -1,4 +1,4 @@
-"""The page of `--rerun serve` in a real browser: during and after a run, and in a review."""
+"""The page of `--serve` in a real browser: during and after a run, and in a review."""
 
 import re
 import signal
@@ -59,7 +59,7 @@ def test_the_page_shows_the_convoy_during_and_after_a_run_and_in_a_review(tmp_pa
     with browser() as page:
         page.open("data:text/html,empty")
         assert not shows_cars(page)
-        with start("run", "long.toml", "--rerun=serve", "--out=run", folder=tmp_path) as run:
+        with start("run", "long.toml", "--serve", "--out=run", folder=tmp_path) as run:
             address = destination(run)
             run.await_start()
             page.open(address)
@@ -70,7 +70,7 @@ def test_the_page_shows_the_convoy_during_and_after_a_run_and_in_a_review(tmp_pa
             assert shows_cars(page)  # loaded data stays
         page.open("data:text/html,empty again")
         assert until(lambda: not shows_cars(page), PATIENCE_S)
-        with start("review", "run", "--rerun=serve", folder=tmp_path) as reviewing:
+        with start("review", "run", "--serve", folder=tmp_path) as reviewing:
             page.open(destination(reviewing))
             assert until(lambda: shows_cars(page), PATIENCE_S), description(page, reviewing)
             reviewing.popen.send_signal(signal.SIGINT)

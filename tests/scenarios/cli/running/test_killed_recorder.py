@@ -9,6 +9,7 @@ from scenarios.cli.running import wall_clock_run
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.files import SUMMARY_NAME
 from scenarios.runs.processes.launcher import LaunchPlan, RunOutcome
+from scenarios.runs.processes.supervisor import Supervisor
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
 
@@ -41,7 +42,9 @@ def test_a_recorder_killed_after_its_log_was_complete_fails_nothing(
 
     monkeypatch.setattr(wall_clock_run, "launch", launch)
     plan = LaunchPlan(scenario, (), tmp_path, (), "mine")
-    assert wall_clock_run.run_processes(plan, None, DisplayOptions(quiet=True)) == exit_code
+    display = DisplayOptions(quiet=True)
+    code = wall_clock_run.launch_and_report(plan, Stop(), Supervisor(None), display)
+    assert code == exit_code
     completed = '"outcome": "completed"'
     if exit_code == 0 or cut:
         written = (tmp_path / SUMMARY_NAME).read_text(encoding="utf-8")

@@ -134,7 +134,7 @@ def test_a_figure_is_written_once(whole: Path, shifted: Path, tmp_path: Path) ->
 def test_a_recording_has_both_timelines(whole: Path, shifted: Path, tmp_path: Path) -> None:
     chunk = pytest.importorskip("rerun.chunk")
     out = tmp_path / "both.rrd"
-    assert compare(whole, shifted, "--rerun", f"save={out}").exit_code == 0
+    assert compare(whole, shifted, "--save", out).exit_code == 0
     timelines: dict[str, set[str]] = {}
     for one in chunk.RrdReader(out).stream():
         entity = str(one.entity_path).strip("/")
