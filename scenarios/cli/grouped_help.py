@@ -20,7 +20,7 @@ SECTIONS: Mapping[str, Sequence[str]] = {
     ),
     "Logs": ("info", "recover"),
     "Live": (
-        "status", "link", "cut", "heal", "gnss", "stall", "kill", "speed", "scenario-from",
+        "status", "link", "cut", "heal", "gnss", "stall", "crash", "speed", "scenario-from",
     ),
     "Study": (
         "sweep", "bisect", "blame", "drill", "channel", "gains",

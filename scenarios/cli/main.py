@@ -92,7 +92,7 @@ for command in (
     live_commands.heal,
     live_commands.gnss,
     live_commands.stall,
-    live_commands.kill,
+    live_commands.crash,
     live_commands.speed,
     live_commands.status,
     live_commands.scenario_from,

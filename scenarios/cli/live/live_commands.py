@@ -1,4 +1,4 @@
-"""Commands for a running convoy: link, cut, heal, gnss, stall, kill, speed, status."""
+"""Commands for a running convoy: link, cut, heal, gnss, stall, crash, speed, status."""
 
 import sys
 from pathlib import Path
@@ -178,14 +178,14 @@ def stall(*, vehicle: str, for_s: float, run_name: str | None, **flags: Any) -> 
 @click.command(
     epilog="""\b
 Examples:
-  convoy kill v3
-  convoy kill v3 --for 3s
+  convoy crash v3
+  convoy crash v3 --for 3s
 """
 )
 @click.argument("vehicle")
 @time_option("--for", help_text="Restart the process after TIME. Default: no restart.")
 @open_run_options
-def kill(*, vehicle: str, for_s: float | None, run_name: str | None, **flags: Any) -> None:
+def crash(*, vehicle: str, for_s: float | None, run_name: str | None, **flags: Any) -> None:
     """Crash the process of a vehicle.
 
     With --for, the process restarts without data from before the crash. Until then the car brakes
