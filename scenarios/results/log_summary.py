@@ -56,7 +56,10 @@ def summary_of(
             return with_outcome_line(replace(written, log_faults=faults))
         except ValueError as error:
             raise LogError(f"{log} ({SUMMARY_NAME}): {error}") from error
-    metrics, scenario = _measured(reader)
+    scenario = scenario_in(reader)
+    metrics = Metrics.of(scenario)
+    for at, _, message in reader.messages(metrics.topics):
+        metrics.listen(at, message)
     start_at = metrics.start_at or 0
     thinned = reader.thinned
     if thinned:
@@ -78,15 +81,6 @@ def summary_of(
     return with_outcome_line(
         replace(summary, outcome=outcome, outcome_line="", holes=holes, log_faults=faults)
     )
-
-
-def _measured(reader: LogReader) -> tuple[Metrics, Scenario]:
-    """Figures of all messages of a log, and its scenario."""
-    scenario = scenario_in(reader)
-    metrics = Metrics.of(scenario)
-    for at, _, message in reader.messages(metrics.topics):
-        metrics.listen(at, message)
-    return metrics, scenario
 
 
 def _identity_in(reader: LogReader) -> RunIdentity:

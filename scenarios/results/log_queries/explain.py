@@ -480,7 +480,7 @@ class RecordedKnowledge:
         places = [
             plane.to_plane(pose.latitude_deg, pose.longitude_deg, pose.altitude_m) for pose in poses
         ]
-        length, has_passed = _path_length(places, here)
+        length, has_passed = remaining_path_length(places, here)
         excerpt.require(has_passed)
         return length
 
@@ -508,19 +508,13 @@ def _received(
 
 def remaining_path_length(
     places: Sequence[tuple[float, float]], here: tuple[float, float]
-) -> float:
+) -> tuple[float, bool]:
     """Length (m) of a polyline of `places` from the foot of `here` on it to its end.
 
     The foot is the nearest point of the last stretch that passes by: from the end backwards, the
-    first at which the distance grows again within MOST_OFF_PATH_M.
+    first at which the distance grows again within MOST_OFF_PATH_M. Also returns whether the
+    polyline passes by, so that earlier places do not matter.
     """
-    return _path_length(places, here)[0]
-
-
-def _path_length(
-    places: Sequence[tuple[float, float]], here: tuple[float, float]
-) -> tuple[float, bool]:
-    """The same, and whether the polyline passes by, so that earlier places do not matter."""
     if not places:
         return 0.0, False
     best, best_length, length_so_far = _distance(places[-1], here), 0.0, 0.0

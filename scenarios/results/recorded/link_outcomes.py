@@ -1,7 +1,7 @@
 """The outcome of each message of each link in a log."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Literal, NamedTuple, get_args
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +24,6 @@ from vehicles.messages import (
 )
 from vehicles.schedule import SECOND
 
-SentOutcome = Literal["delivered", "dropped", "not_arrived", "in_flight", "unrecorded"]
-"""Outcome of a sent message. `not_arrived`: the real transport lost it or the receiver did not run.
-`in_flight`: due after the end of the record. `unrecorded`: the log lacks the verdict."""
-OUTCOMES: Sequence[SentOutcome] = get_args(SentOutcome)
 ACCOUNTED: tuple[type[Message], ...] = (
     *(RunStart, GpsPose, LinkVerdict),
     *(Tracking, Health, Change, LogText),
@@ -42,6 +38,8 @@ ACCOUNTED_FIELDS = {"gps": ("seq", "sent_at_ns"), "tracking": ("seq", "decided_a
 class LinkOutcomes(NamedTuple):
     """Messages of a link in the order of their numbers; shapes (N).
 
+    `outcome` is delivered, dropped, not_arrived (the real transport lost it or the receiver did not
+    run), in_flight (due after the end of the record) or unrecorded (the log lacks the verdict).
     `cause` is the reason of a drop, or why a message did not arrive; None otherwise. `delay_s` is
     the time from sending until the receiver can use the message, NaN unless it was delivered.
     """
