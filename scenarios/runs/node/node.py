@@ -13,7 +13,7 @@ from scenarios.runs.node.recorded_node import RecordedNode
 from scenarios.runs.node.replayed_node import ReplayedNode
 from transport.clock import Tick
 from transport.links.inbox import Inbox, InboxCounts
-from vehicles.car.dynamics import Actuation, OutOfModelError
+from vehicles.car.dynamics import OutOfModelError
 from vehicles.schedule import SECOND
 
 
@@ -45,12 +45,9 @@ class Node:
         self.phase = phase
 
     def step(self, tick: Tick) -> None:
-        self._context.car.advance(self.decide(tick.at), tick.span_s)
-
-    def decide(self, now: int) -> Actuation:
-        """Carry out changes, measure, receive, decide and send at the tick at `now` (ns)."""
-        self.phase = self._changes.apply(now, self.phase)
-        return self.phase.step(now)
+        """Carry out changes, measure, receive, decide and send; then move the car."""
+        self.phase = self._changes.apply(tick.at, self.phase)
+        self._context.car.advance(self.phase.step(tick.at), tick.span_s)
 
     @property
     def inbox(self) -> Inbox:
