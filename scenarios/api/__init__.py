@@ -37,8 +37,7 @@ from .home import import_own_packages
 import_own_packages()
 
 from scenarios.api.comparing import ComparedRuns, Diff, compare, diff  # noqa: E402
-from scenarios.api.figures import FigureData, figure  # noqa: E402
-from scenarios.api.recorded import Run, browse, open  # noqa: A004, E402
+from scenarios.api.recorded import Run, open, runs  # noqa: A004, E402
 from scenarios.api.repeating import replay  # noqa: E402
 from scenarios.api.running import check, run  # noqa: E402
 from scenarios.api.sweeping import Sweep, bisect, sweep  # noqa: E402

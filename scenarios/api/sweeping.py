@@ -21,7 +21,7 @@ from scenarios.studies.many.variant import limited_variant
 class Sweep:
     """Results of a sweep.
 
-    `cells` has a row per combination of values, with quantiles of each figure, shares of broken
+    `cells` has a row per combination of values, with quantiles of each metric, shares of broken
     limits and the command that repeats the worst run; `runs` has a row per run. `files` were
     written. Runs with an error have a text in the column `error`.
     """
@@ -46,10 +46,10 @@ def sweep(
     *,
     seeds: int = 20,
     set: Settings | None = None,  # noqa: A002 - as on the command line
-    figures: Sequence[str] = (),
+    metrics: Sequence[str] = (),
     limits: Sequence[str] = (),
     out: str | Path | None = None,
-    pictures: bool = False,
+    picture: str | Path | None = None,
     workers: int | None = None,
     scheduler: str = "",
     report: Callable[[str], None] | None = None,
@@ -61,27 +61,27 @@ def sweep(
         vary: Values by key: a list, or a range "START:STOP:STEP" that includes both ends.
         seeds: Simulate each combination with the seeds 1 to this one.
         set: Settings of all runs, by key.
-        figures: Fields of the summary, by default "cross_track_error_m_max".
+        metrics: Fields of the summary, by default "cross_track_error_m_max".
         limits: Limits to count, such as "lane" or "error_m=0.5".
-        out: Folder for tables and plots; an interrupted sweep resumes there. By default no files
+        out: Folder for tables; an interrupted sweep resumes there. By default no files
             are written.
-        pictures: Draw plots into `out`; needs Matplotlib.
+        picture: Draw metrics and limits into this new file; needs Matplotlib and SciPy.
         workers: Number of worker processes, by default one per core; 0 simulates in this process.
         scheduler: Address of a dask scheduler whose workers simulate.
         report: Called with a line of progress every few seconds, such as `print`.
 
     Raises:
-        Error: The scenario, a value, a figure or a limit is refused.
+        Error: The scenario, a value, a metric or a limit is refused.
 
     """
-    if pictures:
-        require("pictures=True", "studies", "matplotlib")
+    if picture is not None:
+        require("picture", "studies", "matplotlib", "scipy")
     plan = planned(
         str(scenario),
         vary=[f"{key}={values_text(key, values)}" for key, values in (vary or {}).items()],
         seeds=seeds,
         sets=overrides_of(set),
-        figures=figures,
+        metrics=metrics,
         limits=limits,
     )
     table, files = run_sweep(
@@ -89,7 +89,7 @@ def sweep(
         None if out is None else Path(out),
         workers_of(workers, scheduler),
         report or _no_report,
-        picture_format="png" if pictures else None,
+        picture=None if picture is None else Path(picture),
     )
     return Sweep(table, files)
 

@@ -15,7 +15,7 @@ SUMMARY_MAX = 45
 SECTIONS: Mapping[str, Sequence[str]] = {
     "Run": ("run", "replay", "check", "list", "new"),
     "Look": (
-        "browse", "report", "review", "explain", "note", "diff", "compare", "export",
+        "runs", "report", "review", "explain", "diff", "compare", "export",
         "reference",
     ),
     "Logs": ("info", "recover"),

@@ -23,6 +23,7 @@ UNITS = {
     "bytes": "bytes",
     "ratio": "%",
 }
+PERCENT = 100.0
 QUALIFIERS = {
     "max": "largest ",
     "min": "smallest ",
@@ -53,7 +54,7 @@ def axis_label(name: str) -> AxisLabel:
     if match is None:
         return AxisLabel(f"{_words(last)}{where}")
     qualifier = QUALIFIERS.get(match["qualifier"] or "", "")
-    factor = 100.0 if match["unit"] == "ratio" else 1.0
+    factor = PERCENT if match["unit"] == "ratio" else 1.0
     return AxisLabel(f"{qualifier}{_words(match['name'])}{where}, {UNITS[match['unit']]}", factor)
 
 

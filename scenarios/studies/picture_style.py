@@ -48,7 +48,7 @@ STYLE: Any = {
     "figure.dpi": 200.0,
     "savefig.dpi": 200.0,
     "svg.hashsalt": "convoy",
-    "pdf.fonttype": 42,  # TrueType: text stays text in other programs
+    "pdf.fonttype": 42,  # Type 42: journals refuse Type 3
     "ps.fonttype": 42,
 }
 

@@ -32,7 +32,6 @@ SHORTER = {
     "--out runs/cut": "--out runs/cut --duration 12",
     "--out runs/perfect": "--out runs/perfect --duration 5",
     "=mine.PurePursuit": "=mine.PurePursuit --duration 5",
-    "0,0.5 --seeds 5": "0,0.5 --seeds 1 --duration 3 --workers 0 --no-pictures",
     "0.3:0.9 --precision 0.05": "0.5:1 --precision 0.12 --duration 9 --runs 18 --workers 0",
     "--seeds 5 --junit": "--seeds 1 --junit",
     "import convoy": "import scenarios.api as convoy",  # its name in a checkout
@@ -40,7 +39,7 @@ SHORTER = {
     "flow, seeds=5": "flow, seeds=2, set={'duration_s': 1}",
     "reach_m=60}'": "reach_m=60}' --duration 5",
     "run plexe_sinusoidal": "run plexe_sinusoidal --duration 5",
-    "figure cacc --seeds 10": "figure cacc --seeds 2 --duration 0.3 --workers 0",
+    "--seeds 3 --duration 16": "--seeds 1 --duration 0.3 --workers 0",
 }
 """What the test replaces: a display, real time, and minutes of processor time."""
 

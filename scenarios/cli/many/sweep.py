@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.columns import Column, print_whole, table_of
-from scenarios.cli.common_options import folder_option, override_options, picture_format_option
+from scenarios.cli.common_options import folder_option, output_option, override_options
 from scenarios.cli.error_lines import clear_errors, print_error
 from scenarios.cli.guide import completion
 from scenarios.cli.many.study_options import (
@@ -34,8 +34,8 @@ WIDEST = 16
     epilog="""\b
 Examples:
   convoy sweep lossy_lane_change --vary links.loss_ratio=0:0.9:0.1 --limit lane
-  convoy sweep lane_change --vary links.loss_ratio=0.5:0.9:0.1 --vary convoy.gap_m=3,10,30
-  convoy sweep lane_change --vary links.preset=clear,lossy --figure v4.distance_m
+  convoy sweep lane_change --vary links.loss_ratio=0.5:0.9:0.1 --vary convoy.gap_m=3,10 -o f.pdf
+  convoy sweep lane_change --vary links.preset=clear,lossy --metric v4.distance_m
   convoy sweep burst_worst --vary change.0.at_s=3:10:0.5 --seeds 5
   convoy sweep my.toml --seeds 200 --limit collision --limit error_m=0.5 --out night
   convoy sweep lane_change --vary gnss.rate_hz=5,10 --scheduler tcp://127.0.0.1:8786
@@ -47,7 +47,7 @@ A seed draws the same random numbers in every combination. An interrupted
 sweep resumes when the same command is run again.
 
 \b
-A figure is a number in summary.json (see `convoy reference fields`):
+A metric is a number in summary.json (see `convoy reference fields`):
   cross_track_error_m_max     largest value of all followers (smallest for
                               *_min)
   v3.cross_track_error_m_max  of one vehicle
@@ -73,8 +73,8 @@ A figure is a number in summary.json (see `convoy reference fields`):
     help="Simulate each combination with the seeds 1 to N.",
 )
 @click.option(
-    "--figure",
-    "figures",
+    "--metric",
+    "metrics",
     multiple=True,
     metavar="NAME",
     help="Field of the summary to tabulate. Repeatable. Default: cross_track_error_m_max.",
@@ -87,16 +87,11 @@ A figure is a number in summary.json (see `convoy reference fields`):
     help=f"Count the runs that break this limit: {LIMIT_WORDS}. Repeatable.",
 )
 @override_options
-@folder_option("sweep", "Folder for tables, plots and the file from which a sweep resumes.")
+@folder_option("sweep", "Folder for tables and the file from which a sweep resumes.")
 @engine_options
-@picture_format_option
-@click.option("--no-pictures", is_flag=True, help="Write tables only; needs no Matplotlib.")
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Draw the plot here too.",
+@output_option(
+    "Draw metrics and limits into this new file, .png, .svg or .pdf: over one key, or over one with"
+    " numbers and a line for each value of another one. Two keys with numbers give a heat map."
 )
 @click.option("--parquet", is_flag=True, help="Write the tables as Parquet too.")
 def sweep(
@@ -104,41 +99,35 @@ def sweep(
     scenario: str,
     vary: tuple[str, ...],
     seeds: int,
-    figures: tuple[str, ...],
+    metrics: tuple[str, ...],
     limits: tuple[str, ...],
     overrides: tuple[str, ...],
     out: Path,
     workers: int | None,
     scheduler: str,
     parquet: bool,
-    no_pictures: bool,
-    picture_format: str,
     output: Path | None,
 ) -> None:
     """Run a scenario over values and seeds.
 
-    Simulates SCENARIO for each combination of values and each seed. Writes tables and plots with
-    confidence intervals: lines, or a heat map of two numeric keys.
+    Simulates SCENARIO for each combination of values and each seed. Writes tables with confidence
+    intervals, and draws a picture on request.
     """
     with clear_errors():
-        if not no_pictures:
-            require("sweep, without --no-pictures", "studies", "matplotlib")
+        if output is not None:
+            require("--output", "studies", "matplotlib", "scipy")
         if parquet:
             require("--parquet", "tables", "pyarrow")
     from rich.console import Console
 
     from scenarios.runs.stop import EXIT_FAILED
     from scenarios.studies.many.sweeps.plan import planned
-    from scenarios.studies.many.sweeps.sweep import draw_sweep, run_sweep
-    from scenarios.studies.picture_style import require_new_picture
+    from scenarios.studies.many.sweeps.sweep import run_sweep
 
     with clear_errors():
         plan = planned(
-            scenario, vary=vary, seeds=seeds, sets=overrides, figures=figures, limits=limits
+            scenario, vary=vary, seeds=seeds, sets=overrides, metrics=metrics, limits=limits
         )
-        if output:
-            require("--output", "studies", "matplotlib")
-            require_new_picture(output)
         fleet = selected_workers(workers, scheduler)
         report = partial(click.echo, err=True)
         table, written = run_sweep(
@@ -147,11 +136,9 @@ def sweep(
             fleet,
             report,
             parquet=parquet,
-            picture_format=None if no_pictures else picture_format,
+            picture=output,
         )
         print_sweep(table, Console())
-        if output:
-            written.append(draw_sweep(table, output))
         click.echo(f"written: {', '.join(map(str, written))}")
         if table.errors:
             first = next(run for cell in table.cells for run in cell.runs if run.error)

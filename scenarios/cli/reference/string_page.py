@@ -15,7 +15,7 @@ def string_stability_page() -> None:
     print_text(
         "String stability: whether errors grow from vehicle to vehicle. The figures are in "
         "vehicles[].string of summary.json, in `convoy report`, in `run.string_errors` of Python, "
-        "and by name in `sweep --figure`, such as v6.string.spacing_gain_l2_from_first. Limits on "
+        "and by name in `sweep --metric`, such as v6.string.spacing_gain_l2_from_first. Limits on "
         "them are in `convoy reference limits`."
     )
     for heading, (text, rows) in SECTIONS.items():
@@ -99,7 +99,7 @@ SECTIONS: Mapping[str, Section] = {
         },
     ),
     "growth over seeds": (
-        "`convoy sweep --figure v6.string.spacing_growth_l2` prints the geometric mean over the "
+        "`convoy sweep --metric v6.string.spacing_growth_l2` prints the geometric mean over the "
         "seeds with its 95 % interval; `convoy diff` compares two folders of runs.",
         {},
     ),

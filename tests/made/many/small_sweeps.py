@@ -11,19 +11,19 @@ from scenarios.studies.many.sweeps.sweep import run_sweep
 
 SETS = ("duration_s=0.5", "convoy.vehicles=2")
 VARY = ("links.loss_ratio=0:0.8:0.8", "convoy.gap_m=3,10")
-FIGURES = ("cross_track_error_m_max", "true_gap_m_min")
+METRICS = ("cross_track_error_m_max", "true_gap_m_min")
 LIMITS = ("lane", "error_m=0.02")
 TABLES = ("sweep.csv", "runs.csv", "sweep.json")
 
 
 def small_plan(vary: Sequence[str] = VARY, seeds: int = 2) -> SweepPlan:
     """A sweep of eight runs by default."""
-    return planned("lane_change", vary=vary, seeds=seeds, sets=SETS, figures=FIGURES, limits=LIMITS)
+    return planned("lane_change", vary=vary, seeds=seeds, sets=SETS, metrics=METRICS, limits=LIMITS)
 
 
 def run_sweep_here(plan: SweepPlan, out: Path) -> SweepTable:
     """Run a sweep in this process, without plots."""
-    return run_sweep(plan, out, partial(open_workers, 0), lambda _: None, picture_format=None)[0]
+    return run_sweep(plan, out, partial(open_workers, 0), lambda _: None)[0]
 
 
 def tables(out: Path) -> dict[str, bytes]:

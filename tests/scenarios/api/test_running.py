@@ -17,7 +17,7 @@ import scenarios.api as convoy
 from scenarios.api.running import completed_on_ctrl_c
 from scenarios.cli.main import cli
 from scenarios.definition.overrides import parse_override, value_text
-from tests.made.many.small_sweeps import FIGURES, LIMITS, run_sweep_here, small_plan
+from tests.made.many.small_sweeps import LIMITS, METRICS, run_sweep_here, small_plan
 
 SETTINGS = {"duration_s": 1.0, "links.loss_ratio": 0.4}
 
@@ -42,7 +42,7 @@ def command(*arguments: object) -> Result:
         (lambda: convoy.check(set={"convoy.gap": 1}), "set: "),
         (lambda: convoy.sweep(vary={"links.loss_ratio": "0..1"}), "vary: "),
         (lambda: convoy.sweep(limits=["bogus"]), "limit: "),
-        (lambda: convoy.sweep(figures=["bogus"]), "figure: "),
+        (lambda: convoy.sweep(metrics=["bogus"]), "metric: "),
         (lambda: convoy.bisect("lane_change", "links.loss_ratio", range=(1.0, 0.0)), "range: "),
     ],
 )
@@ -96,7 +96,7 @@ def test_warnings_of_a_scenario_are_warnings_of_python(tmp_path: Path) -> None:
         (lambda: convoy.check(set={"seeds": 1}), ("check", "--set=seeds=1")),
         (
             lambda: convoy.sweep(vary={"links.loss_ratio": "0:1"}, workers=0),
-            ("sweep", "lane_change", "--vary=links.loss_ratio=0:1", "--no-pictures"),
+            ("sweep", "lane_change", "--vary=links.loss_ratio=0:1"),
         ),
         (
             lambda: convoy.bisect("lane_change", "links.loss_ratio", "v1.error_m=1", workers=0),
@@ -194,7 +194,7 @@ def test_a_sweep_tabulates_what_the_command_writes(tmp_path: Path) -> None:
         {"links.loss_ratio": [0, 0.8], "convoy.gap_m": "3,10"},
         seeds=2,
         set={"duration_s": 0.5, "convoy.vehicles": 2},
-        figures=FIGURES,
+        metrics=METRICS,
         limits=LIMITS,
         workers=0,
     )

@@ -57,8 +57,8 @@ class Command:
 
 COMMANDS = {
     "run": Command(f"run lane_change --clock virtual {SHORT} --out out", "run.mcap summary.json"),
-    "sweep": Command(f"{SWEEP} --picture-format svg", f"{SWEPT} sweep.svg seeds.svg", slow=True),
-    "sweep again": Command(f"{SWEEP} --no-pictures", SWEPT, repeated=True),
+    "sweep": Command(f"{SWEEP} -o out/sweep.svg", f"{SWEPT} sweep.svg", slow=True),
+    "sweep again": Command(SWEEP, SWEPT, repeated=True),
     "scenario-from": Command(f"scenario-from {LOG} -o out/again.toml", "again.toml"),
     "channel fit": Command(f"channel fit {LOG} -o out/links.toml", "links.toml"),
     "channel show": Command("channel show bursty --messages 100 -o out/link.svg", "link.svg"),

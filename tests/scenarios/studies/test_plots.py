@@ -43,6 +43,8 @@ def test_another_extension_is_refused_with_those_allowed(name: str) -> None:
         ("links.loss_ratio", "loss of all links, %", 100.0),
         ("convoy.gap_m", "gap, m", 1.0),
         ("gnss.rate_hz", "rate (gnss), Hz", 1.0),
+        ("links.queue.bytes_per_s", "bytes (links.queue), 1/s", 1.0),
+        ("path.curvature_per_m", "curvature (path), 1/m", 1.0),
         ("links.preset", "preset of all links", 1.0),
         ("cross_track_error_m_max", "largest cross-track error, m", 1.0),
         ("true_gap_m_min", "smallest true gap, m", 1.0),

@@ -9,7 +9,7 @@ from uuid import uuid4
 
 import pytest
 
-from tests.made.many.small_sweeps import FIGURES, LIMITS, SETS, TABLES, VARY
+from tests.made.many.small_sweeps import LIMITS, METRICS, SETS, TABLES, VARY
 from tests.system.containers.images import (
     BUILD_S,
     VEHICLE_IMAGE,
@@ -87,10 +87,10 @@ def composed(folder: Path) -> Iterator[list[str]]:
 
 def sweep(out: str, *options: str) -> list[str]:
     return [
-        *("convoy", "sweep", "lane_change", f"--seeds={SEEDS}", "--no-pictures"),
+        *("convoy", "sweep", "lane_change", f"--seeds={SEEDS}"),
         *(f"--set={text}" for text in SETS),
         *(f"--vary={text}" for text in VARY),
-        *(f"--figure={text}" for text in FIGURES),
+        *(f"--metric={text}" for text in METRICS),
         *(f"--limit={text}" for text in LIMITS),
         f"--out=/out/{out}",
         *options,

@@ -3,5 +3,4 @@
 tracks   the vehicles of all runs as arrays
 layout   layout of the picture
 drawing  draws the tracks
-catalog  serves recordings with their figures
 """

@@ -32,7 +32,7 @@ class RunFigure(Protocol):
     `add` is called with each true pose of the vehicle, in order. The value is in the summary, in
     `own_figures` of the vehicle, under the name of the class. For a class SteeringEffort,
     [limits.own_figures] has the keys SteeringEffort_max and SteeringEffort_min, `--limit` takes
-    SteeringEffort_max=0.02, and `convoy sweep --figure` takes own_figures.SteeringEffort. Limits
+    SteeringEffort_max=0.02, and `convoy sweep --metric` takes own_figures.SteeringEffort. Limits
     judge the value at the end of the run.
     """
 

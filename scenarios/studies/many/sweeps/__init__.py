@@ -5,5 +5,5 @@ figure      figures of a summary by name
 plan        the runs of a sweep, with the figures and limits to evaluate
 sweep       the runs, with a journal, and the files
 cell_table  statistics of the runs of each cell
-plots       lines with intervals, heat maps, distributions over seeds
+picture     lines with intervals, or heat maps
 """

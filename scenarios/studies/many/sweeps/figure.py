@@ -134,7 +134,7 @@ def parsed_figure(
         return SweepFigure(text)
     near = _near(text, known)
     hint = f"similar: {', '.join(near)}" if near else "see `convoy reference fields`"
-    raise ScenarioError([f"--figure: unknown figure {text!r}, {hint}"])
+    raise ScenarioError([f"--metric: unknown metric {text!r}, {hint}"])
 
 
 def _near(text: str, known: Sequence[str]) -> list[str]:

@@ -74,7 +74,7 @@ class SweepPlan:
             self.plug_ins,
             vary=[f"{axis.key}={','.join(axis.texts)}" for axis in self.axes],
             seeds=self.seeds,
-            figure=[figure.name for figure in self.figures],
+            metric=[figure.name for figure in self.figures],
             limit=[str(limit) for limit in self.limits],
         ) | {"contents digest": self.contents}
 
@@ -102,7 +102,7 @@ def planned(
     vary: Sequence[str],
     seeds: int,
     sets: Sequence[str] = (),
-    figures: Sequence[str] = (),
+    metrics: Sequence[str] = (),
     limits: Sequence[str] = (),
 ) -> SweepPlan:
     """Build a sweep from the texts of the command line.
@@ -129,7 +129,7 @@ def planned(
     own = tuple(dict.fromkeys(name for scenario in scenarios for name in scenario.own_figures))
     pairs = dict.fromkeys(pair for scenario in scenarios for pair in scenario.links)
     digests = " ".join(scenario.digest for scenario in scenarios)
-    names = dict.fromkeys(figures or [DEFAULT_FIGURE])
+    names = dict.fromkeys(metrics or [DEFAULT_FIGURE])
     return replace(
         plan,
         plug_ins=tuple(sorted({name for one in scenarios for name in one.plug_ins})),
@@ -137,6 +137,18 @@ def planned(
         figures=tuple(parsed_figure(text, vehicles, own, pairs) for text in names),
         limits=tuple(dict.fromkeys(parsed_limit(text, vehicles, own) for text in limits)),
     )
+
+
+def refuse_picture(plan: SweepPlan) -> None:
+    """Raise ScenarioError if the keys of a sweep cannot be drawn."""
+    axes = plan.axes
+    if len(axes) not in {1, 2}:
+        wrong = f"{len(axes) or 'no'} keys vary, a picture needs one or two; fix others by --set"
+    elif len(axes) == 2 and not any(axis.numbers for axis in axes):
+        wrong = f"neither {axes[0].key} nor {axes[1].key} has only numbers, a picture needs one"
+    else:
+        return
+    raise ScenarioError([f"--output: {wrong}"])
 
 
 def _refuse_missing_entries(plan: SweepPlan) -> None:

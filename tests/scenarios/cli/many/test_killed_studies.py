@@ -29,7 +29,7 @@ SHORT = ["--set=duration_s=2.5", "--set=convoy.vehicles=2"]
 BISECT = ["bisect", "lossy_lane_change", "links.loss_ratio", "--limit=error_m=1", *SMALL]
 STUDIES = {
     "sweep": ["sweep", "lane_change", *SHORT, "--vary=links.loss_ratio=0,0.8", "--seeds=3",
-              "--no-pictures", "--out=out"],
+              "--out=out"],
     "bisect": [*BISECT, "--precision=0.1", "--runs=40", "--out=out"],
     "drill": ["drill", "drill.toml", "--seeds=4", "--out=out"],
     "blame": ["blame", "log", "--runs=30", "--out=out"],

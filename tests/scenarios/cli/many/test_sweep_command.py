@@ -21,8 +21,8 @@ from scenarios.results.summary import to_json
 from scenarios.studies.engine.journal import JOURNAL
 from tests.made.ended import has_ended
 from tests.made.many.small_sweeps import (
-    FIGURES,
     LIMITS,
+    METRICS,
     SETS,
     VARY,
     run_sweep_here,
@@ -31,16 +31,17 @@ from tests.made.many.small_sweeps import (
 )
 
 SEEDS = 4
+WORDS = ["--vary=links.preset=clear,lossy", "--vary=control.fusion=composite,blend"]
+KEYS = ("convoy.gap_m", "gnss.rate_hz", "links.latency_ms")
 LINES = 4 * SEEDS + 1
 """Lines of the finished journal."""
 ARGUMENTS = [
     "lane_change",
     *(f"--set={text}" for text in SETS),
     *(f"--vary={text}" for text in VARY),
-    *(f"--figure={text}" for text in FIGURES),
+    *(f"--metric={text}" for text in METRICS),
     *(f"--limit={text}" for text in LIMITS),
     f"--seeds={SEEDS}",
-    "--no-pictures",
 ]
 
 
@@ -177,7 +178,7 @@ def test_another_command_into_the_folder_is_refused(whole: Path) -> None:
 
 def test_a_run_that_raises_is_printed_with_exit_code_1(tmp_path: Path) -> None:
     vary = ["--vary=convoy.vehicles=3,2", "--vary=vehicle={},{v3={clock={offset_ms=3.0}}}"]
-    given = ["sweep", "lane_change", *vary, "--set=duration_s=0.5", "--seeds=1", "--no-pictures"]
+    given = ["sweep", "lane_change", *vary, "--set=duration_s=0.5", "--seeds=1"]
     done = convoy(*given, "--workers=0", "--out", tmp_path)
     assert done.exit_code == 1
     count, line = done.stderr.splitlines()[-2:]
@@ -194,7 +195,14 @@ def test_a_run_that_raises_is_printed_with_exit_code_1(tmp_path: Path) -> None:
         (["nowhere"], "nowhere"),
         (["lane_change", "--vary", "links.loss_ratio=0:1:0.3"], "a STEP that reaches STOP"),
         (["lane_change", "--vary", "links.los=0,1"], "unknown key"),
-        (["lane_change", "--figure", "errors"], "--figure: unknown figure 'errors', "),
+        (["lane_change", "--metric", "errors"], "--metric: unknown metric 'errors', "),
+        (["lane_change", "-o", "a.png"], "--output: no keys vary, a picture needs one or two"),
+        (
+            ["lane_change", *(f"--vary={key}=1,2" for key in KEYS), "-o", "a.png"],
+            "--output: 3 keys vary",
+        ),
+        (["lane_change", *WORDS, "-o", "a.png"], "--output: neither links.preset nor "),
+        (["lane_change", "--vary=convoy.gap_m=3,10", "-o", "a.gif"], "a.gif: given .gif, allowed"),
         (["lane_change", "--limit", "error_m"], "--limit: given 'error_m', allowed"),
     ],
 )
@@ -210,9 +218,9 @@ def test_invalid_input_is_refused_in_one_line(given: list[str], fact: str, tmp_p
 @pytest.mark.parametrize(
     ("option", "package", "extra"),
     [
-        (["--parquet", "--no-pictures"], "pyarrow", "tables"),
-        (["--scheduler=tcp://127.0.0.1:1", "--no-pictures"], "distributed", "dask"),
-        ([], "matplotlib", "studies"),
+        (["--parquet"], "pyarrow", "tables"),
+        (["--scheduler=tcp://127.0.0.1:1"], "distributed", "dask"),
+        (["--output=a.png"], "matplotlib", "studies"),
     ],
 )
 def test_a_missing_package_is_one_line(

@@ -52,7 +52,7 @@ def test_tables_equal_those_of_this_process(cluster: Any, tmp_path: Path) -> Non
     plan = small_plan(seeds=1)
     run_sweep_here(plan, tmp_path / "here")
     workers = partial(open_workers, None, cluster.scheduler_address)
-    run_sweep(plan, tmp_path / "dask", workers, lambda _: None, picture_format=None)
+    run_sweep(plan, tmp_path / "dask", workers, lambda _: None)
     assert tables(tmp_path / "dask") == tables(tmp_path / "here")
 
 
@@ -73,7 +73,7 @@ def test_a_killed_worker_process_does_not_change_the_tables(
                 os.kill(victims.pop(), signal.SIGKILL)
 
         workers = partial(open_workers, None, cluster.scheduler_address)
-        run_sweep(plan, tmp_path / "dask", workers, kill_one, picture_format=None)
+        run_sweep(plan, tmp_path / "dask", workers, kill_one)
     assert not victims
     assert tables(tmp_path / "dask") == tables(tmp_path / "here")
 

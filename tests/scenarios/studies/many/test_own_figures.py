@@ -90,7 +90,7 @@ def test_sweeps_and_comparisons_have_own_figures(module: Module) -> None:
         vary=["figure.0.factor=0.5,2"],
         seeds=1,
         sets=run.overrides,
-        figures=["own_figures.Scaled", "v2.own_figures.Scaled"],
+        metrics=["own_figures.Scaled", "v2.own_figures.Scaled"],
         limits=["Scaled_max=10"],
     )
     cells = [figures_of(plan.variants(cell)[0], plan.figures, plan.limits) for cell in plan.cells]
@@ -106,7 +106,7 @@ def test_sweeps_and_comparisons_have_own_figures(module: Module) -> None:
     )
     assert (found.a, found.b, found.is_main) == (of_v2, 4.0 * of_v2, True)
     with pytest.raises(ScenarioError, match=r"similar: own_figures\.Scaled"):
-        planned("lane_change", vary=[], seeds=1, sets=run.overrides, figures=["Scaled"])
+        planned("lane_change", vary=[], seeds=1, sets=run.overrides, metrics=["Scaled"])
 
 
 def test_a_figure_that_fails_is_not_judged(module: Module) -> None:

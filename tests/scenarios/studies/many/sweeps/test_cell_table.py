@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.studies.axis_labels import axis_label
 from scenarios.studies.engine.results import write_files
 from scenarios.studies.many.statistics import agresti_coull
-from scenarios.studies.many.sweeps.cell_table import SweepTable, table_of
+from scenarios.studies.many.sweeps.cell_table import table_of
 from scenarios.studies.many.sweeps.plan import SweepPlan
-from scenarios.studies.many.sweeps.plots import sweep_figure
-from scenarios.studies.many.sweeps.sweep import drawn, tables_of
+from scenarios.studies.many.sweeps.sweep import tables_of
 from tests.made.many.small_sweeps import TABLES, small_plan
 
 SEEDS = 7
@@ -123,72 +121,3 @@ def test_all_files_agree(plan: SweepPlan, tmp_path: Path) -> None:
 
 def test_without_runs_the_interval_is_0_to_1() -> None:
     assert agresti_coull(0, 0) == (0.0, 1.0)
-
-
-THREE = ("links.loss_ratio=0,0.5", "convoy.gap_m=3,10", "gnss.rate_hz=5,10")
-PNG = b"\x89PNG"
-
-
-def of(vary: tuple[str, ...]) -> SweepTable:
-    plan = small_plan(vary, seeds=3)
-    entries = {
-        f"{cell}/{seed}": {
-            "outcome": "completed",
-            "reason": "",
-            "figures": [0.01 * cell * seed, None],
-            "broken": [cell > 1, cell * seed > 2],
-        }
-        for cell in range(len(plan.cells))
-        for seed in (1, 2, 3)
-    }
-    return table_of(plan, entries)
-
-
-@pytest.mark.parametrize(
-    "vary",
-    [
-        THREE[:1],
-        THREE[:2],
-        ("links.preset=clear,lossy",),
-        ("links.preset=clear,lossy", "convoy.gap_m=5,10"),
-    ],
-)
-def test_up_to_two_keys_are_plotted(vary: tuple[str, ...], tmp_path: Path) -> None:
-    lines: list[str] = []
-    write_files(tmp_path, drawn(of(vary), lines.append))
-    assert not lines
-    assert (tmp_path / "sweep.png").read_bytes()[:4] == PNG
-
-
-def test_plots_of_equal_runs_are_identical(tmp_path: Path) -> None:
-    for name in ("one", "other"):
-        write_files(tmp_path / name, drawn(of(THREE[:2]), lambda _: None))
-    for name in ("sweep.png", "seeds.png"):
-        one, other = ((tmp_path / folder / name).read_bytes() for folder in ("one", "other"))
-        assert one == other
-
-
-@pytest.mark.parametrize(
-    ("vary", "why"),
-    [
-        ((), "no plot over a key: no key varies"),
-        (THREE, "no plot: 3 keys vary, two can be drawn"),
-    ],
-)
-def test_the_reason_for_a_missing_plot_is_reported(vary: tuple[str, ...], why: str) -> None:
-    lines: list[str] = []
-    assert list(drawn(of(vary), lines.append)) == ["seeds.png"]
-    (line,) = lines
-    assert line.startswith(why)
-
-
-def test_each_value_of_a_word_has_a_line_along_the_numbers() -> None:
-    table = of(("links.preset=clear,lossy", "convoy.gap_m=5,10,20"))
-    figure = sweep_figure(table)
-    place = figure.axes[0]
-    assert place.get_xlabel() == axis_label("convoy.gap_m").text
-    _, names = place.get_legend_handles_labels()
-    assert names == ["clear", "lossy"]
-    lines = [np.asarray(line[0].get_ydata()) for line in place.containers]
-    means = [cell.limits[0].ratio for cell in table.cells]
-    np.testing.assert_allclose(np.concatenate(lines), 100.0 * np.array(means))

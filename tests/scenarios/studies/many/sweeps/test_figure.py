@@ -80,5 +80,5 @@ def test_an_unknown_name_is_refused_with_similar_names(text: str, near: str) -> 
     with pytest.raises(ScenarioError) as error:
         parsed_figure(text, NAMES)
     (line,) = error.value.lines
-    assert line.startswith(f"--figure: unknown figure {text!r}, ")
+    assert line.startswith(f"--metric: unknown metric {text!r}, ")
     assert near in line

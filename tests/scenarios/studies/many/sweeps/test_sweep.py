@@ -108,7 +108,7 @@ def three_threads() -> Iterator[WorkerGroup]:
 
 def test_another_executor_gives_the_same_tables(whole: Path, tmp_path: Path) -> None:
     """For process pools see the tests of the command."""
-    run_sweep(small_plan(), tmp_path, three_threads, lambda _: None, picture_format=None)
+    run_sweep(small_plan(), tmp_path, three_threads, lambda _: None)
     assert tables(tmp_path) == tables(whole)
 
 
@@ -160,7 +160,7 @@ CUT = "change=[{kind='cut', at_s=0.1, for_s=0.1}]"
         ),
         ({"vary": [], "sets": ["convoy.gap_m=no"]}, "--set: convoy.gap_m: given"),
         ({"vary": [], "limits": ["lanes"]}, "--limit: given 'lanes', allowed"),
-        ({"vary": [], "figures": ["v9.distance_m"]}, "--figure: unknown figure 'v9.distance_m'"),
+        ({"vary": [], "metrics": ["v9.distance_m"]}, "--metric: unknown metric 'v9.distance_m'"),
         (
             {"vary": ["change.0.at_s=1,2"]},
             "--vary: change.0.at_s: given index 0 of change, which has no entries",
@@ -192,5 +192,5 @@ def test_a_key_of_a_list_entry_varies() -> None:
 
 
 def test_figures_of_vehicles_of_any_cell_are_allowed() -> None:
-    plan = planned("lane_change", vary=["convoy.vehicles=2,5"], seeds=1, figures=["v5.distance_m"])
+    plan = planned("lane_change", vary=["convoy.vehicles=2,5"], seeds=1, metrics=["v5.distance_m"])
     assert [figure.name for figure in plan.figures] == ["v5.distance_m"]
