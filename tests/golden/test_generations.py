@@ -218,7 +218,11 @@ def _schemas(folder: Path) -> dict[str, DescriptorProto]:
     with (folder / "run.mcap").open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
-    files = [FileDescriptorSet.FromString(schema.data) for schema in summary.schemas.values()]
+    files = [
+        FileDescriptorSet.FromString(schema.data)
+        for schema in summary.schemas.values()
+        if schema.encoding == "protobuf"
+    ]
     return {
         message.name: message
         for file_set in files
