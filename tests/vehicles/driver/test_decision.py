@@ -1,4 +1,3 @@
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -130,21 +129,3 @@ def test_log_messages_survive_encoding(fit: Fit | None) -> None:
     assert len(messages) == (2 if fit is None else 3)
     for message in messages:
         assert decode(TOPIC_OF[type(message)], encode(message)) == message
-
-
-def test_unknown_values_are_nan() -> None:
-    plain = Decision(
-        actuation=DECISION.actuation,
-        steering=DECISION.steering,
-        errors=DECISION.errors,
-        mode="straight",
-    )
-    tracking = log_messages(plain, "v2", 0, NOW)[0]
-    assert isinstance(tracking, Tracking)
-    for value in (tracking.estimated_gap_m, tracking.lead_age_s, tracking.predecessor_age_s):
-        assert math.isnan(value)
-    assert plain.fresh
-
-
-def test_a_held_decision_differs_only_in_freshness() -> None:
-    assert DECISION.held() == replace(DECISION, fresh=False)

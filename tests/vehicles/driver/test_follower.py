@@ -2,12 +2,10 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import pytest
 
 from tests.made.vehicles.exact_drives import (
-    CONTROL_HZ,
     GNSS_HZ,
     LATENCY_NS,
     START,
@@ -20,14 +18,12 @@ from tests.made.vehicles.exact_drives import (
 from tests.made.vehicles.followers import (
     BEND,
     SPACING,
-    STRAIGHT,
     follower,
     lateral,
     lead_of,
     modes,
     predecessor_of,
 )
-from tests.made.vehicles.fusions import FUSIONS
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
@@ -39,7 +35,7 @@ from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
 from vehicles.driver.speed import GapKeeping
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.received_pose import ReceivedPose
-from vehicles.schedule import SECOND, Cadence
+from vehicles.schedule import SECOND
 
 HEADINGS = [0.0, math.pi / 2, math.pi, -math.pi / 2]
 
@@ -87,31 +83,6 @@ def test_one_source_alone_is_followed_and_the_reason_names_the_other(
     assert [mode for mode, _ in modes(steps)] == ["straight", mode]
     assert steps[-1].decision.reason == f"{missing} not received yet"
     assert max(map(abs, lateral(BEND, steps))) < 0.05
-
-
-def test_silent_sources_are_followed_to_their_last_sample() -> None:
-    """At 10 m/s the last sample of a source 15 m ahead is reached 1.5 s after it was measured."""
-    until, last = 4.0, 3.95
-    delivered = ((0.0, until), (9.0, math.inf))
-    sources = received_from(
-        lead_of(BEND, delivered=delivered), predecessor_of(BEND, delivered=delivered)
-    )
-    steps = drive(follower(), on(BEND, 0.0, 10.0), 13.0, sources)
-    began = modes(steps)
-    assert [mode for mode, _ in began][1:4] == ["composite", "lead", "coast"]
-    assert began[-1][0] == "composite"
-    assert began[2][1] == pytest.approx(last + 1.5, abs=0.05)
-    assert began[3][1] == pytest.approx(last + 3.0, abs=0.05)
-    for step in (step for step in steps if step.seconds < 9.0):
-        silent = {"lead": ["v2"], "coast": ["v1", "v2"]}.get(step.decision.mode, [])
-        reported = re.findall(r"pose of (\w+) ([\d.]+) s old", step.decision.reason)
-        assert [name for name, _ in reported] == silent
-        for _, age in reported:
-            assert float(age) == pytest.approx(step.seconds - last, abs=0.11)
-    # Coasting follows the bend: a straight line would be 1 m off after 1.4 s, 4 m after 3 s.
-    off = lateral(BEND, steps)
-    assert max(map(abs, off)) < 0.4
-    assert abs(off[-1]) < 0.02
 
 
 def test_a_silent_lead_leaves_the_predecessor() -> None:
@@ -168,22 +139,6 @@ def test_bends_to_both_sides_are_followed_in_all_headings(yaw: float, sign: int)
 # ---- str
 
 
-@pytest.mark.parametrize("fusion", FUSIONS)
-def test_the_first_follower_has_one_source_whatever_the_fusion(fusion: str) -> None:
-    def drive_behind(chosen: str) -> list[Step]:
-        first = follower(lead="v1", predecessor="v1", fusion=chosen, alpha=0.3)
-        return drive(
-            first, on(BEND, 0.0, 10.0), 8.0, received_from(Source("v1", BEND, SPACING, 10.0))
-        )
-
-    steps = drive_behind(fusion)
-    assert [mode for mode, _ in modes(steps)] == ["straight", "lead"]
-    assert steps[-1].decision.reason == ""
-    assert steps[-1].decision.situation.lead.age == steps[-1].decision.situation.predecessor.age
-    assert max(map(abs, lateral(BEND, steps))) < 0.05
-    assert [step.body for step in steps] == [step.body for step in drive_behind("composite")]
-
-
 @pytest.mark.parametrize("alpha", [0.2, 0.5, 0.9])
 def test_a_blend_steers_by_the_weighted_mean_of_both_commands(alpha: float) -> None:
     """Of three followers with the same data, one blends the commands of the others."""
@@ -229,25 +184,6 @@ def on_other(path: SampledPath, step: Step) -> Body:
     return on(path, path.project(step.body.east, step.body.north, step.body.distance).station, 10.0)
 
 
-def test_predecessor_fusion_ignores_the_lead() -> None:
-    crooked = path_from_segments([Segment(60.0, 0.0), Segment(400.0, -1 / 60)])
-    with_lead = drive(
-        follower(fusion="predecessor"),
-        on(BEND, 0.0, 10.0),
-        10.0,
-        received_from(lead_of(crooked), predecessor_of(BEND)),
-    )
-    without = drive(
-        follower(fusion="predecessor"),
-        on(BEND, 0.0, 10.0),
-        10.0,
-        received_from(predecessor_of(BEND)),
-    )
-    assert [step.body for step in with_lead] == [step.body for step in without]
-    assert [mode for mode, _ in modes(with_lead)] == ["straight", "predecessor"]
-    assert with_lead[-1].decision.reason == ""
-
-
 # ---- Gap and age
 
 
@@ -266,18 +202,6 @@ def test_gap_and_ages_refer_to_the_present_instant() -> None:
         assert step.decision.estimated_gap + CAR.length == pytest.approx(ahead - place, abs=0.05)
 
 
-def test_an_opening_gap_is_extrapolated_between_messages() -> None:
-    steps = drive(
-        follower(speed=10.0),
-        on(STRAIGHT, 0.0, 10.0),
-        5.0,
-        received_from(lead_of(STRAIGHT, 12.0), predecessor_of(STRAIGHT, 12.0)),
-    )
-    for step in (step for step in steps if step.decision.fresh and step.seconds > 1.0):
-        gap = SPACING + 12.0 * step.seconds - step.body.distance - CAR.length
-        assert step.decision.estimated_gap == pytest.approx(gap, abs=0.02)
-
-
 def test_the_gap_converges_to_the_policy() -> None:
     law = GapKeeping(SpacingPolicy(6.0, 0.4), GapLimits())
     steps = drive(
@@ -290,13 +214,3 @@ def test_the_gap_converges_to_the_policy() -> None:
     assert steps[-1].decision.estimated_gap == pytest.approx(gap, abs=0.1)
     assert steps[-1].body.speed == pytest.approx(10.0, abs=0.02)
     assert steps[-1].decision.target_speed == pytest.approx(10.0)
-
-
-def test_between_control_instants_the_last_decision_is_held() -> None:
-    steps = drive(follower(), on(BEND, 0.0, 10.0), 3.0, received_from(lead_of(BEND)))
-    control = Cadence(START, CONTROL_HZ)
-    for before, step in pairwise(steps):
-        assert step.decision.fresh == control.due(step.now)
-        if not step.decision.fresh:
-            assert step.decision.actuation == before.decision.actuation
-            assert step.decision.mode == before.decision.mode

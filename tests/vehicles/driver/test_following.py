@@ -110,22 +110,6 @@ def test_the_speed_allowed_now_is_that_from_which_a_car_can_brake(station: float
     assert distance >= 0.0
 
 
-def test_a_bend_that_was_not_received_allows_any_speed() -> None:
-    bends = BendsAhead(LATERAL, BRAKING)
-    assert bends.allowed(0.0, 0.0) is None
-    driven_by_a_source(bends, 90.0)
-    assert bends.allowed(0.0, 0.0) is None
-
-
-def test_a_passed_bend_no_longer_counts() -> None:
-    bends = BendsAhead(LATERAL, BRAKING)
-    driven_by_a_source(bends, 170.0)
-    for station in range(0, 150, 2):
-        place = PATH.at(float(station))
-        allowed = bends.allowed(place.east, place.north)
-    assert allowed is None
-
-
 def test_a_car_that_brakes_in_time_enters_a_bend_no_faster_than_it_allows() -> None:
     limits = GapLimits(lateral=LATERAL, before_bends=BRAKING)
     bends = BendsAhead(LATERAL, BRAKING)

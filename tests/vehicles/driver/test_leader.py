@@ -1,17 +1,14 @@
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 
 import pytest
 
 from tests.made.vehicles.exact_drives import (
     CONTROL_HZ,
     START,
-    Source,
     Step,
     drive,
     on,
-    received_from,
 )
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.ego.pose_estimator import PoseEstimator
@@ -79,15 +76,6 @@ def test_arcs_to_both_sides_are_tracked(yaw: float) -> None:
     assert abs(lateral(path, steps)[-1]) < 0.02
 
 
-def test_the_steady_steering_on_an_arc_is_the_one_needed() -> None:
-    for curvature in (1 / 100, -1 / 100):
-        path = path_from_segments([Segment(200.0, curvature)])
-        last = drive(leader(path, 20.0), on(path, 0.0, 20.0), 8.0)[-1]
-        needed = (CAR.wheelbase + CAR.steer_gradient * 20.0**2) * curvature
-        assert last.decision.actuation.steering == pytest.approx(needed, rel=0.01)
-        assert last.body.yaw_rate == pytest.approx(20.0 * curvature, rel=0.01)
-
-
 def test_left_and_right_are_mirror_images() -> None:
     left = path_from_segments([Segment(30.0, 0.0), Segment(80.0, 1 / 60)])
     right = path_from_segments([Segment(30.0, 0.0), Segment(80.0, -1 / 60)])
@@ -140,32 +128,3 @@ def test_a_lead_keeps_its_station_at_low_control_rates(control_hz: float, speed:
         if step.decision.fresh and step.body.distance > 450.0:
             assert step.decision.errors.curvature == pytest.approx(1 / 2000)
     assert max(map(abs, lateral(path, steps))) < 0.5
-
-
-def test_speed_follows_the_profile() -> None:
-    path = path_from_segments([Segment(400.0, 0.0)])
-    profile = SpeedProfile((0.0, 2.0, 6.0), (10.0, 10.0, 18.0))
-    steps = drive(leader(path, profile), on(path, 0.0, 10.0), 10.0)
-    for step in steps:
-        assert step.body.speed == pytest.approx(profile.at(step.seconds)[0], abs=0.05)
-
-
-def test_between_control_instants_the_last_decision_is_held() -> None:
-    path = path_from_segments(LEFT_AND_RIGHT)
-    steps = drive(leader(path, 15.0), on(path, 0.0, 15.0), 5.0)
-    control = Cadence(START, CONTROL_HZ)
-    assert any(not step.decision.fresh for step in steps)
-    for before, step in pairwise(steps):
-        assert step.decision.fresh == control.due(step.now)
-        if not step.decision.fresh:
-            assert step.decision.actuation == before.decision.actuation
-
-
-def test_a_lead_ignores_other_vehicles() -> None:
-    path = path_from_segments(LEFT_AND_RIGHT)
-    other = path_from_segments([Segment(300.0, 0.0)], yaw=1.0)
-    alone = drive(leader(path, 15.0), on(path, 0.0, 15.0), 3.0)
-    with_other = drive(
-        leader(path, 15.0), on(path, 0.0, 15.0), 3.0, received_from(Source("v9", other, 5.0, 15.0))
-    )
-    assert [step.body for step in alone] == [step.body for step in with_other]

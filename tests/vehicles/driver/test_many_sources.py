@@ -12,7 +12,6 @@ from tests.made.vehicles.followers import BEND, SPACING, follower, modes
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.source import Source
 from vehicles.driver.degradation.sources import Sources
-from vehicles.driver.ego.own_state import Pose
 
 SETTINGS = DegradationSettings()
 CUT_AT, SPEED, AT = 3.0, 10.0, 30.0
@@ -42,14 +41,6 @@ def test_weights_add_up_to_one_and_a_lost_source_has_none(
     if sum(own) > 1e-6:
         expected = [weight / sum(own) for weight in own]
         assert list(found.values()) == pytest.approx(expected, abs=1e-6)
-
-
-def test_weights_of_usual_flows() -> None:
-    fresh = (1.0, 1.0, 1.0)
-    assert sources(fresh).weights(0.5) == {"v1": 0.25, "v2": 0.25, "v3": 0.5}
-    assert sources(fresh, lateral=["v3"]).weights(0.3) == {"v3": 1.0}
-    assert sources(fresh, lateral=["v1", "v2"]).weights(0.3) == {"v1": 0.5, "v2": 0.5}
-    assert sources(fresh, lateral=["v1", "v3"]).weights(0.3) == {"v1": 0.7, "v3": 0.3}
 
 
 def driven(*silent: str, seconds: float = 5.5) -> list[Step]:
@@ -96,20 +87,3 @@ def test_one_vehicle_between_lead_and_predecessor_is_enough() -> None:
     assert message.statuses() == {"v2": "fresh"}
     assert message.other_weight_ratio == (last.situation.weights["v2"],) > (0.5,)
     assert message.other_age_s[0] < 0.1 < message.lead_age_s
-
-
-def test_without_any_source_it_slows_down() -> None:
-    steps = driven("v1", "v2", "v3")
-    began = [mode for mode, _ in modes(steps)]
-    assert began[:2] == ["straight", "composite"]
-    assert set(began[2:]) <= {"coast", "stop"}
-    assert len(began) > 2
-
-
-def test_a_vehicle_that_is_not_received_is_unused() -> None:
-    found = Sources(
-        [Source("v1", 0.05, SETTINGS)], SETTINGS, lead="v1", predecessor="v3", lateral=["v1"]
-    )
-    situation = found.assess(1, Pose(0.0, 0.0, 0.0, SPEED, 0.0), 0.0, refit=True)
-    assert (situation.lead.status, situation.predecessor.status) == ("unheard", "unused")
-    assert found.predecessor_weight(0.5, found.weights(0.5)) == 0.0

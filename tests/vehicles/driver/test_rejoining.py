@@ -62,21 +62,6 @@ def curvatures(states: list[State]) -> list[tuple[float, float]]:
     return found
 
 
-def test_without_a_jump_errors_are_unchanged() -> None:
-    rejoining = Rejoining([])
-    for k in range(50):
-        errors = TrackingErrors(0.2 * k, 0.1, 0.0, 0.0)
-        assert rejoining.corrected(START + k * TICK, errors, 10.0) is errors
-    assert rejoining.speed_limit == math.inf
-
-
-def test_baselines_return_at_once() -> None:
-    rejoining = Rejoining([], enabled=False)
-    for lateral in (0.0, 3.0, -3.0):
-        errors = TrackingErrors(lateral, 0.1, 0.0, 0.0)
-        assert rejoining.corrected(START, errors, 10.0) is errors
-
-
 far = st.floats(0.4, 5.0).flatmap(lambda away: st.sampled_from([away, -away]))
 
 

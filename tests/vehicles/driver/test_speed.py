@@ -20,7 +20,6 @@ from vehicles.driver.longitudinal.gap_keeping import (
 from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
 from vehicles.driver.speed import (
     BEND_RATE,
-    CORRECTION_MAX,
     PROFILE_CORRECTION,
     GapKeeping,
     ProfileSpeed,
@@ -39,22 +38,6 @@ def test_profile_passes_its_points_with_exact_slopes() -> None:
     assert PROFILE.at(10.0) == (25.0, 0.0)
     assert PROFILE.at(22.0) == (15.0, -5.0)
     assert PROFILE.at(25.0) == (0.0, 0.0)
-
-
-def test_profile_is_constant_outside_its_times() -> None:
-    assert PROFILE.at(-1.0) == (5.0, 0.0)
-    assert PROFILE.at(1000.0) == (0.0, 0.0)
-    assert (
-        SpeedProfile((3.0,), (7.0,)).at(1.0) == SpeedProfile((3.0,), (7.0,)).at(9.0) == (7.0, 0.0)
-    )
-
-
-@given(st.floats(0.0, 24.99))
-def test_acceleration_is_the_slope_of_the_speed(seconds: float) -> None:
-    speed, acceleration = PROFILE.at(seconds)
-    corner = next(t for t in (10.0, 20.0, 25.0) if t > seconds)
-    later = seconds + 0.5 * (corner - seconds)
-    assert PROFILE.at(later)[0] == pytest.approx(speed + acceleration * (later - seconds))
 
 
 @pytest.mark.parametrize(
@@ -95,15 +78,6 @@ def test_a_distance_beyond_the_last_stop_is_never_reached() -> None:
     assert PROFILE.time_to(462.6) == math.inf
 
 
-def test_gap_grows_with_headway_and_not_without() -> None:
-    assert SpacingPolicy(standstill=5.0, headway=0.6).desired(20.0) == 17.0
-    assert SpacingPolicy(standstill=10.0).desired(30.0) == 10.0
-    with pytest.raises(ValueError, match="headway"):
-        SpacingPolicy(standstill=5.0, headway=-0.1)
-    with pytest.raises(ValueError, match="deceleration"):
-        GapLimits(deceleration=math.nan)
-
-
 def acceleration(spacing: float, own: float, predecessor: float, lead: float) -> float:
     return gap_acceleration(
         VehiclesAhead(spacing, predecessor, lead),
@@ -111,30 +85,6 @@ def acceleration(spacing: float, own: float, predecessor: float, lead: float) ->
         SpacingPolicy(standstill=8.0),
         GapLimits(acceleration=2.0, deceleration=6.0),
     )
-
-
-def test_no_acceleration_at_the_desired_gap_and_speed() -> None:
-    assert acceleration(8.0, 20.0, 20.0, 20.0) == 0.0
-
-
-def test_each_term_has_the_right_sign() -> None:
-    assert acceleration(8.5, 20.0, 20.0, 20.0) > 0.0 > acceleration(7.5, 20.0, 20.0, 20.0)
-    assert acceleration(8.0, 20.0, 20.5, 20.0) > 0.0 > acceleration(8.0, 20.0, 19.5, 20.0)
-    assert acceleration(8.0, 20.0, 20.0, 20.5) > 0.0 > acceleration(8.0, 20.0, 20.0, 19.5)
-
-
-@given(
-    spacing=st.floats(-100, 1000), own=st.floats(0, 50), predecessor=st.floats(0, 50),
-    lead=st.one_of(st.floats(0, 50), st.just(math.nan)),
-)  # fmt: skip
-def test_limits_hold_for_any_input(
-    spacing: float, own: float, predecessor: float, lead: float
-) -> None:
-    assert -6.0 <= acceleration(spacing, own, predecessor, lead) <= 2.0
-
-
-def test_an_unknown_lead_speed_is_replaced_by_the_predecessor_s() -> None:
-    assert acceleration(8.0, 20.0, 19.9, math.nan) == acceleration(8.0, 20.0, 19.9, 19.9)
 
 
 @pytest.mark.parametrize("headway", [0.0, 0.1, 0.2, 0.25, STABLE_HEADWAY, 0.6, 1.0])
@@ -161,15 +111,6 @@ def test_errors_never_grow_from_vehicle_to_vehicle_at_any_frequency(
 
     worst = max(transfer(10 ** (k / 50)) for k in range(-150, 150))
     assert worst <= 1.0 + 1e-12
-
-
-@pytest.mark.parametrize("headway", [0.0, 0.1, 0.25])
-def test_steady_braking_of_all_vehicles_leaves_no_spacing_error(headway: float) -> None:
-    braking, speed, policy = -6.0, 20.0, SpacingPolicy(8.0, headway)
-    ahead_speed = speed + headway * braking  # the gap shrinks as fast as the policy demands
-    ahead = VehiclesAhead(policy.desired(speed), ahead_speed, math.nan, braking)
-    command = gap_acceleration(ahead, speed, policy, GapLimits(2.0, 9.0))
-    assert command == pytest.approx(braking)
 
 
 @given(lead_speed=st.floats(0.0, 50.0), lead_acceleration=st.floats(-8.0, 3.0))
@@ -251,15 +192,6 @@ def test_no_collision_when_the_lead_brakes_to_a_stop(policy: SpacingPolicy) -> N
     assert all(later <= earlier for earlier, later in pairwise(string.worst()))
 
 
-def test_wider_gaps_are_kept_while_all_brake_as_hard_as_they_can() -> None:
-    """A gap of 4 m more covers the 2.7 m that the delay of poses and control costs at 30 m/s."""
-    string, limit = String(SpacingPolicy(standstill=8.0), 30.0), GapLimits().deceleration
-    string.places = [place - 4.0 * k for k, place in enumerate(string.places)]
-    for k in range(round(30.0 / limit / STEP)):
-        string.step(k, -limit)
-        assert min(a - b for a, b in pairwise(string.places)) > 8.0
-
-
 @pytest.mark.parametrize("policy", POLICIES)
 @pytest.mark.parametrize("period", [2.0, 5.0, 10.0, 20.0])
 def test_spacing_errors_do_not_amplify_when_the_lead_s_speed_oscillates(
@@ -269,23 +201,6 @@ def test_spacing_errors_do_not_amplify_when_the_lead_s_speed_oscillates(
     for k in range(round(max(40.0, 3 * period) / STEP)):
         string.step(k, 1.0 * math.sin(2.0 * math.pi * k * STEP / period))
     assert all(later <= earlier for earlier, later in pairwise(string.worst()))
-
-
-def test_without_the_lead_and_accelerations_a_constant_distance_amplifies() -> None:
-    string = String(SpacingPolicy(standstill=8.0), 20.0, receives_lead=False)
-    string.announces = False
-    for k in range(6000):
-        string.step(k, 0.5 * math.sin(2.0 * math.pi * k * STEP / 10.0))
-    assert all(later > earlier for earlier, later in pairwise(string.worst()))
-
-
-def test_vehicle_far_behind_catches_up_without_a_crash() -> None:
-    string = String(SpacingPolicy(standstill=8.0), 15.0)
-    string.places[1:] = [place - 150.0 for place in string.places[1:]]
-    for k in range(8000):
-        string.step(k, 0.0)
-        assert string.places[0] - string.places[1] > 7.0
-    assert max(map(abs, string.errors[-1])) < 0.1
 
 
 # --- Speed laws
@@ -310,20 +225,6 @@ def test_at_the_profile_s_speed_the_command_is_its_acceleration() -> None:
     assert command.target_speed == pytest.approx(14.04)
 
 
-def test_a_corner_within_a_period_is_reached_at_its_end() -> None:
-    law = ProfileSpeed(SpeedProfile((0.0, 0.01, 5.0), (20.0, 20.0, 10.0)), START, PERIOD)
-    command = law.command(tick(0), at_speed(20.0), VehiclesAhead())
-    slope = -10.0 / 4.99
-    assert 20.0 + PERIOD * command.acceleration == pytest.approx(20.0 + 0.01 * slope)
-
-
-def test_before_the_start_and_after_the_end_the_speed_is_kept() -> None:
-    law = ProfileSpeed(SpeedProfile((0.0, 10.0), (10.0, 30.0)), START, PERIOD)
-    for now, speed in ((START - SECOND, 10.0), (START + 60 * SECOND, 30.0)):
-        command = law.command(now, at_speed(speed), VehiclesAhead())
-        assert (command.acceleration, command.target_speed) == (0.0, speed)
-
-
 def test_a_speed_error_decays_at_the_stated_rate() -> None:
     law = ProfileSpeed(SpeedProfile((0.0,), (20.0,)), START, PERIOD)
     speed = 18.0
@@ -331,14 +232,6 @@ def test_a_speed_error_decays_at_the_stated_rate() -> None:
         speed += PERIOD * law.command(tick(k), at_speed(speed), VehiclesAhead()).acceleration
     assert 20.0 - speed == pytest.approx(2.0 * (1.0 - PROFILE_CORRECTION * PERIOD) ** 50)
     assert 20.0 - speed == pytest.approx(2.0 * math.exp(-PROFILE_CORRECTION), rel=0.01)
-
-
-def test_the_correction_of_large_speed_errors_is_limited() -> None:
-    law = ProfileSpeed(SpeedProfile((0.0,), (20.0,)), START, PERIOD)
-    assert law.command(tick(5), at_speed(0.0), VehiclesAhead()).acceleration == CORRECTION_MAX
-    law.follow(SpeedProfile((0.0,), (1.0,)))
-    assert law.command(tick(6), at_speed(0.0), VehiclesAhead()).acceleration == pytest.approx(0.5)
-    assert law.command(tick(7), at_speed(9.0), VehiclesAhead()).acceleration == -CORRECTION_MAX
 
 
 @given(
@@ -359,49 +252,6 @@ def test_a_car_that_follows_commands_exactly_is_on_the_profile(
 
 def keeper(headway: float = 0.5) -> GapKeeping:
     return GapKeeping(SpacingPolicy(8.0, headway), GapLimits(acceleration=2.0, deceleration=6.0))
-
-
-def test_without_a_received_predecessor_the_speed_is_kept() -> None:
-    command = keeper().command(tick(0), at_speed(17.0), VehiclesAhead())
-    assert (command.acceleration, command.target_speed) == (0.0, 17.0)
-    # The lead's speed alone does not determine the gap.
-    command = keeper().command(tick(0), at_speed(17.0), VehiclesAhead(lead_speed=30.0))
-    assert command.acceleration == 0.0
-
-
-def test_at_the_desired_gap_and_speed_the_command_is_zero() -> None:
-    ahead = VehiclesAhead(spacing=8.0 + 0.5 * 20.0, predecessor_speed=20.0, lead_speed=20.0)
-    command = keeper().command(tick(0), at_speed(20.0), ahead)
-    assert command.acceleration == pytest.approx(0.0)
-    assert command.target_speed == 20.0
-
-
-def test_the_target_speed_is_the_predecessor_s() -> None:
-    ahead = VehiclesAhead(spacing=18.0, predecessor_speed=17.0, lead_speed=22.0)
-    assert keeper().command(tick(0), at_speed(20.0), ahead).target_speed == 17.0
-
-
-@pytest.mark.parametrize(
-    ("spacing", "predecessor_speed", "sign"),
-    [(16.0, 20.0, -1), (20.0, 20.0, 1), (18.0, 19.0, -1), (18.0, 21.0, 1)],
-)
-def test_errors_of_gap_and_speed_have_the_right_sign(
-    spacing: float, predecessor_speed: float, sign: int
-) -> None:
-    ahead = VehiclesAhead(
-        spacing=spacing, predecessor_speed=predecessor_speed, lead_speed=predecessor_speed
-    )
-    assert math.copysign(1, keeper().command(tick(0), at_speed(20.0), ahead).acceleration) == sign
-
-
-@pytest.mark.parametrize("headway", [0.0, 0.5])
-def test_an_unknown_lead_counts_as_fast_as_the_predecessor(headway: float) -> None:
-    without_lead = VehiclesAhead(spacing=15.0, predecessor_speed=19.5)
-    with_lead = VehiclesAhead(spacing=15.0, predecessor_speed=19.5, lead_speed=19.5)
-    law = keeper(headway)
-    assert law.command(tick(0), at_speed(20.0), without_lead) == law.command(
-        tick(0), at_speed(20.0), with_lead
-    )
 
 
 @given(

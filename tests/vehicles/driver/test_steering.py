@@ -7,7 +7,7 @@ from tests.made.vehicles.arc_courses import course
 from tests.made.vehicles.driving import advance
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
-from vehicles.car.parameters import NOMINAL_GAINS, Gains
+from vehicles.car.parameters import NOMINAL_GAINS
 from vehicles.driver.steering import (
     FeedforwardFeedback,
     LateralController,
@@ -15,7 +15,7 @@ from vehicles.driver.steering import (
     SlipCompensated,
     Stanley,
 )
-from vehicles.driver.tracking import PathBehind, TrackingErrors, track
+from vehicles.driver.tracking import TrackingErrors, track
 from vehicles.geometry.arc_spline import ArcSpline
 
 CONTROLLERS: list[Callable[..., LateralController]] = [
@@ -123,20 +123,6 @@ def test_slip_compensation_keeps_to_the_path_where_its_curvature_jumps(
     assert max(abs(errors.lateral) for errors in history) < most
 
 
-def test_slip_compensation_uses_the_path_as_followed_in_slow_cars() -> None:
-    """In fast cars the errors of the trajectory behind the car cancel those next to it."""
-    bend, straight = course([(0.05, 40.0), (0.0, 40.0)]), course([(0.0, 80.0)])
-    law, behind = SlipCompensated(CAR), PathBehind()
-    for station in range(41):
-        there = TrackingErrors(0.0, 0.0, 0.0, 0.05, bend, station)
-        behind.extend(station, there)
-    for speed, right in ((5.0, bend), (30.0, straight)):
-        seen = TrackingErrors(0.0, 0.0, 0.0, 0.0, straight, 40.0, behind)
-        expected = law.steer(TrackingErrors(0.0, 0.0, 0.0, 0.0, right, 40.0), speed)
-        assert law.steer(seen, speed).steering == pytest.approx(expected.steering, abs=2e-3)
-        assert (abs(expected.feedback) > 0.04) is (right is bend)
-
-
 @pytest.mark.parametrize(("speed", "curvature"), CURVES)
 def test_stanley_settles_with_its_front_axle_on_the_curve(speed: float, curvature: float) -> None:
     path = course([(curvature, 0.5 * math.pi / abs(curvature))])
@@ -158,26 +144,3 @@ def test_pure_pursuit_turns_its_rear_axle_on_the_circle_through_the_goal(
     command = law.steer(TrackingErrors(lateral, -heading, 0.0, curvature), speed)
     assert command.steering == pytest.approx(math.atan(CAR.wheelbase * curvature), rel=0.01)
     assert command.feedforward == pytest.approx(math.atan(CAR.wheelbase * curvature))
-
-
-def test_pure_pursuit_aims_at_the_foot_point_when_the_path_is_out_of_reach() -> None:
-    command = PurePursuit(CAR).steer(TrackingErrors(40.0, 0.0, 0.0, 0.0), 20.0)
-    ahead, left = CAR.rear_axle_distance, -40.0
-    bearing = math.atan2(left, ahead)
-    assert command.feedback == pytest.approx(math.atan(2.0 * 2.85 * math.sin(bearing) / 10.0))
-    small_circle = PurePursuit(CAR).steer(TrackingErrors(0.0, 0.0, 0.0, 1.0), 30.0)
-    assert math.isfinite(small_circle.steering)
-
-
-@pytest.mark.parametrize("speed", [5.0, 20.0])
-def test_slip_compensation_changes_nothing_on_a_straight_road(speed: float) -> None:
-    errors = TrackingErrors(0.2, -0.01, 0.03, 0.0)
-    gains = Gains(0.1, 0.7, 0.05)
-    plain, compensated = FeedforwardFeedback(CAR, gains), SlipCompensated(CAR, gains)
-    assert plain.steer(errors, speed) == compensated.steer(errors, speed)
-
-
-def test_gains_are_used() -> None:
-    errors = TrackingErrors(1.0, 0.1, 0.01, 0.0)
-    command = FeedforwardFeedback(CAR, Gains(0.001, 0.02, 0.3)).steer(errors, 10.0)
-    assert command.feedback == pytest.approx(-0.001 - 0.002 - 0.003)

@@ -42,29 +42,6 @@ def test_the_paper_s_formula_holds_on_left_turns_and_is_signed_on_right_ones() -
         assert errors.lateral == pytest.approx(side * (25.0 - distance))
 
 
-@given(turns=st.integers(-3, 3), yaw=st.floats(-math.pi, math.pi), off=st.floats(-3.0, 3.0))
-def test_heading_error_does_not_depend_on_full_turns(turns: int, yaw: float, off: float) -> None:
-    path = course([(0.0, 10.0)], (0.0, 0.0, yaw))
-    errors = track(path, pose(0.0, 0.0, yaw + off + turns * math.tau))
-    assert errors.heading == pytest.approx(off, abs=1e-9)
-
-
-def test_steady_driving_along_an_arc_has_no_error() -> None:
-    path = course([(1 / 30, 20.0)])
-    place = path.at(8.0)
-    errors = track(path, pose(place.east, place.north, place.yaw, speed=6.0, yaw_rate=0.2))
-    assert (errors.lateral, errors.heading, errors.yaw_rate) == pytest.approx((0.0, 0.0, 0.0))
-
-
-def test_curvature_is_known_ahead_and_behind() -> None:
-    path = course([(0.0, 10.0), (0.05, 10.0)])
-    errors = track(path, pose(9.0, 0.2, 0.0))
-    assert [errors.curvature_ahead(d) for d in (-20.0, 0.0, 0.9, 1.1, 50.0)] == [
-        *(0.0, 0.0, 0.0, 0.05, 0.05)
-    ]
-    assert TrackingErrors(0.0, 0.0, 0.0, 0.02).curvature_ahead(7.0) == 0.02
-
-
 def test_the_path_is_extrapolated_beyond_both_ends() -> None:
     path = course([(0.0, 10.0), (1 / 20, 10.0)])
     assert track(path, pose(-5.0, 0.3, 0.0)).lateral == pytest.approx(0.3)
@@ -108,13 +85,3 @@ def test_behind_the_car_the_curvature_is_the_one_followed_there(
         assert curvature == pytest.approx(rate * place, abs=1.01 * rate * SPACING)
     errors.behind = None
     assert errors.curvatures_driven(start, step, 30) == errors.curvatures_ahead(start, step, 30)
-
-
-def test_enough_of_the_path_behind_is_stored_for_a_fast_car() -> None:
-    behind = PathBehind()
-    for k in range(3000):
-        behind.extend(1.0 * k, TrackingErrors(0.0, 0.0, 0.0, 0.0, Bends(1.0), 1.0 * k))
-        assert len(behind.passed) < 1000
-    assert behind.curvatures(-25.0, 5.0, 5) == pytest.approx(
-        [2974.0, 2979.0, 2984.0, 2989.0, 2994.0], abs=0.051
-    )

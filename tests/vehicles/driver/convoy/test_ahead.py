@@ -10,11 +10,9 @@ from scenarios.results.events.bodies import overlap
 from tests.made.transport.received_poses import received
 from vehicles.car.outline import Outline, outline_of
 from vehicles.car.parameters import LINCOLN_MKZ
-from vehicles.driver.convoy.ahead import ConvoyAhead, ConvoyMember, approach_acceleration
+from vehicles.driver.convoy.ahead import ConvoyAhead, ConvoyMember
 from vehicles.driver.convoy.lane import Lane
 from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.longitudinal.controller import VehiclesAhead
-from vehicles.driver.longitudinal.gap_keeping import gap_acceleration
 from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.messages import Announcement
@@ -81,44 +79,11 @@ def convoy(path: SampledPath, lap: float = 0.0, station: float = 0.0) -> ConvoyA
     return ConvoyAhead(path, lap, CAR, members, SETTINGS, POLICY, LIMITS)
 
 
-def test_a_car_ahead_begins_at_its_rear_bumper() -> None:
-    assert contact(STRAIGHT, car_at(STRAIGHT, 50.0)) == pytest.approx(50.0 - REAR, abs=0.01)
-
-
-@pytest.mark.parametrize(("left", "meets"), [(1.0, True), (-2.0, True), (2.3, False), (4.0, False)])
-def test_a_car_beside_the_path_counts_if_its_body_reaches_into_the_lane(
-    left: float, meets: bool
-) -> None:
-    assert (contact(STRAIGHT, car_at(STRAIGHT, 50.0, left)) is not None) == meets
-
-
-def test_across_the_road_a_body_reaches_further() -> None:
-    beside = car_at(STRAIGHT, 50.0, 2.8, turned=0.5 * pi)
-    assert contact(STRAIGHT, beside) == pytest.approx(50.0 - 0.5 * CAR.width, abs=0.02)
-
-
 def test_on_the_other_leg_of_a_hairpin_a_car_is_as_far_as_the_road() -> None:
     other_leg = 40.0 + pi * RADIUS + 20.0
     found = contact(HAIRPIN, car_at(HAIRPIN, other_leg), 15.0)
     assert found == pytest.approx(other_leg - REAR, abs=0.02)
     assert contact(HAIRPIN, car_at(HAIRPIN, 12.0), 15.0 + FRONT) is None
-
-
-def test_in_a_tight_bend_a_car_right_behind_is_not_ahead() -> None:
-    for station in (44.0, 50.0, 56.0, 60.0, 64.0):
-        behind = car_at(HAIRPIN, station - REAR - FRONT - 0.5)
-        assert contact(HAIRPIN, behind, station) is None
-
-
-def test_a_car_that_stands_on_the_crossing_blocks_both_legs() -> None:
-    standing = car_at(EIGHT, SECOND_LEG)
-    first = contact(EIGHT, standing)
-    assert first == pytest.approx(CROSSING - 0.5 * CAR.width, abs=0.02)
-    later = contact(EIGHT, standing, 40.0)
-    assert later == pytest.approx(SECOND_LEG - REAR, abs=0.02)
-    assert contact(EIGHT, car_at(EIGHT, SECOND_LEG + 6.0), 0.0) == pytest.approx(
-        SECOND_LEG + 6.0 - REAR, abs=0.02
-    )
 
 
 def test_after_the_end_of_a_closed_path_its_lap_is_searched() -> None:
@@ -150,16 +115,6 @@ def test_on_a_lap_the_lead_follows_its_last_car_as_on_any_road() -> None:
     assert wanted == pytest.approx([0.0] * len(wanted), abs=0.2)
 
 
-def test_a_pose_that_a_later_car_has_passed_blocks_nothing() -> None:
-    members = [ConvoyMember(name, CAR, PERIOD, 0.0) for name in ("v4", "v5")]
-    ahead = ConvoyAhead(EIGHT, 0.0, CAR, members, SETTINGS, POLICY, LIMITS)
-    standing = pose_on(EIGHT, 10.0)
-    standing.message.vehicle = "v4"
-    last = [pose_on(EIGHT, 2.0 + 4.0 * k, at=k * SECOND, speed=4.0) for k in range(8)]
-    ahead.observe([standing, *last])
-    assert ahead.acceleration(8 * SECOND, SECOND_LEG - FRONT - 6.0, 5.0, 0.0) == inf
-
-
 @given(
     st.sampled_from([HAIRPIN, CIRCLE, EIGHT]),
     st.floats(0.0, 1.0),
@@ -182,18 +137,6 @@ def test_up_to_the_contact_the_lead_touches_nobody(
     while station < until:
         assert not overlap(car_at(path, station), body)
         station += 0.3
-
-
-@given(st.floats(2.0, 60.0), st.floats(0.0, 15.0), st.floats(0.0, 15.0), st.floats(-6.0, 2.0))
-def test_near_the_desired_gap_the_law_is_that_of_followers(
-    gap: float, its_speed: float, speed: float, acceleration: float
-) -> None:
-    ahead = VehiclesAhead(gap, its_speed, predecessor_acceleration=acceleration)
-    wanted = approach_acceleration(ahead, speed, POLICY, LIMITS)
-    usual = gap_acceleration(ahead, speed, POLICY, LIMITS)
-    assert -LIMITS.deceleration <= wanted <= LIMITS.acceleration
-    if gap - POLICY.desired(speed) <= 2.5:
-        assert wanted == usual
 
 
 def approached(gap: float, speed: float, until: float, ahead: ConvoyAhead) -> tuple[float, float]:
@@ -227,10 +170,3 @@ def test_a_silent_car_that_drove_may_have_stopped_hard_until_it_is_received() ->
     assert 1.0 - stop - 0.2 < gap < 0.0
     ahead.observe([pose_on(STRAIGHT, 160.0, at=20 * SECOND, speed=5.0)])
     assert ahead.acceleration(20 * SECOND, 95.0, 0.0, 0.0) > 0.0
-
-
-def test_a_pose_older_than_the_newest_changes_nothing() -> None:
-    ahead = convoy(STRAIGHT)
-    ahead.observe([pose_on(STRAIGHT, 100.0, at=SECOND), pose_on(STRAIGHT, 92.0, at=0)])
-    ahead.acceleration(SECOND, 80.0, 5.0, 0.0)
-    assert f"{20.0 - REAR - FRONT:.1f} m ahead" in ahead.reason

@@ -1,19 +1,16 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from math import pi
 
 import pytest
 
 from tests.made.transport.received_poses import received
-from vehicles.driver.convoy.watch import ConvoyBehind, ConvoyWatch
+from vehicles.driver.convoy.watch import ConvoyWatch
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.leader import WAITING_SHARE, WaitingProfile
 from vehicles.driver.longitudinal.controller import VehiclesAhead
-from vehicles.driver.longitudinal.spacing import SpacingPolicy
-from vehicles.driver.speed import ProfileSpeed, SpeedProfile
-from vehicles.geometry.sampled_path import Segment, path_from_segments
+from vehicles.driver.speed import SpeedProfile
 from vehicles.messages import Announcement, Mode
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import MILLISECOND, SECOND
@@ -21,8 +18,6 @@ from vehicles.schedule import MILLISECOND, SECOND
 TICK = 20 * MILLISECOND
 SETTINGS = DegradationSettings()
 PROFILE = SpeedProfile((0.0, 10.0, 20.0, 30.0), (20.0, 20.0, 8.0, 24.0))
-CIRCLE = path_from_segments([Segment(6.0 * pi * 20.0, 1.0 / 20.0)])
-SPACING = SpacingPolicy(10.0)
 
 
 def pose_of(
@@ -66,11 +61,6 @@ def test_the_lead_waits_from_the_loss_of_a_follower_to_the_end_of_its_probation(
     assert nothing == ""
 
 
-def test_short_silence_is_no_loss_but_a_missing_first_message_is() -> None:
-    assert waited(4.0, 4.4, 8.0) == []
-    assert waited(0.0, 9.0, 3.0)[0][0] == pytest.approx(SETTINGS.lost_after, abs=0.041)
-
-
 @pytest.mark.parametrize(("mode", "hazard"), [("coast", False), ("stop", True), ("lead", True)])
 def test_the_lead_waits_for_a_follower_that_announces_trouble(mode: Mode, hazard: bool) -> None:
     convoy = watch()
@@ -100,14 +90,6 @@ def driven(waits: tuple[float, float], until: float) -> list[tuple[float, float,
     return states
 
 
-def test_without_waiting_it_equals_the_profile_exactly() -> None:
-    law = WaitingProfile(PROFILE, 0, TICK / SECOND, SETTINGS.comfortable)
-    usual = ProfileSpeed(PROFILE, 0, TICK / SECOND)
-    for now in range(0, 40 * SECOND, TICK):
-        pose = Pose(0.0, 0.0, 0.0, 19.0 + now / SECOND / 10.0, 0.0)
-        assert law.command(now, pose, VehiclesAhead()) == usual.command(now, pose, VehiclesAhead())
-
-
 def test_it_slows_down_comfortably_to_half_speed_and_back() -> None:
     states = driven((1.0, 30.0), 9.9)
     comfortable = SETTINGS.comfortable
@@ -128,38 +110,3 @@ def test_while_waiting_it_is_never_faster_than_the_profile_at_that_position() ->
         assert (there - here) / 0.02 <= max(speeds[max(k - 2, 0) : k + 3]) + 0.1
     half = [(b - a) / 0.02 for (_, a, _), (_, b, _) in pairwise(states)]
     assert min(half) >= WAITING_SHARE * 8.0 - 0.1
-
-
-def pose_at(name: str, station: float, at: float) -> ReceivedPose:
-    place = CIRCLE.at(station)
-    return received(round(at * SECOND), place.east, place.north, place.yaw, 13.0, vehicle=name)
-
-
-def behind_lead() -> ConvoyBehind:
-    return ConvoyBehind(CIRCLE, [("v2", SPACING, 40.0), ("v3", SPACING, 30.0)], 0)
-
-
-@pytest.mark.parametrize(("behind", "is_far"), [(28.0, False), (32.0, True), (90.0, True)])
-def test_a_spacing_of_more_than_twice_the_desired_one_is_far(behind: float, is_far: bool) -> None:
-    followers, time, found = behind_lead(), 0.0, list[str]()
-    for step in range(200):
-        time = 0.05 * step
-        lead = 50.0 + 10.0 * time
-        slow = max(lead - 10.0 - behind, 30.0)  # v3 stands until it is that far behind
-        found = followers.observe(
-            [pose_at("v2", lead - 10.0, time), pose_at("v3", slow, time)], lead
-        )
-    assert [text.split()[0] for text in found] == ["v3"] * is_far
-
-
-def test_it_has_caught_up_at_half_of_the_excess() -> None:
-    followers = behind_lead()
-    for step, (spacing, is_far) in enumerate(
-        [(10.0, False), (32.0, True), (25.0, True), (19.0, False), (25.0, False)]
-    ):
-        time = 5.0 * step
-        lead = 50.0 + 10.0 * time
-        found = followers.observe(
-            [pose_at("v2", lead - 10.0, time), pose_at("v3", lead - 10.0 - spacing, time)], lead
-        )
-        assert bool(found) == is_far, spacing

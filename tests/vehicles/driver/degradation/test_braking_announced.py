@@ -51,23 +51,6 @@ def test_it_brakes_as_announced(speed: float, gap: float) -> None:
     assert hard - min(instants) < 0.6 * SECOND
 
 
-@given(st.floats(15.0, 36.0))
-def test_the_announced_instant_is_constant_while_braking(speed: float) -> None:
-    road = convoy(speed, 20.0)
-    predicted = announced(road, SILENT_AT + 3 * SECOND)
-    hard = begins_hard(road)
-    assert len({at for now, at in predicted.items() if now > hard}) == 1
-
-
-@given(st.floats(20.0, 36.0))
-def test_nothing_is_announced_before_a_safe_distance_was_reached(speed: float) -> None:
-    road = convoy(speed, 3.0)
-    predicted = announced(road, SILENT_AT + 6 * SECOND)
-    assert predicted[SILENT_AT] == predicted[SILENT_AT + 2 * PERIOD] == 0
-    for now, command in zip(predicted, road.commands, strict=True):
-        assert command >= -HARD or 0 < predicted[now] <= now
-
-
 def test_reception_withdraws_the_announcement() -> None:
     road = convoy(30.0, 20.0)
     again = SILENT_AT + SECOND

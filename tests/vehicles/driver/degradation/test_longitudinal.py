@@ -1,8 +1,5 @@
 """Speed of a follower with late or no data, behind a predecessor that may brake."""
 
-from dataclasses import replace
-from itertools import pairwise
-from math import nan
 from random import Random
 
 import pytest
@@ -22,14 +19,12 @@ from tests.made.vehicles.two_cars import (
     profile,
 )
 from vehicles.driver.degradation.settings import DegradationSettings, Reaction
-from vehicles.driver.degradation.situation import Situation, SourceFreshness
 from vehicles.driver.degradation.stopping import friction_left
-from vehicles.driver.ego.own_state import Pose
-from vehicles.driver.longitudinal.controller import LongitudinalSetup, VehiclesAhead
+from vehicles.driver.longitudinal.controller import LongitudinalSetup
 from vehicles.driver.longitudinal.laws import Acc, AccSettings
 from vehicles.driver.longitudinal.spacing import SpacingPolicy
 from vehicles.driver.speed import GapKeeping, SpeedLaw
-from vehicles.schedule import MILLISECOND, SECOND
+from vehicles.schedule import SECOND
 
 
 @pytest.mark.parametrize(("law", "braking"), [(keeping(), -0.5), (profile(), -0.02)])
@@ -39,15 +34,6 @@ def test_with_all_data_the_speed_law_decides_exactly(law: SpeedLaw, braking: flo
     for step in range(600):
         command = road.tick(braking if 200 < step < 280 else 0.0, received=True)
         assert command is recording.commands[-1]
-
-
-def test_a_shrinking_gap_ends_the_common_speed() -> None:
-    road = Road(profile())
-    for step in range(600):
-        road.tick(
-            -0.5 if 200 < step < 280 else 0.0, received=True
-        )  # 0.8 m/s slower than the common
-    assert road.spacing > 14.0
 
 
 @pytest.mark.parametrize("reaction", ["extrapolate", "hold", "straight"])
@@ -115,18 +101,6 @@ def test_braking_is_limited_by_emergency_braking_and_friction(
         assert command >= -max(min(EMERGENCY.deceleration, left), 0.1) - 1e-9
 
 
-@given(st.floats(2.0, 60.0), st.floats(0.1, 30.0), st.floats(0.0, 30.0))
-def test_a_wider_gap_never_brakes_harder(gap: float, wider: float, speed: float) -> None:
-    commands = []
-    for apart in (gap, gap + wider):
-        road = Road(keeping(), speed=speed, spacing=apart)
-        road.tick(0.0, received=True)
-        road.known = (0, apart, speed, 0.0)
-        road.now = 400 * MILLISECOND
-        commands.append(road.tick(0.0, received=False).acceleration)
-    assert commands[0] <= commands[1] + 1e-9
-
-
 def test_the_gap_opens_comfortably_at_high_loss_and_closes_again() -> None:
     road = Road(GapKeeping(SpacingPolicy(8.0, 1.5), LIMITS), policy=SpacingPolicy(8.0, 1.5))
     usual = road.spacing
@@ -162,33 +136,6 @@ def test_without_data_it_stops_within_the_known_path(known: float) -> None:
         assert -road.path == pytest.approx(shortest - known, rel=0.05)
 
 
-def test_a_stop_announced_by_the_predecessor_causes_braking_at_once() -> None:
-    road = Road(keeping())
-    for _ in range(50):
-        road.tick(0.0, received=True)
-    for _ in range(5):
-        road.tick(-6.0, received=True, hazard=True)
-    assert road.commands[-1] < -5.0
-
-
-def test_after_falling_behind_it_catches_up_to_the_common_speed() -> None:
-    law = profile()
-    road = Road(law, spacing=40.0, policy=SpacingPolicy(40.0))
-    for step in range(4000):
-        road.tick(0.0, received=not 100 <= step < 300)
-    assert min(road.commands) < -0.5
-    assert road.ahead - road.place == pytest.approx(40.0, abs=0.6)
-    assert road.speed == pytest.approx(25.0, abs=0.1)
-    steps = [after - before for before, after in pairwise(road.commands)]
-    jerk = EMERGENCY.jerk * TICK / SECOND
-    assert max(steps) <= jerk + 1e-9
-    situation = replace(Situation(), predecessor=SourceFreshness(age=0.02))
-    pose = Pose(road.place, 0.0, 0.0, road.speed, 0.0)
-    ahead = VehiclesAhead(40.0, 25.0, 25.0)
-    command = law.command(road.now, pose, ahead)
-    assert road.guard.command(road.now, pose, ahead, situation, "composite") == command
-
-
 @pytest.mark.parametrize("headway", [0.0, 0.5])
 def test_without_the_lead_a_constant_distance_becomes_a_stable_headway(
     headway: float,
@@ -201,15 +148,6 @@ def test_without_the_lead_a_constant_distance_becomes_a_stable_headway(
     kept = road.ahead - road.place
     assert kept == pytest.approx(12.0 + max(headway, 0.35) * 20.0, abs=0.1)
     assert min(road.commands) >= -1.0 - 1e-9
-
-
-def test_a_stop_without_a_known_path_is_an_emergency_stop() -> None:
-    road = Road(profile())
-    road.mode, road.path = "stop", nan
-    for _ in range(300):
-        road.tick(0.0, received=True)
-    assert min(road.commands) == pytest.approx(-EMERGENCY.deceleration)
-    assert road.speed < 0.01
 
 
 @given(st.floats(25.0, 36.0), st.floats(2.0, 6.0))

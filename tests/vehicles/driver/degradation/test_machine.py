@@ -20,8 +20,8 @@ from tests.made.vehicles.followers import (
 )
 from vehicles.car.sending.path_history import PathHistory
 from vehicles.driver.degradation.settings import DegradationSettings, Reaction
-from vehicles.driver.degradation.stopping import CREEP_SPEED, needed_deceleration, stopping_distance
-from vehicles.messages import GpsPose, Mode
+from vehicles.driver.degradation.stopping import CREEP_SPEED, stopping_distance
+from vehicles.messages import GpsPose
 
 DEGRADE = DegradationSettings()
 SILENT = ((0.0, 4.0), (12.0, math.inf))
@@ -80,18 +80,6 @@ def test_every_change_of_mode_has_a_reason_in_seconds_and_metres() -> None:
             assert "after 1.0 s of probation" in why
 
 
-def test_coast_and_stop_differ_by_the_needed_deceleration() -> None:
-    mode: Mode = "composite"
-    for step in decided(cut()):
-        seen, before = step.decision, mode
-        mode = seen.mode
-        if mode == "coast":
-            assert needed_deceleration(step.body.speed, seen.situation.known) <= 1.02
-        if mode == "stop" and before != "stop":
-            assert needed_deceleration(step.body.speed, seen.situation.known) > 0.98
-        assert seen.situation.hazard == (mode == "stop")
-
-
 @pytest.mark.parametrize("speed", [5.0, 10.0, 20.0])
 def test_braking_distances_and_blind_distance_match_the_closed_form(speed: float) -> None:
     steps = decided(cut(speed=speed))
@@ -111,16 +99,6 @@ def test_braking_distances_and_blind_distance_match_the_closed_form(speed: float
         assert situation.comfortable_stop >= situation.firm_stop - 1e-9
         assert situation.firm_stop == pytest.approx(firm, abs=0.1)
         assert situation.comfortable_stop == pytest.approx(comfortable, abs=0.3)
-
-
-def test_the_known_path_ends_at_the_newest_sample() -> None:
-    for step in decided(cut()):
-        if 1.0 < step.seconds < 12.0:
-            newest = min(math.floor(round((step.seconds - 0.02) * 20, 6)) / 20, 3.95)
-            place = BEND.project(step.body.east, step.body.north, step.body.distance).station
-            known = 30.0 + 10.0 * newest - place
-            assert step.decision.situation.lead.known == pytest.approx(known, abs=0.3)
-            assert step.decision.situation.known == step.decision.situation.lead.known
 
 
 @cache
@@ -209,12 +187,3 @@ def test_extrapolate_continues_along_the_bend() -> None:
     assert "coast" in {step.decision.mode for step in steps}
     assert max(map(abs, lateral(BEND, steps))) < 0.4
     assert min(step.body.speed for step in steps) > 9.5
-
-
-def test_baselines_differ_only_without_data() -> None:
-    for steps in (cut("hold"), cut("straight")):
-        for step, other in zip(steps, cut("extrapolate"), strict=True):
-            if step.decision.mode == "coast":
-                break
-            assert step.decision.actuation == other.decision.actuation
-            assert not step.decision.situation.hazard

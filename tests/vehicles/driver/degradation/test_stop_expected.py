@@ -57,34 +57,12 @@ def test_it_stops_behind_a_silent_predecessor_that_brakes(
     assert min(road.commands) >= -EMERGENCY.deceleration
 
 
-def test_without_the_announcement_they_collide() -> None:
-    road = Announced(profile(30.0), speed=30.0, spacing=LENGTH + 3.0)
-    road.stops_at = 0
-    for _ in range(500):
-        road.tick(road.braking(), received=road.now < ANNOUNCED - 0.3 * SECOND)
-    assert road.least < 0.0
-
-
 @pytest.mark.parametrize("law", [keeping(), profile()])
 def test_before_the_announced_instant_nothing_changes(law: SpeedLaw) -> None:
     recording = RecordingLaw(law)
     road = Announced(recording)
     while road.now < ANNOUNCED:
         assert road.tick(0.0, received=True) is recording.commands[-1]
-
-
-def test_it_resumes_once_it_receives_that_the_predecessor_continues() -> None:
-    road = Announced(profile())
-    while road.now < ANNOUNCED + 6 * TICK:
-        road.tick(0.0, received=road.now < ANNOUNCED - SECOND // 3)
-    assert road.commands[-1] < -1.0
-    assert road.guard.stops_behind
-    road.stops_at = 0
-    for _ in range(1500):
-        road.tick(0.0, received=True)
-    assert road.speed == pytest.approx(25.0, abs=0.1)
-    assert abs(road.commands[-1]) < 0.05
-    assert not road.guard.stops_behind
 
 
 @given(st.floats(0.5, 3.0), st.floats(10.0, 36.0))

@@ -1,19 +1,17 @@
 """Late fixes correct the estimate at their instant; stored readings predict it to now."""
 
 import math
-from dataclasses import astuple, replace
+from dataclasses import astuple
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tests.made.vehicles.driving import advance
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, GnssReceiver
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.positioning.noise import GnssNoise
-from vehicles.car.sensors.imu import InertialNoise, InertialSensor, Motion
+from vehicles.car.sensors.imu import InertialNoise, InertialSensor
 from vehicles.driver.ego.late_fixes import LatePoseEstimator
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.ego.pose_estimator import PoseEstimator
@@ -75,43 +73,6 @@ def test_late_fixes_are_nearly_as_good(latency_ms: int) -> None:
     late, prompt, truth = driven(latency_ms * MILLISECOND)
     assert off(late, truth) < 1.2 * off(prompt, truth) + 0.03 * latency_ms / 1000.0
     assert off(late, truth) < 0.03
-
-
-def test_the_estimate_equals_that_of_ordered_measurements() -> None:
-    """Compared with a plain estimator that processes them in order of measurement."""
-    latency = 100 * MILLISECOND
-    random = np.random.default_rng(3)
-    plain = PoseEstimator(CAR)
-    start = Fix(0, 0, 0.0, 0.0, 0.0, 20.0, 0.0)
-    plain.correct(start)
-    late = LatePoseEstimator(plain.copy(), latency)
-    readings = {
-        k * 20 * MILLISECOND: Motion(20.0 + 0.1 * one, 0.02 * other)
-        for k, (one, other) in enumerate(random.standard_normal((60, 2)).tolist())
-    }
-    fixes = {
-        k * 50 * MILLISECOND: replace(
-            start, seq=k, measured_at=k * 50 * MILLISECOND, east=k + 0.02 * noise
-        )
-        for k, noise in enumerate(random.standard_normal(20).tolist(), 1)
-    }
-    now = SECOND
-    for at in range(0, now + 1, TICK):
-        late.update(at, fixes.get(at - latency), readings.get(at))
-    for at in range(0, now + 1, TICK):
-        plain.update(at, fixes.get(at) if at + latency <= now else None, readings.get(at))
-    assert astuple(late.at(now)) == astuple(plain.at(now))
-
-
-@given(st.integers(1, 400))
-def test_stored_readings_are_bounded_without_fixes(latency_ms: int) -> None:
-    first = PoseEstimator(CAR)
-    first.correct(Fix(0, 0, 0.0, 0.0, 0.0, 20.0, 0.0))
-    late = LatePoseEstimator(first, latency_ms * MILLISECOND)
-    for at in range(0, 2 * SECOND, 20 * MILLISECOND):
-        late.update(at, None, Motion(20.0, 0.0))
-    assert len(late._readings) <= latency_ms / 20 + 1
-    assert late.at(2 * SECOND).east == pytest.approx(40.0)
 
 
 def test_a_fix_is_weighted_by_its_stated_accuracy() -> None:

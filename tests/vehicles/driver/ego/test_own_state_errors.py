@@ -14,7 +14,7 @@ from vehicles.car.positioning.bias import Bias
 from vehicles.car.positioning.common_drift import CommonDrift
 from vehicles.car.positioning.drift import Drift
 from vehicles.car.positioning.fix_states import ScheduledStates, StateEntry
-from vehicles.car.positioning.gnss_settings import PRESETS, GnssSettings, Preset, StateErrors
+from vehicles.car.positioning.gnss_settings import PRESETS, GnssSettings, Preset
 from vehicles.car.positioning.outages import FixOutageWindow
 from vehicles.schedule import MILLISECOND, SECOND
 
@@ -108,15 +108,3 @@ def test_a_receiver_that_states_a_wrong_accuracy_misleads_the_filter() -> None:
         for settings in (honest, overconfident)
     ]
     assert squares[1] > 20.0 * squares[0]
-
-
-def test_white_noise_is_estimated_as_without_an_error_model() -> None:
-    """To the last bit, also of receivers with other states that do not occur."""
-    settings = GnssSettings(while_float=StateErrors(drift=Drift(0.1)))
-    for seed in range(2):
-        drives = [
-            EstimatedDrive(settings, COURSES["slalom"], 5.0, white_only=white_only)
-            for white_only in (False, True)
-        ]
-        first, second = [drive.normalised_squares(seed) for drive in drives]
-        assert np.array_equal(first, second)

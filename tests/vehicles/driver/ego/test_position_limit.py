@@ -1,9 +1,7 @@
 """The speed limit of a car that is uncertain of its own position."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import pairwise
-from math import inf, nan
 
 import pytest
 
@@ -11,35 +9,13 @@ from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.leader import WaitingProfile
 from vehicles.driver.longitudinal.controller import VehiclesAhead
-from vehicles.driver.position_limit import WALKING_PACE, PositionLimit, speed_limit
+from vehicles.driver.position_limit import WALKING_PACE, PositionLimit
 from vehicles.driver.speed import SpeedCommand, SpeedProfile
 from vehicles.schedule import SECOND
 
 SETTINGS = DegradationSettings()
 SPAN = 0.02
 Deviation = Callable[[float], float]
-
-
-def test_the_limit_falls_with_the_deviation_to_a_walking_pace() -> None:
-    limits = [speed_limit(0.01 * step) for step in range(200)]
-    assert all(later <= earlier for earlier, later in pairwise(limits))
-    assert speed_limit(0.1) == pytest.approx(29.8, abs=0.1)
-    assert limits[-1] == WALKING_PACE
-
-
-@pytest.mark.parametrize("deviation", [0.0, 0.02, 0.1, nan])
-def test_small_and_unknown_deviations_change_nothing(deviation: float) -> None:
-    limit, command = PositionLimit(SETTINGS), SpeedCommand(1.5, 30.0)
-    limit.observe(deviation)
-    assert limit.limited(command, 30.0, 0.0, SPAN) is command
-    assert limit.joined("") == ""
-
-
-@pytest.mark.parametrize("reaction", ["extrapolate", "hold", "straight"])
-def test_baselines_drive_at_full_speed(reaction: str) -> None:
-    limit = PositionLimit(replace(SETTINGS, reaction=reaction))  # type: ignore[arg-type]
-    limit.observe(5.0)
-    assert limit.speed == inf
 
 
 def follower(deviation: Deviation, seconds: float) -> list[tuple[float, float]]:

@@ -85,11 +85,6 @@ def commands(flow: str, positions: Floats, speeds: Floats) -> list[float]:
 
 
 @pytest.mark.parametrize("flow", FLOWS)
-def test_errors_decay_with_any_flow_from_the_lead_to_all(flow: str) -> None:
-    assert np.linalg.eigvals(system(flow)).real.max() < 0.0
-
-
-@pytest.mark.parametrize("flow", FLOWS)
 def test_the_law_is_the_linear_model(flow: str) -> None:
     """Commands in drawn states, and errors 300 s after a disturbance."""
     matrix, random = system(flow), np.random.default_rng(1)
@@ -102,31 +97,6 @@ def test_the_law_is_the_linear_model(flow: str) -> None:
         assert commands(flow, positions, speeds) == pytest.approx(expected.tolist(), abs=1e-9)
     solution = solve_ivp(lambda _, error: matrix @ error, (0.0, 300.0), errors[0], rtol=1e-8)
     assert np.abs(solution.y[:, -1]).max() < 1e-2 * np.abs(errors[0]).max()
-
-
-def test_a_vehicle_behind_pulls_back_and_pushes() -> None:
-    rest, speeds = -SPACING * np.arange(FOLLOWERS + 1.0), np.full(FOLLOWERS + 1, SPEED, np.float64)
-    for back, sign in ((-2.0, -1.0), (2.0, 1.0)):
-        moved = rest.copy()
-        moved[3] += back
-        assert commands("bidirectional", moved, speeds)[1] * sign > 0.0
-        assert commands("predecessor", moved, speeds)[1] == pytest.approx(0.0)
-
-
-def test_old_sources_do_not_count_and_a_wider_gap_widens_all_spacings() -> None:
-    policies = {"v1": SpacingPolicy(2 * SPACING), "v4": SpacingPolicy(-SPACING)}
-    setup = LongitudinalSetup(
-        SpacingPolicy(SPACING), GapLimits(), predecessor="v2", policies=policies
-    )
-    law = Consensus(setup, LAW)
-    behind = SourceMotion(-SPACING, SPEED, 0.0, 0.0)
-    late = SourceMotion(2 * SPACING + 9.0, SPEED, 0.0, 2 * LAW.fallback_after)
-    ahead = VehiclesAhead(spacing=SPACING, sources={"v1": late, "v4": behind})
-    assert law.acceleration(SPEED, ahead) == pytest.approx(0.0)
-    wider = ahead.replaced(SPACING - 3.0, math.nan, math.nan)
-    assert law.acceleration(SPEED, wider) == pytest.approx(-3.0 * LAW.position_gain)
-    none = VehiclesAhead(sources={"v1": late})
-    assert law.acceleration(SPEED, none) == 0.0
 
 
 @pytest.mark.parametrize("radius", [math.inf, 40.0, -15.0])
