@@ -13,8 +13,7 @@ from transport.texts import printable
 from transport.topics import TOPICS, Topic
 from vehicles.messages import FloatOrNan, Message
 
-MAX_BYTES = 16_384
-"""Maximum size of a message; larger ones are refused without being parsed."""
+MAX_BYTES = 16_384  # Maximum size of a message; larger ones are refused without being parsed
 
 
 class RefusedMessageError(ValueError):

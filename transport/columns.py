@@ -12,8 +12,7 @@ from transport.topics import TOPICS
 Array = NDArray[Any]
 Integers = NDArray[np.int64]
 
-DEVIATION = "deviation"
-"""Topic of the true errors and gaps, which only the log has."""
+DEVIATION = "deviation"  # Topic of the true errors and gaps, which only the log has
 
 
 def instant_of(topic: str) -> str:

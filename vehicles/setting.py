@@ -12,8 +12,7 @@ from vehicles.schedule import MILLISECOND, SECOND
 
 QUALIFIERS = ("_max", "_min")
 """Suffixes of a name that follow the unit in its key: `probation_max` is `probation_s_max`."""
-PER_SI = {"ms": 1000.0}
-"""Key units that are proportional to the SI unit, with the factor from SI."""
+PER_SI = {"ms": 1000.0}  # Key units that are proportional to the SI unit, with the factor from SI
 NANOSECONDS = {"s": SECOND, "ms": MILLISECOND}
 """Nanoseconds per unit of time. Integer fields with such a unit are in nanoseconds."""
 

@@ -13,10 +13,8 @@ from transport.codec import MAX_BYTES, RefusedMessageError
 from transport.convoy_pb2 import Records
 from transport.topics import TOPICS
 
-MAX_RECORDS_BYTES = 65_535
-"""Maximum size of a batch; larger ones are refused without being parsed."""
-_HEAD_BYTES = 48
-"""Upper bound on the bytes of a record without its message."""
+MAX_RECORDS_BYTES = 65_535  # Maximum size of a batch; larger ones are refused without being parsed
+_HEAD_BYTES = 48  # Upper bound on the bytes of a record without its message
 
 _BATCHED = frozenset([topic.name for topic in TOPICS.values() if topic.batched])
 

@@ -41,17 +41,12 @@ __all__ = [
     "prepare_bus",
 ]
 
-FLUSH_S = 1.0
-"""Maximum wait at closing for the router to receive all publications."""
-
-ALL_MEMBERS = alive_key("*", "*", "*", "*")
-"""Matches the liveliness tokens of all members."""
-MEMBERS_S = 10.0
-"""Timeout of the query for members, which takes a round trip."""
+FLUSH_S = 1.0  # Maximum wait at closing for the router to receive all publications
+ALL_MEMBERS = alive_key("*", "*", "*", "*")  # Matches the liveliness tokens of all members
+MEMBERS_S = 10.0  # Timeout of the query for members, which takes a round trip
 LONGER = 2.0
 """Factor from the timeout of a first connection to that of a second, if a program answers."""
-ANSWER_S = 2.0
-"""How long to wait for a connection that only shows whether a program listens."""
+ANSWER_S = 2.0  # How long to wait for a connection that only shows whether a program listens
 
 _LOG_FILTER = "error,zenoh::api::session=off"
 """Zenoh's log filter, unless RUST_LOG is set. Sessions log errors for messages that arrive while

@@ -22,8 +22,7 @@ from vehicles.messages import GpsPose
 from vehicles.received_pose import ReceivedPose
 
 COPY: Final = 1
-GHOST: Final = 2
-"""Indices of extra poses of a message: its copy, and its ghosts from 2 on."""
+GHOST: Final = 2  # Indices of extra poses of a message: its copy, and its ghosts from 2 on
 FRAME_EPOCH: Final = 2**60
 """Start of the run (ns, the year 2006) in frames with bit errors: neither the effect of a flipped
 bit nor the length of a frame depends on the date."""

@@ -34,8 +34,7 @@ FASTEST: Final = 330.0
 NOISE_ALLOWANCE: Final = 6.0
 """Between two of its positions a vehicle covers less than this speed (m/s) times the time between
 them, plus this distance (m)."""
-METRES_PER_UNIT: Final = 0.0112
-"""Upper bound (m) of 1e-7 degrees."""
+METRES_PER_UNIT: Final = 0.0112  # Upper bound (m) of 1e-7 degrees
 CACHED_POSES: Final = 64
 """Number of cached poses; in virtual time all receivers of a pose are in one process."""
 HORIZON_NS: Final = 60 * SECOND
@@ -47,8 +46,7 @@ TIMESTAMP_REASONS = ("past", "future")
 FIRST_REPORT: Final = 100
 """Count of the first report; the next reports follow at ten times the previous count."""
 
-ROUNDING: Final = 0.001
-"""Tolerance in periods: instants are rounded to nanoseconds."""
+ROUNDING: Final = 0.001  # Tolerance in periods: instants are rounded to nanoseconds
 _LIMITS = {
     "latitude_deg": (-90.0, 90.0),
     "longitude_deg": (-180.0, 180.0),

@@ -20,10 +20,8 @@ from transport.topics import key
 from vehicles.messages import GpsPose, LinkVerdict
 from vehicles.received_pose import ReceivedPose
 
-QUEUE: Final = 4096
-"""Maximum number of messages between two ticks; the oldest are dropped."""
-LONGEST_WAITING: Final = 8000
-"""Length of the list of waiting messages, half of that of a message."""
+QUEUE: Final = 4096  # Maximum number of messages between two ticks; the oldest are dropped
+LONGEST_WAITING: Final = 8000  # Length of the list of waiting messages, half of that of a message
 WINDOW: Final = 8192
 """Numbers this far behind a sender's newest number are refused, which bounds the memory."""
 

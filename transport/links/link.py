@@ -18,8 +18,7 @@ from transport.links.laws.stage import StageLaw
 from transport.reasons import DropReason
 from vehicles.messages import Outcome
 
-_EVER_SINCE, _FOR_EVER = -(2**63), 2**63 - 1
-"""Before and after any instant (ns) of a run."""
+_EVER_SINCE, _FOR_EVER = -(2**63), 2**63 - 1  # Before and after any instant (ns) of a run
 _STEPS = 2**52  # (k + 1/2) / _STEPS is exact in a double and strictly inside (0, 1)
 
 

@@ -6,8 +6,7 @@ from typing import Final
 
 from transport.links.laws.effect import Position
 
-MAX_POSITIONS: Final = 4096
-"""Number of stored ticks: at least a minute, for late messages."""
+MAX_POSITIONS: Final = 4096  # Number of stored ticks: at least a minute, for late messages
 DELETED_AT_ONCE: Final = MAX_POSITIONS // 8
 
 

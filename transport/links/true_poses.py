@@ -11,8 +11,7 @@ from transport.topics import TOPICS, key
 from vehicles.messages import TruePose
 
 TRUTH = TOPICS["truth"]
-KEPT = 128
-"""Number of poses kept, two seconds of them: more than the latency of a sensor."""
+KEPT = 128  # Number of poses kept, two seconds of them: more than the latency of a sensor
 
 
 class TruePoses:

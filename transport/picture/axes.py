@@ -14,11 +14,9 @@ import rerun.blueprint as rrb
 MARGIN_RATIO = 0.1
 MAX_STEPS = 4.0
 """Largest range in units of the labelled step: in a low plot more labels are too close."""
-PLOT_WIDTH_PX = 670.0
-"""Width of a plot in a window of 1600 pixels."""
+PLOT_WIDTH_PX = 670.0  # Width of a plot in a window of 1600 pixels
 WIDEST_LABEL_PX = 40.0
-LARGEST, SMALLEST_SPAN = 1e9, 1e-9
-"""Limits of value axes: wrong messages may hold any number."""
+LARGEST, SMALLEST_SPAN = 1e9, 1e-9  # Limits of value axes: wrong messages may hold any number
 
 
 class ValueAxis(NamedTuple):

@@ -33,15 +33,10 @@ from transport.picture.axes import WIDEST_LABEL_PX, ValueAxis, whole_run
 from transport.picture.detail import Detail
 
 Shape = Literal["Asterisk", "Circle", "Cross", "Diamond", "Down", "Plus", "Right", "Square", "Up"]
-Road = tuple[Sequence[float], Sequence[float]]
-"""East and north of the lead's path, m."""
-TIMELINE = "run_time"
-"""Time since the start of the run; the timeline `time` has Unix time."""
-
-MARGIN_M = 4.0
-"""Margin of the moving view around the centre of a car."""
-FEW_VEHICLES = 5
-"""Largest convoy whose links and modes share one view."""
+Road = tuple[Sequence[float], Sequence[float]]  # East and north of the lead's path, m
+TIMELINE = "run_time"  # Time since the start of the run; the timeline `time` has Unix time
+MARGIN_M = 4.0  # Margin of the moving view around the centre of a car
+FEW_VEHICLES = 5  # Largest convoy whose links and modes share one view
 MIN_TAG_M, TAG_PX = 4.0, 34.0
 """Distance of a name tag from its car: at least half the length of a tag on the screen."""
 VIEW_WIDTH_PX, VIEW_HEIGHT_PX = 888.0, 260.0

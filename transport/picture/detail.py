@@ -5,10 +5,8 @@ More curves cannot be distinguished, and drawing them all would be slower than r
 
 from collections.abc import Sequence
 
-MAX_ALL_DETAILED = 12
-"""Largest convoy of which all vehicles are drawn in detail."""
-DETAILED = 8
-"""Number of vehicles of a longer convoy that are drawn in detail."""
+MAX_ALL_DETAILED = 12  # Largest convoy of which all vehicles are drawn in detail
+DETAILED = 8  # Number of vehicles of a longer convoy that are drawn in detail
 SHOWN_ABOUT = 5
 """Vehicles of a longer convoy that the moving view shows ahead of and behind the followed one."""
 

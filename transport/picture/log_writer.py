@@ -13,8 +13,7 @@ from transport.picture.series.moving_rows import send_trajectories
 from vehicles.messages import Message, TruePose
 from vehicles.schedule import SECOND, Timer
 
-SERIES = ("truth", "tracking", "command")
-"""Topics with curves or states."""
+SERIES = ("truth", "tracking", "command")  # Topics with curves or states
 
 
 POSITIONS_NS = 20 * SECOND

@@ -9,8 +9,7 @@ import rerun as rr
 from transport.panels import PANELS
 from transport.picture.blueprint import MARKS
 
-ROW_RATIO = 0.75
-"""Distance between rows of names, in distances of name tags."""
+ROW_RATIO = 0.75  # Distance between rows of names, in distances of name tags
 
 
 @dataclass(frozen=True, slots=True)

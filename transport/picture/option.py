@@ -11,8 +11,7 @@ from transport.picture.viewer_process import ViewerError
 Sink = Literal["off", "spawn", "serve", "connect", "save"]
 LOOPBACK = "127.0.0.1"
 PAGE_PORT = 9090
-DATA_PORT = 9876
-"""Rerun's usual ports. If they are in use, the default is any free port."""
+DATA_PORT = 9876  # Rerun's usual ports. If they are in use, the default is any free port
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +78,7 @@ def require_cursor(option: RerunOption) -> None:
         )
 
 
-RECORDING_MAGICS = (b"RRF2", b"RRF1", b"RRF0")
-"""First bytes of a recording of Rerun, by version."""
+RECORDING_MAGICS = (b"RRF2", b"RRF1", b"RRF0")  # First bytes of a recording of Rerun, by version
 
 
 def refuse_foreign_file(option: RerunOption) -> None:

@@ -61,23 +61,15 @@ from vehicles.schedule import MILLISECOND, SECOND, Timer
 CAR_NS = 40 * MILLISECOND
 TRAJECTORY_NS = 100 * MILLISECOND
 DRIVEN_NS = 200 * MILLISECOND
-BATCH_NS = 500 * MILLISECOND
-"""Period of sending the curves: batches cost a tenth of single values."""
-MOVING_NS = 100 * MILLISECOND
-"""Period of sending the positions."""
-SILENT_NS = SECOND
-"""Time without a pose after which the view follows another vehicle."""
+BATCH_NS = 500 * MILLISECOND  # Period of sending the curves: batches cost a tenth of single values
+MOVING_NS = 100 * MILLISECOND  # Period of sending the positions
+SILENT_NS = SECOND  # Time without a pose after which the view follows another vehicle
 SPACING_M = 1.0
-WORST_FROM_M = 0.2
-"""Error from which the vehicle furthest off the lead's path is marked."""
-DEFAULT_CAR = CarShape(4.93, 1.86, -0.1568)
-"""A Lincoln MKZ, for vehicles of unknown size."""
-MAX_ZOOM = 4.0
-"""Largest zoom of the moving view that a vehicle other than the lead causes."""
-ZOOM_STEP = 1.25
-"""Change of that zoom after which name tags are placed again."""
-LINE_LENGTH = 78
-"""Characters of a log line that fit in a window of 1280 pixels."""
+WORST_FROM_M = 0.2  # Error from which the vehicle furthest off the lead's path is marked
+DEFAULT_CAR = CarShape(4.93, 1.86, -0.1568)  # A Lincoln MKZ, for vehicles of unknown size
+MAX_ZOOM = 4.0  # Largest zoom of the moving view that a vehicle other than the lead causes
+ZOOM_STEP = 1.25  # Change of that zoom after which name tags are placed again
+LINE_LENGTH = 78  # Characters of a log line that fit in a window of 1280 pixels
 _LEVELS = {
     "debug": "DEBUG",
     "info": "INFO",

@@ -12,8 +12,7 @@ from transport.picture.blueprint import LANE_EDGE, LEGEND_WIDTH, ROAD, WORST
 from vehicles.geometry.lanes import lane_edges as edges_of
 
 MARK_SPACING_M = 50.0
-MARK_CLEARANCE_M = 15.0
-"""Least distance between two marks: later laps have none."""
+MARK_CLEARANCE_M = 15.0  # Least distance between two marks: later laps have none
 CHARACTER, ROW_HEIGHT = 0.95, 3.7
 """Width of a letter and height of a row of the legend, in its unit."""
 

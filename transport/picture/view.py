@@ -30,8 +30,7 @@ APPLICATION = "convoy"
 MEMORY_LIMIT = "512MB"
 """Memory of a server for viewers that connect later; beyond it the oldest data are deleted."""
 FLUSH_S = 5.0
-LOG_FLUSH_S = 120.0
-"""Longest wait for a viewer to take the picture of a live run, and of a log."""
+LOG_FLUSH_S = 120.0  # Longest wait for a viewer to take the picture of a live run, and of a log
 CURSOR_S, CURSOR_EVERY_S = 60.0, 0.2
 """Longest wait for a viewer to move its cursor, and the time between attempts."""
 FLUSH_TICK_S = 0.1

@@ -15,12 +15,10 @@ from pathlib import Path
 from transport.clock import poll
 from transport.texts import ConvoyError
 
-START_S = 20.0
-"""Time (s) after which a program that does not listen has failed."""
+START_S = 20.0  # Time (s) after which a program that does not listen has failed
 STOP_S = 2.0
 POLL_S = 0.05
-PORT_TRIES = 5
-"""Number of free ports that are tried, in case other programs take them meanwhile."""
+PORT_TRIES = 5  # Number of free ports that are tried, in case other programs take them meanwhile
 OTHER_PORTS = "choose other ports with --serve-at ADDRESS:PORT:DATA_PORT"
 LAYOUT_NICENESS = 10
 _END_WITH_PARENT = """

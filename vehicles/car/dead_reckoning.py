@@ -11,8 +11,7 @@ from typing import Final
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.sensors.imu import InertialNoise
 
-MIN_LAG: Final = 1e-3
-"""Lower bound (s) of the slip's time constant, for a car that hardly moves."""
+MIN_LAG: Final = 1e-3  # Lower bound (s) of the slip's time constant, for a car that hardly moves
 
 UNKNOWN_LOAD: Final = 0.25
 """Error of the assumed load, as a share of the car's mass: four passengers with luggage are 480 kg
@@ -22,14 +21,12 @@ SLIP_ERROR_TIME: Final = 0.5
 """Correlation time (s) of the slip's error: half of the second that the paper assumes between two
 changes of curvature (Section III-A)."""
 
-SIDE_DRIFT: Final = 0.003
-"""Lateral speed (m/s) from causes outside the model: camber, wind."""
+SIDE_DRIFT: Final = 0.003  # Lateral speed (m/s) from causes outside the model: camber, wind
 
 YAW_JERK: Final = 5.0
 """Rate of change of yaw acceleration (rad/s³): an emergency lane change at 30 m/s."""
 
-JERK: Final = 10.0
-"""Rate of change of acceleration (m/s³): the onset of hard braking."""
+JERK: Final = 10.0  # Rate of change of acceleration (m/s³): the onset of hard braking
 
 
 class SlipModel:

@@ -8,8 +8,7 @@ from typing import Final
 
 from vehicles.car.parameters import VehicleParameters
 
-STEP_PER_RATE: Final = 0.45
-"""Longest sub-step, in units of the shortest time constant."""
+STEP_PER_RATE: Final = 0.45  # Longest sub-step, in units of the shortest time constant
 
 RATE_LIMITED_STEP: Final = 0.0025
 """Longest sub-step (s) where the steering may reach its rate limit."""

@@ -10,8 +10,7 @@ from typing import Annotated, Literal, NamedTuple, get_args
 
 from vehicles.setting import Setting
 
-TyreModel = Literal["linear", "brush"]
-"""The paper's linear tyres, or saturating ones; see `tyres`."""
+TyreModel = Literal["linear", "brush"]  # The paper's linear tyres, or saturating ones; see `tyres`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,8 +121,7 @@ class Gains(NamedTuple):
     yaw_rate: float
 
 
-NOMINAL_GAINS = Gains(0.06, 0.96, 0.08)
-"""The paper's nominal gains (Section V-A)."""
+NOMINAL_GAINS = Gains(0.06, 0.96, 0.08)  # The paper's nominal gains (Section V-A)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,18 +17,14 @@ from typing import Final, NamedTuple, Protocol
 
 from vehicles.car.parameters import VehicleParameters
 
-GRAVITY: Final = 9.80665
-"""Standard gravity (m/s²)."""
-
-WALKING_PACE: Final = 2.0
-"""Lower bound (m/s) of the speed that divides slip speeds."""
+GRAVITY: Final = 9.80665  # Standard gravity (m/s²)
+WALKING_PACE: Final = 2.0  # Lower bound (m/s) of the speed that divides slip speeds
 
 NONLINEAR_SLIP = 0.5 * (3.0 - math.sqrt(6.6))
 """End of the linear range: slip, as a share of that of full sliding, at which the force of the
 brush model is 20 % below C s. The root of 1 - x + x²/3 = 0.8, at 52 % of the friction."""
 
-SLIDING_SHARE: Final = 0.99
-"""Share of friction in use above which an axle counts as sliding."""
+SLIDING_SHARE: Final = 0.99  # Share of friction in use above which an axle counts as sliding
 
 
 class LateralState(Protocol):
@@ -40,8 +36,7 @@ class LateralState(Protocol):
     steering: float
 
 
-Coefficients = tuple[float, float, float, float, float, float]
-"""A to F of `lateral_coefficients`."""
+Coefficients = tuple[float, float, float, float, float, float]  # A to F of `lateral_coefficients`
 
 
 class TyreUse(NamedTuple):

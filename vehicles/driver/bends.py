@@ -7,12 +7,9 @@ from typing import Final
 from vehicles.geometry.geodesy import along
 from vehicles.received_pose import ReceivedPose
 
-MIN_SPEED: Final = 1.0
-"""Below this speed (m/s) a measured yaw rate does not determine a curvature."""
-SPACING: Final = 0.5
-"""Poses of a source that has moved less than this (m) are skipped."""
-CAPACITY: Final = 4096
-"""Largest number of poses kept ahead of the car."""
+MIN_SPEED: Final = 1.0  # Below this speed (m/s) a measured yaw rate does not determine a curvature
+SPACING: Final = 0.5  # Poses of a source that has moved less than this (m) are skipped
+CAPACITY: Final = 4096  # Largest number of poses kept ahead of the car
 
 
 class BendsAhead:

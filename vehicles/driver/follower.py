@@ -57,8 +57,7 @@ KEEPING: Final = ("coast", "stop", "creep", "straight")
 """Modes in which a follower keeps its last trajectory, if its policy chose them."""
 FADE_TIME: Final = 1.0
 """Driving time (s) over which the curvature fades to zero beyond the last samples."""
-SLOWEST_FADE: Final = 1.0
-"""The fade of slower cars is that of this speed (m/s)."""
+SLOWEST_FADE: Final = 1.0  # The fade of slower cars is that of this speed (m/s)
 
 
 class Follower:

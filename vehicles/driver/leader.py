@@ -40,8 +40,7 @@ from vehicles.schedule import SECOND, Cadence
 WAITING_SHARE: Final = 0.5
 """Share of the set speed while waiting: slow enough for followers to catch up."""
 
-SLOWEST: Final = 1.0
-"""Below this speed (m/s) the pace changes as at this speed."""
+SLOWEST: Final = 1.0  # Below this speed (m/s) the pace changes as at this speed
 
 
 class WaitingProfile(ProfileSpeed):

@@ -17,14 +17,9 @@ from vehicles.driver.longitudinal.laws import GapLaw
 from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
 from vehicles.schedule import SECOND
 
-PROFILE_CORRECTION: Final = 0.5
-"""Acceleration per speed error when following a profile (1/s)."""
-
-CORRECTION_MAX: Final = 2.0
-"""Limit (m/s²) of that correction, reached for example after a restart."""
-
-BEND_RATE: Final = 2.0
-"""Deceleration per excess speed in a bend (1/s)."""
+PROFILE_CORRECTION: Final = 0.5  # Acceleration per speed error when following a profile (1/s)
+CORRECTION_MAX: Final = 2.0  # Limit (m/s²) of that correction, reached for example after a restart
+BEND_RATE: Final = 2.0  # Deceleration per excess speed in a bend (1/s)
 
 BRAKING_BEFORE: Final = 0.5
 """Driving time (s) before a bend within which braking for the bend fades out."""

@@ -17,30 +17,21 @@ from vehicles.schedule import SECOND
 
 SPACING = 0.1
 """Distance (m) between the stations at which the curvature of the path behind is stored."""
-MIN_STORED = 256
-"""At least this number of curvatures is kept: 26 m."""
-REJOINING_LATERAL = 2.0
-"""Limit (m/s²) of the lateral acceleration during the return to a path."""
-REJOINING_ANGLE = 0.2
-"""Largest angle (rad) between the return and the path."""
-SHORTEST_RETURN = 10.0
-"""Shortest return to a path (m)."""
+MIN_STORED = 256  # At least this number of curvatures is kept: 26 m
+REJOINING_LATERAL = 2.0  # Limit (m/s²) of the lateral acceleration during the return to a path
+REJOINING_ANGLE = 0.2  # Largest angle (rad) between the return and the path
+SHORTEST_RETURN = 10.0  # Shortest return to a path (m)
 SLOWEST_RETURN = 8.0
 """Speed (m/s) for which returns of slower cars are planned, as they will accelerate."""
-JUMP = 0.3
-"""A change of the lateral error by more than this (m) within a tick is a new path."""
+JUMP = 0.3  # A change of the lateral error by more than this (m) within a tick is a new path
 MOST_PLANS = 3
 """A return is planned again after this number of further jumps at most: more of them are noise of
 the received positions, and a car that measured its error from each of them would never correct it.
 """
-FAR = 1.75
-"""More than this (m) beside a path, half a lane, a car returns slowly."""
-SLOW = 3.0
-"""Speed (m/s) of a slow return."""
-FARTHEST = 10.0
-"""A car more than this (m) beside a path stops instead."""
-STEEPEST = 1.0
-"""So does a car whose heading differs by more than this (rad)."""
+FAR = 1.75  # More than this (m) beside a path, half a lane, a car returns slowly
+SLOW = 3.0  # Speed (m/s) of a slow return
+FARTHEST = 10.0  # A car more than this (m) beside a path stops instead
+STEEPEST = 1.0  # So does a car whose heading differs by more than this (rad)
 
 
 class CurvedPath(Protocol):

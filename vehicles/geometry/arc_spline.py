@@ -8,8 +8,7 @@ from typing import Final
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.path_point import Foot, PathPoint
 
-PlanePose = tuple[float, float, float]
-"""East, north (m) and yaw (rad)."""
+PlanePose = tuple[float, float, float]  # East, north (m) and yaw (rad)
 STRAIGHT: Final = 1e-12
 """Curvature (1/m) below which a piece counts as a line: turn / curvature loses precision."""
 NODE_1: Final = 0.046910077030668018
@@ -23,8 +22,7 @@ MIDDLE_WEIGHT: Final = 0.28444444444444444
 """Weights of the outer nodes, the inner nodes and the middle."""
 CONVERGED: Final = 5e-3
 """Newton's method has converged after a step below this (m): the remaining error is its cube."""
-MAX_STEPS: Final = 8
-"""Limit of the steps of Newton's method; one or two are typical."""
+MAX_STEPS: Final = 8  # Limit of the steps of Newton's method; one or two are typical
 
 
 def clothoid_chord(curvature: float, rate: float, length: float) -> tuple[float, float]:

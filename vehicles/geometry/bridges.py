@@ -16,17 +16,10 @@ from vehicles.geometry.geodesy import wrap_angle
 
 FloatArray = NDArray[np.float64]
 
-HOLE = 5.0
-"""A step between two points is a hole if it is longer than this (m)..."""
-
-UNUSUAL = 4.0
-"""...and longer than this multiple of the median of the steps nearby."""
-
-NEARBY = 10
-"""Number of steps on either side that count as nearby."""
-
-SIDE = 7
-"""Minimum number of points to fit a side of a hole, if available."""
+HOLE = 5.0  # A step between two points is a hole if it is longer than this (m)..
+UNUSUAL = 4.0  # ...and longer than this multiple of the median of the steps nearby
+NEARBY = 10  # Number of steps on either side that count as nearby
+SIDE = 7  # Minimum number of points to fit a side of a hole, if available
 
 CERTAIN = 3.0
 """A side is an arc if its curvature is at least this many standard deviations from zero."""
@@ -36,8 +29,7 @@ MAX_TURN = math.radians(100.0)
 
 _CHUNK = 16_384  # steps compared at once, to limit memory
 
-_MIN_STEPS = 8
-"""Minimum number of steps that fill a hole."""
+_MIN_STEPS = 8  # Minimum number of steps that fill a hole
 _NORMAL = 0.6745 * math.sqrt(20.0)
 """Median size of the third difference of white noise, in standard deviations of the noise: the
 difference has 20 times its variance, and half of all normal numbers are within 0.6745."""

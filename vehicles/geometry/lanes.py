@@ -3,8 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Points = NDArray[np.float64]
-"""East and north (m), a row per point."""
+Points = NDArray[np.float64]  # East and north (m), a row per point
 
 
 def simplified(

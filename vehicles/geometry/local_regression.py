@@ -14,14 +14,9 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-NEIGHBOURS = 7
-"""Minimum number of points per local cubic (4 unknowns)."""
-
-ON_EACH_SIDE = 3
-"""Minimum number of points on either side, if available."""
-
-SLOPE = 0.5
-"""Rate (m/m) at which the reach widens towards sparse points."""
+NEIGHBOURS = 7  # Minimum number of points per local cubic (4 unknowns)
+ON_EACH_SIDE = 3  # Minimum number of points on either side, if available
+SLOPE = 0.5  # Rate (m/m) at which the reach widens towards sparse points
 
 _CHUNK = 256  # locations smoothed at once, to limit memory
 

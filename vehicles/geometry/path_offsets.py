@@ -9,8 +9,7 @@ import numpy as np
 from vehicles.geometry.sampled_path import WINDOW, FloatArray, SampledPath
 
 _CHUNK = 8192  # points projected at once, to limit memory
-_STEP = 50
-"""Points of a drive that are projected at once, a second of it at 50 Hz."""
+_STEP = 50  # Points of a drive that are projected at once, a second of it at 50 Hz
 
 
 def path_offsets(path: SampledPath, points: FloatArray, near: FloatArray) -> FloatArray:

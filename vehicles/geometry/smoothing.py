@@ -34,11 +34,8 @@ MERGED_NOISE = 3.0
 """Points within this many standard deviations of their noise are also merged: closer points seem
 to move back and forth."""
 
-MIN_POINTS = 8
-"""Minimum number of distinct points of a path."""
-
-CLOSING_DISTANCE = 10.0
-"""A closed drive returns to within this distance (m) of its first point."""
+MIN_POINTS = 8  # Minimum number of distinct points of a path
+CLOSING_DISTANCE = 10.0  # A closed drive returns to within this distance (m) of its first point
 
 SEAM_BLEND = 20.0
 """Distance (m) on either side of the seam over which the ends of a closed drive are blended."""
@@ -51,8 +48,7 @@ MIN_PROGRESS = 0.5
 """Points double back where the smoothed curve advances by less than this per metre of points."""
 
 
-Sections = tuple[tuple[int, int], ...]
-"""Indices of the first and the last point of each section."""
+Sections = tuple[tuple[int, int], ...]  # Indices of the first and the last point of each section
 
 
 class NoPathError(ValueError):

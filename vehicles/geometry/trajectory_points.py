@@ -6,8 +6,7 @@ from typing import Final
 from vehicles.geometry.arc_spline import clothoid_chord
 from vehicles.messages import CompositeTrajectory
 
-LONGEST_M: Final = 1000.0
-"""Longest trajectory (m) that is drawn, whatever a message contains."""
+LONGEST_M: Final = 1000.0  # Longest trajectory (m) that is drawn, whatever a message contains
 
 
 def points_along(

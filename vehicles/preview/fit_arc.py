@@ -32,12 +32,9 @@ Floats = NDArray[np.float64]
 SQUARE: Final = 0
 X: Final = 1
 Y: Final = 2
-ONE: Final = 3
-"""Row indices of x² + y², x, y and 1 in `FitData`."""
-PAIRS = np.triu_indices(4)
-"""Pairs of rows of `FitData` with distinct products."""
-DETERMINED: Final = 1e-9
-"""Below this relative spread the samples do not determine an unknown."""
+ONE: Final = 3  # Row indices of x² + y², x, y and 1 in `FitData`
+PAIRS = np.triu_indices(4)  # Pairs of rows of `FitData` with distinct products
+DETERMINED: Final = 1e-9  # Below this relative spread the samples do not determine an unknown
 
 
 @dataclass(slots=True)

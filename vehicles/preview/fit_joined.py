@@ -30,16 +30,13 @@ GAIN_MARGIN: Final = 2.0
 """Gain, in squared noise, that a join may have beyond the prediction of the parabola. A join that
 has no weight even then is not refined.
 """
-TINY: Final = 1e-30
-"""Avoids 0/0 for an undetermined curvature."""
+TINY: Final = 1e-30  # Avoids 0/0 for an undetermined curvature
 AFTER: Final = 0
 BEFORE: Final = 1
-BOTH: Final = 2
-"""Side of the join that is an arc."""
+BOTH: Final = 2  # Side of the join that is an arc
 
 Column = tuple[float, float, float, float]
-Factors = tuple[float, float, float]
-"""Factors of x, y and 1 in |q − P|², next to x² + y²."""
+Factors = tuple[float, float, float]  # Factors of x, y and 1 in |q − P|², next to x² + y²
 
 
 @dataclass(slots=True)

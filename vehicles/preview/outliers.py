@@ -14,12 +14,9 @@ _sum = np.add.reduce
 
 JUMP_SHARE: Final = 0.25
 """Removing a jump lowers the sum of squared residuals by more than this share."""
-MAX_JUMPS: Final = 3
-"""Number of samples that are removed one by one."""
-MIN_KEPT_SHARE: Final = 0.6
-"""Share of the samples that must remain."""
-FAR_RATIO: Final = 4.0
-"""Ratio to the median distance beyond which a sample is far from the curve."""
+MAX_JUMPS: Final = 3  # Number of samples that are removed one by one
+MIN_KEPT_SHARE: Final = 0.6  # Share of the samples that must remain
+FAR_RATIO: Final = 4.0  # Ratio to the median distance beyond which a sample is far from the curve
 
 
 def without_jumps(

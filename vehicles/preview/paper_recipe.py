@@ -22,10 +22,8 @@ from vehicles.preview.curve_fit import Curve, FitSettings
 Floats = NDArray[np.float64]
 _sum = np.add.reduce
 
-PREFIX_LEAST = 3
-"""The k ≥ 3 of Section III-A: least number of samples of a straight prefix."""
-DETERMINED = 1e-12
-"""Below this share of the squared spread the samples do not determine a circle."""
+PREFIX_LEAST = 3  # The k ≥ 3 of Section III-A: least number of samples of a straight prefix
+DETERMINED = 1e-12  # Below this share of the squared spread the samples do not determine a circle
 
 
 def recipe_curve(

@@ -21,8 +21,7 @@ from vehicles.theory.polynomials import is_hurwitz, spectral_abscissa
 
 Array = NDArray[np.float64]
 
-MILE_PER_HOUR = 0.44704
-"""m/s."""
+MILE_PER_HOUR = 0.44704  # m/s
 
 PAPER_SPEEDS = tuple(mph * MILE_PER_HOUR for mph in (10, 20, 30, 40, 50, 60, 67))
 """The speeds (m/s) of Section V-A. The last is 29.95 m/s; the paper rounds it to 30."""

@@ -28,11 +28,8 @@ from vehicles.theory.varying_speed import certify, lyapunov_change
 Array = NDArray[np.float64]
 Weights = tuple[float, ...]
 
-SPEEDS = 60
-"""Number of speeds at which c and k are computed, evenly spaced in ln v."""
-
-STEPS = 100
-"""Steps of a transition matrix; within 5e-3 (relative) of a numerical integrator."""
+SPEEDS = 60  # Number of speeds at which c and k are computed, evenly spaced in ln v
+STEPS = 100  # Steps of a transition matrix; within 5e-3 (relative) of a numerical integrator
 
 
 @dataclass(frozen=True, slots=True)

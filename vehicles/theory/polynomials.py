@@ -13,11 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Exact = tuple[Fraction, ...]
-"""A polynomial with rational coefficients, constant term first."""
-
-DEEPEST_SUBDIVISION = 40
-"""Number of bisections after which an exact positivity check returns False."""
+Exact = tuple[Fraction, ...]  # A polynomial with rational coefficients, constant term first
+DEEPEST_SUBDIVISION = 40  # Number of bisections after which an exact positivity check returns False
 
 
 def is_hurwitz(coefficients: Array) -> NDArray[np.bool_]:

@@ -32,11 +32,8 @@ hertz, if that period has too many instants.
 LARGE, LARGEST_LOG = 1e100, 700.0
 """Larger matrices are scaled; e to the power of `LARGEST_LOG` is near the largest float."""
 
-CHECKED_EVERY = 16
-"""Steps between size checks, too few to multiply the matrix by 1e200."""
-
-MIN_NOISE = 1e-6
-"""Noise (m, rad) assumed for a receiver without noise."""
+CHECKED_EVERY = 16  # Steps between size checks, too few to multiply the matrix by 1e200
+MIN_NOISE = 1e-6  # Noise (m, rad) assumed for a receiver without noise
 
 DOUBLINGS, TERMS = 24, 14
 """Sufficient for both series: 2^24 fixes; 0.5^14 / 14! is below the rounding error."""

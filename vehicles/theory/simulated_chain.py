@@ -18,11 +18,8 @@ ComplexArray = NDArray[np.complex128]
 SIMULATED_FREQUENCIES = np.geomspace(0.3, 25.0, 10)
 """Frequencies (rad/s) of the simulation that verifies the closed form."""
 
-TRANSIENT = 14.0
-"""Settling time before the evaluation, in time constants of the slowest root."""
-
-STEP_PER_RATE = 0.2
-"""Integration step, in units of the shortest time constant."""
+TRANSIENT = 14.0  # Settling time before the evaluation, in time constants of the slowest root
+STEP_PER_RATE = 0.2  # Integration step, in units of the shortest time constant
 
 
 def simulated_propagation(

@@ -30,17 +30,10 @@ from vehicles.theory.linear_model import closed_loop, speed_change_matrix
 
 Array = NDArray[np.float64]
 
-SLOWEST = 2.0
-"""Default lowest speed (m/s) of a certificate; below it the plant model changes."""
-
-FASTEST = 36.0
-"""Default highest speed (m/s) of a certificate, 130 km/h."""
-
-UNIT_WEIGHTS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
-"""Diagonal of Q = I, for comparison; far from optimal."""
-
-_TUNING_SPEEDS = 7
-"""Number of speeds at which Q is tuned, evenly spaced in ln v."""
+SLOWEST = 2.0  # Default lowest speed (m/s) of a certificate; below it the plant model changes
+FASTEST = 36.0  # Default highest speed (m/s) of a certificate, 130 km/h
+UNIT_WEIGHTS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)  # Diagonal of Q = I, for comparison; far from optimal
+_TUNING_SPEEDS = 7  # Number of speeds at which Q is tuned, evenly spaced in ln v
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from tests.made.scenarios.messages import MS, START, gps
 from tests.made.transport.links import inbox as inbox_of
 from tests.made.transport.links import taken
 from transport.codec import encode
-from transport.links.content_stage import ContentStage, PoseHistory, Transmission
+from transport.links.content_stage import ContentStage, Transmission
 from transport.links.inbox import Inbox
 from transport.links.laws.content import BitErrors
 from transport.links.laws.effect import TransmissionContext
@@ -137,16 +137,6 @@ def test_the_day_of_the_run_changes_nothing(frame_check: bool) -> None:
     assert results[0] == results[1] == results[2]
 
 
-def test_missing_messages_do_not_shift_copies_and_bit_errors() -> None:
-    content = {"duplicate_ratio": 0.5, "bit_error_ratio": 3e-4}
-    _, whole = run(make_inbox(content), at_once(sent(200)), 600)
-    _, holed = run(make_inbox(content), at_once(sent(200)[::3]), 600)
-    kept = {v.pose_seq: (v.outcome, v.reason, v.copies) for v in whole}
-    assert {v.pose_seq: (v.outcome, v.reason, v.copies) for v in holed} == {
-        k: kept[k] for k in range(0, 200, 3)
-    }
-
-
 # ---- Copies and messages held back
 
 
@@ -165,18 +155,6 @@ def test_copies_are_counted_and_refused_by_their_number(campaign: int) -> None:
     assert len(verdicts) == campaign == link.delivered + link.dropped.total()
     assert [p.seq for _, p in received] == [v.pose_seq for v in delivered]
     assert inbox.delivered == len(received)
-
-
-def test_without_a_filter_copies_are_received() -> None:
-    content = {"duplicate_ratio": 1.0, "duplicate_delay_ms": 30.0, "filter_duplicates": False}
-    inbox = make_inbox(content)
-    received, verdicts = run(inbox, at_once(sent(3)))
-    ticks = [((at - START) // MS, p.seq) for at, p in received]
-    # Visible at 20, 70, 120 ms, the copies at 50, 100, 150 ms; ticks every 20 ms.
-    assert ticks == [(20, 0), (60, 0), (80, 1), (100, 1), (120, 2), (160, 2)]
-    assert [v.copies for v in verdicts] == [1, 1, 1]
-    assert inbox.rejected == {}
-    assert inbox.delivered == 3
 
 
 def test_a_copy_never_arrives_before_the_message() -> None:
@@ -331,16 +309,6 @@ def test_frozen_and_replayed_content_may_have_been_lost() -> None:
         assert latitude == poses[source].latitude_deg
 
 
-def test_without_anything_to_repeat_messages_stay_as_they_are() -> None:
-    content = {"false": [{"kind": "replayed", "age_s": 1.0}]}
-    _, verdicts = run(make_inbox(content), at_once(sent(40)))
-    assert [v.content for v in verdicts] == [""] * 20 + ["replayed"] * 20
-    content = {"false": [{"kind": "frozen", "from_s": 1.0}]}
-    received, verdicts = run(make_inbox(content), at_once(sent(40)[20:]))
-    assert [v.content for v in verdicts] == [""] * 20
-    assert [pose for _, pose in received] == sent(40)[20:]
-
-
 def test_a_ghost_alternates_with_its_sender() -> None:
     content = {"false": [{"kind": "ghost", "ahead_m": -6.0, "from_s": 1.0, "to_s": 2.0}]}
     inbox = make_inbox(content)
@@ -368,39 +336,3 @@ def test_a_false_place_that_no_convoy_reaches_is_dropped_with_the_gate_s_word() 
     assert words[:within] == [("delivered", "", "drift")] * within
     assert words[within + 1 :] == [("dropped", "corrupted", "far")] * (999 - within)
     assert len(received) == sum(v.outcome == "delivered" for v in verdicts)
-
-
-# ---- History
-
-
-@given(order=st.permutations(range(12)), until=st.integers(-1, 13))
-def test_history_returns_the_newest_pose_until_an_instant(order: list[int], until: int) -> None:
-    history = PoseHistory([START + 5 * 50 * MS], SECOND)
-    for k in order:
-        history.add(gps("v1", k))
-    newest = history.newest(START + until * 50 * MS)
-    assert (newest.seq if newest else None) == (min(until, 11) if until >= 0 else None)
-    moment = history.newest(START + 5 * 50 * MS)
-    assert moment is not None
-    assert moment.seq == 5
-
-
-def test_history_is_bounded_and_keeps_the_needed_poses() -> None:
-    history = PoseHistory([START + SECOND], 10 * SECOND)
-    last = 20_000
-    for k in range(last + 1):
-        history.add(gps("v1", k))
-    assert len(history._poses) == 20 * (10 + 120) + 1
-    kept = history.newest(START + SECOND)
-    assert kept is not None
-    assert kept.seq == 20
-    reached = history.newest(gps("v1", last - 20 * 130).sent_at_ns)
-    assert reached is not None
-    assert reached.seq == last - 20 * 130
-    assert len(PoseHistory([], 0)._poses) == 0
-
-
-def test_a_link_without_alterations_has_no_content_stage() -> None:
-    for content in ({}, {"reorder_ratio": 0.5}, {"filter_duplicates": False}):
-        assert make_inbox(content).links["v1"].content is None
-    assert inbox_of("v2", {"v1": LinkTable()}, start_at=START).links["v1"].content is None

@@ -1,11 +1,9 @@
 """Positions of a receiver equal those of a plain list, in less memory."""
 
-import tracemalloc
-
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transport.links.laws.effect import UNKNOWN_POSITION, Position
+from transport.links.laws.effect import Position
 from transport.links.positions import MAX_POSITIONS, PositionHistory
 
 
@@ -32,21 +30,3 @@ def test_the_places_of_a_minute_are_remembered_and_few_more() -> None:
         first = passed.at(-1).east
         assert now - 1.2 * MAX_POSITIONS < first <= max(now - MAX_POSITIONS + 1, 0)
         assert passed.at(now).east == now
-
-
-def test_an_unknown_position_stays_unknown() -> None:
-    passed = PositionHistory()
-    passed.add(7, UNKNOWN_POSITION)
-    assert all(value != value for value in passed.at(9))  # noqa: PLR0124 - not a number
-
-
-def test_memory_does_not_grow_with_the_run() -> None:
-    passed = PositionHistory()
-    for k in range(2 * MAX_POSITIONS):
-        passed.add(k, UNKNOWN_POSITION)
-    tracemalloc.start()
-    for k in range(2 * MAX_POSITIONS, 5 * MAX_POSITIONS):
-        passed.add(k, UNKNOWN_POSITION)
-    grown, _ = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert grown < 60 * MAX_POSITIONS  # 32 bytes per position, and an eighth in reserve

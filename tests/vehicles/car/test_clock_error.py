@@ -29,8 +29,3 @@ def test_an_age_is_the_difference_of_two_clock_readings(
     (restamped,) = receiver.restamped(now, [pose])
     assert now - restamped.measured_at == receiver.reading(now) - sender.reading(measured_at)
     assert restamped.message == pose.message
-
-
-def test_a_true_clock_changes_nothing() -> None:
-    poses = [received(START, 0.0, 0.0)]
-    assert VehicleClock(START).restamped(START, poses) is poses

@@ -44,13 +44,6 @@ def test_steady_cornering_follows_a_circle(speed: float) -> None:
     assert bodies[-1].distance - settled.distance == pytest.approx(2 * math.pi * radius, rel=1e-6)
 
 
-def test_an_overdamped_steering_is_integrated_finely_enough() -> None:
-    slow = replace(CAR, steering_frequency=100.0, steering_damping=10.0)
-    body = drive(Body(0.0, 0.0, 0.0, 20.0), steer(0.05), 3.0, car=slow)[-1]
-    assert body.steering == pytest.approx(0.05, abs=1e-5)
-    assert abs(body.steering_rate) < 1e-4
-
-
 @given(yaw=st.floats(-10.0, 10.0), speed=st.floats(0.0, 40.0), acceleration=st.floats(-3.0, 2.0))
 def test_without_steering_it_goes_straight(yaw: float, speed: float, acceleration: float) -> None:
     body = advance(Body(5.0, -7.0, yaw, speed), Actuation(0.0, acceleration), 0.5, CAR)
@@ -147,29 +140,12 @@ def test_standing_car_stays_where_it_is_while_its_wheels_turn() -> None:
     assert body.steering == pytest.approx(0.4, abs=1e-6)
 
 
-def test_braking_car_stops_within_the_span_and_stays() -> None:
-    body = Body(0.0, 0.0, 0.0, 0.05)
-    stopped = advance(body, Actuation(0.0, -5.0), TICK, CAR)
-    assert stopped.speed == 0.0
-    assert stopped.east == pytest.approx(0.05**2 / (2 * 5.0), rel=1e-12)
-    assert advance(stopped, Actuation(0.0, -5.0), TICK, CAR) == stopped
-
-
 def test_wheels_turn_for_the_rest_of_the_span_after_a_stop() -> None:
     """The steering actuation does not depend on speed."""
     command = Actuation(0.3, -5.0)
     stopped = advance(Body(0.0, 0.0, 0.0, 0.25), command, 0.1, CAR)
     parked = advance(Body(0.0, 0.0, 0.0, 0.0), command, 0.1, CAR)
     assert stopped.steering == pytest.approx(parked.steering, rel=1e-6)
-
-
-def test_a_turning_car_stops_completely() -> None:
-    moving = drive(Body(0.0, 0.0, 0.0, 3.0), steer(0.4), 2.0)[-1]
-    bodies = drive(moving, steer(0.4, -3.0), 1.5)
-    assert bodies[-1].speed == 0.0
-    assert abs(bodies[-1].yaw_rate) < 1e-9
-    halted = next(b for b in bodies if b.speed == 0.0)
-    assert apart(halted, bodies[-1]) < 1e-4
 
 
 @given(
@@ -198,11 +174,6 @@ def test_steering_stops_at_its_limit(requested: float) -> None:
     assert bodies == drive(Body(0.0, 0.0, 0.0, 5.0), steer(math.copysign(limit, requested)), 1.0)
     back = drive(bodies[-1], steer(0.0), 1.0)[-1]
     assert abs(back.steering) < 1e-3
-
-
-def test_a_span_of_zero_changes_nothing() -> None:
-    body = Body(1.0, 2.0, 3.0, 4.0, 0.1, 0.2, 0.05, 0.0, 9.0)
-    assert advance(body, Actuation(0.1, 1.0), 0.0, CAR) == body
 
 
 @pytest.mark.parametrize(

@@ -48,10 +48,6 @@ def test_load_adds_mass_and_inertia_as_in_the_paper() -> None:
     assert replace(car, mass=1896.0, yaw_inertia=3803.0) == LINCOLN_MKZ
 
 
-def test_an_empty_load_changes_nothing() -> None:
-    assert loaded(LINCOLN_MKZ, Loading()) == LINCOLN_MKZ
-
-
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
 def test_invalid_parameters_are_rejected(value: float) -> None:
     with pytest.raises(ValueError, match="mass must be a positive number"):

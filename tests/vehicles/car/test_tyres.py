@@ -22,12 +22,6 @@ def test_a_brush_force_is_at_most_its_capacity_and_the_linear_force(slip: float)
     assert brush_force(-slip, STIFFNESS, CAPACITY) == -force
 
 
-@given(slip=SLIPS, further=st.floats(0.0, 0.5))
-def test_force_does_not_decrease_with_slip(slip: float, further: float) -> None:
-    more = brush_force(slip + further, STIFFNESS, CAPACITY)
-    assert more <= brush_force(slip, STIFFNESS, CAPACITY) + 1e-9
-
-
 def test_at_small_slip_it_is_the_linear_tyre_to_first_order() -> None:
     for slip in (1e-4, 1e-5):
         x = STIFFNESS * slip / (3.0 * CAPACITY)
@@ -40,11 +34,6 @@ def test_full_sliding_begins_without_a_kink() -> None:
     full = 3.0 * CAPACITY / STIFFNESS
     assert brush_force(full, STIFFNESS, CAPACITY) == pytest.approx(-CAPACITY)
     assert brush_force(full * 0.999, STIFFNESS, CAPACITY) == pytest.approx(-CAPACITY, rel=2e-9)
-
-
-def test_without_any_capacity_there_is_no_force() -> None:
-    assert brush_force(0.1, STIFFNESS, 0.0) == 0.0
-    assert brush_force(0.0, STIFFNESS, 0.0) == 0.0
 
 
 def test_axle_loads_balance_about_the_centre_of_mass() -> None:
@@ -73,12 +62,6 @@ def test_linear_tyres_may_exceed_the_friction() -> None:
     )
     assert brush.friction_share == pytest.approx(1.0)
     assert (brush.front_slip, brush.rear_slip) == (usage.front_slip, usage.rear_slip)
-
-
-def test_a_standing_car_uses_no_friction_for_braking() -> None:
-    assert tyre_use(Body(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.3), -6.0, CAR).friction_share == 0.0
-    driving_off = tyre_use(Body(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.3), 2.0, CAR)
-    assert driving_off.friction_share == pytest.approx(2.0 / GRAVITY / CAR.friction)
 
 
 def test_a_left_turn_has_negative_slip_and_accelerates_to_the_left() -> None:

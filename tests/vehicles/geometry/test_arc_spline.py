@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.vehicles.arc_courses import course, point_at
-from vehicles.geometry.arc_spline import ArcSpline, Piece, along_arc, near_arc
+from vehicles.geometry.arc_spline import ArcSpline, Piece
 
 YAWS = st.floats(-math.pi, math.pi)
 COORDINATES = st.floats(-5e6, 5e6)
@@ -47,21 +47,6 @@ def test_projection_inverts_the_offset_of_a_point(
     assert foot.curvature == curvature
 
 
-@given(yaw=YAWS, curvature=CURVATURES, east=COORDINATES, north=COORDINATES)
-def test_the_station_alone_is_that_of_the_nearest_point(
-    yaw: float, curvature: float, east: float, north: float
-) -> None:
-    start, point = (2.0, -3.0, yaw), (east, north)
-    assert along_arc(start, curvature, *point) == near_arc(start, curvature, *point).station
-
-
-def test_a_hardly_bent_piece_is_a_line() -> None:
-    line, bent = Piece(0.0, 0.0, 0.3, 0.0, 50.0), Piece(0.0, 0.0, 0.3, 1e-13, 50.0)
-    straight, curved = line.project(20.0, 30.0), bent.project(20.0, 30.0)
-    assert straight.lateral == pytest.approx(curved.lateral, abs=1e-9)
-    assert straight.station == pytest.approx(curved.station, abs=1e-9)
-
-
 @given(
     lengths=st.lists(st.floats(2.0, 30.0), min_size=2, max_size=4),
     curvature=st.floats(-0.05, 0.05),
@@ -77,16 +62,6 @@ def test_several_pieces_project_like_one_path(
     foot = path.project(*point_at(path, station, left))
     assert foot.station == pytest.approx(station, abs=1e-6)
     assert foot.lateral == pytest.approx(left, abs=1e-8)
-
-
-def test_stations_and_curvatures_continue_through_joints() -> None:
-    path = course([(0.0, 10.0), (0.1, 5.0), (0.0, 5.0)])
-    assert path.length == 20.0
-    assert path.at(10.0).east == pytest.approx(10.0)
-    assert path.at(20.0).yaw == pytest.approx(0.5)
-    assert [path.curvature_at(s) for s in (-1.0, 9.9, 10.1, 14.9, 15.1, 30.0)] == [
-        *(0.0, 0.0, 0.1, 0.1, 0.0, 0.0)
-    ]
 
 
 def integrated_in_steps(
@@ -134,18 +109,6 @@ def test_projection_on_a_clothoid_inverts_the_offset_of_a_point(
     assert foot.lateral == pytest.approx(left, abs=1e-6)
     assert foot.station == pytest.approx(station, abs=1e-3)
     assert foot.curvature == pytest.approx(path.curvature_at(station), abs=1e-5)
-
-
-def test_beyond_its_ends_a_clothoid_continues_as_an_arc() -> None:
-    piece = Piece(0.0, 0.0, 0.0, 0.01, 10.0, 0.004)
-    assert [piece.curvature_at(s) for s in (-5.0, 0.0, 10.0, 99.0)] == [0.01, 0.01, 0.05, 0.05]
-    end = piece.at(10.0)
-    assert piece.at(13.0) == Piece(end.east, end.north, end.yaw, 0.05, 5.0).at(3.0)
-
-
-def test_a_spline_without_pieces_is_rejected() -> None:
-    with pytest.raises(ValueError, match="at least one piece"):
-        ArcSpline([])
 
 
 @given(

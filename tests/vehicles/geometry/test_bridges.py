@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from tests.made.examples import examples
 from tests.made.vehicles.recorded_points import Points, circle, noisy, smooth
-from vehicles.geometry import bridges, local_regression
 from vehicles.geometry.bridges import (
     UnbridgedError,
     fill_holes,
@@ -29,14 +28,6 @@ def without(points: Points, begin: int, count: int) -> Points:
 def test_noise_is_estimated_on_arcs_with_any_spacing(spacing: float, size: float) -> None:
     result = noise_deviation(noisy(circle(100.0, 1500.0 * spacing, spacing, yaw=1.0), size))
     assert result == pytest.approx(size, rel=0.15, abs=0.01 * spacing)
-
-
-def test_uneven_steps_and_jumps_do_not_count_as_noise() -> None:
-    along = np.cumsum(np.random.default_rng(3).uniform(0.2, 3.0, 400))
-    points = np.stack((along * math.cos(0.7), along * math.sin(0.7)))
-    assert noise_deviation(points) < 1e-9
-    points[:, 50:400:40] += 5.0
-    assert noise_deviation(noisy(points)) == pytest.approx(0.02, rel=0.3)
 
 
 def test_a_hole_is_long_and_unusual() -> None:
@@ -80,31 +71,6 @@ def test_an_arc_is_bridged_by_an_arc(  # noqa: PLR0917 - what is drawn
     assert np.all(np.abs(np.diff(course)) < 3.0 * step_lengths(bridge)[1:].max() / radius + 0.05)
 
 
-def test_diverging_sides_are_not_joined() -> None:
-    points = circle(10.0, 80.0, 0.5)
-    with pytest.raises(UnbridgedError, match=r"a hole of .* point 1\d\d° away"):
-        fill_holes(without(points, 20, 95), 8.0)
-
-
-def test_a_side_of_few_points_is_a_line() -> None:
-    straight = np.stack((np.arange(0.0, 100.0), np.zeros(100)))
-    for kept in (2, 3, 6):
-        few = np.concatenate((straight[:, :kept], straight[:, 30:]), axis=1)
-        bridge = fill_holes(few, 8.0)
-        assert np.max(np.abs(bridge.points[1])) < 1e-9
-
-
-def test_a_single_point_takes_the_direction_of_its_neighbours() -> None:
-    points = circle(60.0, 120.0, 0.5)
-    kept = [*range(60), 100, *range(140, 200)]
-    bridged = fill_holes(points[:, kept], 8.0).points
-    off = np.hypot(bridged[0], bridged[1] - 60.0) - 60.0
-    assert np.max(np.abs(off)) < 0.15
-    for few in (points[:, [0, *range(40, 100)]], points[:, [*range(60), 100]]):
-        bridged = fill_holes(few, 8.0).points
-        assert np.max(np.abs(np.hypot(bridged[0], bridged[1] - 60.0) - 60.0)) < 0.6
-
-
 @pytest.mark.parametrize("length", [10, 20, 30, 50])
 def test_a_path_over_a_hole_is_the_arc(length: int) -> None:
     worst, stated = 0.0, 0.0
@@ -120,21 +86,6 @@ def test_a_path_over_a_hole_is_the_arc(length: int) -> None:
         assert hole.length == pytest.approx(length, abs=1.0 + length**3 / 24.0 / 60.0**2)
     assert worst < 0.12
     assert stated < 0.1
-
-
-def test_without_a_bridge_the_deviation_is_large(monkeypatch: pytest.MonkeyPatch) -> None:
-    points = without(noisy(circle(60.0, 180.0, 0.5), 0.05), 150, 80)
-    bridged = smooth(points, 8.0)
-    monkeypatch.setattr(bridges, "HOLE", math.inf)
-    # Also disable the regression's requirement of points on both sides of the hole.
-    monkeypatch.setattr(local_regression, "ON_EACH_SIDE", 0)
-    monkeypatch.setattr(local_regression, "SLOPE", 1e6)
-    swung = smooth(points, 8.0)
-    off = np.hypot(swung.path.east, swung.path.north - 60.0) - 60.0
-    assert np.max(np.abs(off)) > 2.0
-    assert swung.deviation_rms < 0.1  # the deviation at the points is small
-    assert swung.deviation_max > 1.0
-    assert bridged.deviation_max < 0.3
 
 
 def test_holes_of_a_closed_drive_are_bridged_on_every_lap() -> None:
@@ -157,15 +108,6 @@ def test_the_error_has_the_index_of_the_cause() -> None:
     with pytest.raises(NoPathError) as caught:
         smooth(apart, 8.0)
     assert caught.value.point == 19
-
-
-def test_noisy_points_close_together_do_not_double_back() -> None:
-    points = noisy(circle(300.0, 600.0, 1.0), 1.0)
-    smoothed = smooth(points, 30.0)
-    off = np.hypot(smoothed.path.east, smoothed.path.north - 300.0) - 300.0
-    assert np.sqrt(np.mean(off * off)) < 0.5
-    assert smoothed.path.length == pytest.approx(600.0, rel=0.02)
-    assert smoothed.noise == pytest.approx(1.0, rel=0.15)
 
 
 def test_a_bridge_between_points_in_no_order_is_refused_or_near_them() -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.made.examples import examples
 from tests.made.interpreted import interpreted_only
-from tests.made.scenarios.messages import at, truth
+from tests.made.scenarios.messages import truth
 from tests.made.transport import drive
 from vehicles.geometry.driven_path import MAX_WAITING, CrossTrack, CrossTrackError
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
@@ -76,18 +76,6 @@ def feet(path: SampledPath, stations: Sequence[float], offset: float) -> list[Cr
     return cross_track(driven(path, stations, lambda _: offset), lead)
 
 
-@pytest.mark.parametrize("yaw", HEADINGS)
-@pytest.mark.parametrize("offset", [0.7, 0.0, -0.7])
-def test_left_of_a_straight_is_positive(yaw: float, offset: float) -> None:
-    path = path_from_segments([Segment(200.0, 0.0)], 30.0, -40.0, yaw)
-    stations = every(STEP, -45.0, 190.0)
-    result = feet(path, stations, offset)
-    assert [foot.at_ns for foot in result] == [at(seq / 50) for seq in range(len(stations))]
-    for foot, station in zip(result, stations, strict=True):
-        assert foot.lateral == pytest.approx(offset, abs=1e-9)
-        assert foot.station == pytest.approx(station, abs=1e-9)
-
-
 @pytest.mark.parametrize("turn", [1, -1])
 @pytest.mark.parametrize("inwards", [2.0, -2.0])
 def test_a_concentric_circle_has_the_difference_of_radii(turn: int, inwards: float) -> None:
@@ -111,53 +99,12 @@ def test_on_a_path_that_meets_itself_the_foot_stays_on_its_branch(name: str, off
         assert foot.station == pytest.approx(station, abs=0.05)
 
 
-def test_standing_still_changes_nothing() -> None:
-    path = path_from_segments([Segment(50.0, 0.0), Segment(100.0, 1 / 40)])
-    stop = [60.0] * 500
-    lead = driven(path, [*every(STEP, 0.0, 60.0), *stop, *every(STEP, 60.0, 140.0)])
-    moving = driven(path, [*every(STEP, 0.0, 60.0), *every(STEP, 60.0, 140.0)])
-    own = driven(path, [*every(0.5, 0.0, 45.0), *[45.0] * 300, *every(0.5, 45.0, 130.0)])
-    result = cross_track(own, lead)
-    assert result == cross_track(own, moving)
-    assert len(result) == len(own)
-    assert max(abs(foot.lateral) for foot in result) < 0.002
-    standing = {foot.station for foot in result[90:390]}
-    assert len(standing) == 1
-
-
-def test_a_creeping_lead_extends_its_path() -> None:
-    path = path_from_segments([Segment(20.0, 1 / 30)])
-    stations = every(0.3, 0.0, 19.9)
-    result = cross_track(driven(path, stations), driven(path, every(0.004, 0.0, 20.0)))
-    assert [foot.station for foot in result] == pytest.approx(stations, abs=0.02)
-    assert [foot.lateral for foot in result] == pytest.approx([0.0] * len(stations), abs=1e-4)
-
-
 def test_noise_of_a_standing_lead_does_not_extend_its_path() -> None:
     path = path_from_segments([Segment(100.0, 0.0)])
     at_rest = [50.0 + 0.004 * (-1) ** k for k in range(500)]
     lead = driven(path, [*every(STEP, 0.0, 50.0), *at_rest, *every(STEP, 50.0, 99.0)])
     (foot,) = cross_track(driven(path, [80.0]), lead)
     assert foot.station == pytest.approx(80.0, abs=0.03)
-
-
-def test_noise_of_a_standing_vehicle_moves_its_foot_back_and_forth() -> None:
-    path = path_from_segments([Segment(100.0, 1 / 20)])
-    lead = driven(path, every(STEP, 0.0, 99.0))
-    stations = [40.0 + 0.8 * math.sin(k) for k in range(200)]
-    result = cross_track(driven(path, [*every(1.0, 0.0, 40.0), *stations]), lead)
-    for foot, station in zip(result[40:], stations, strict=True):
-        assert foot.station == pytest.approx(station, abs=0.01)
-        assert foot.lateral == pytest.approx(0.0, abs=0.003)
-
-
-def test_behind_the_lead_s_first_pose_the_path_is_an_infinite_line() -> None:
-    path = path_from_segments([Segment(100.0, 0.0)], yaw=0.3)
-    lead = driven(path, every(STEP, 0.0, 99.0))
-    stations = [-5000.0, -20.5, -19.5, -10.0, -0.1, 0.1]
-    result = cross_track(driven(path, stations, lambda _: 0.5), lead)
-    assert [foot.station for foot in result] == pytest.approx(stations)
-    assert [foot.lateral for foot in result] == pytest.approx([0.5] * 6)
 
 
 @pytest.mark.parametrize("yaw", HEADINGS)
@@ -174,35 +121,12 @@ def test_with_a_known_road_yaw_the_lead_s_initial_yaw_does_not_matter(
     assert max(foot.lateral for foot in cross_track(own, lead)) > 5.0
 
 
-def test_nothing_is_known_before_a_record_that_begins_after_the_start() -> None:
-    path = path_from_segments([Segment(100.0, 0.0)])
-    lead = driven(path, every(STEP, 0.0, 99.0))
-    lead[0] = replace(lead[0], distance_m=80.0)
-    result = cross_track(driven(path, [-19.5, 0.1], lambda _: 0.5), lead, road_yaw=1.5)
-    assert [foot.lateral for foot in result] == pytest.approx([0.5])
-
-
 def test_beyond_the_lead_s_last_pose_there_is_no_foot_point() -> None:
     path = path_from_segments([Segment(100.0, 0.0)])
     lead = driven(path, every(1.0, 0.0, 51.0))
     result = cross_track(driven(path, every(1.0, 0.0, 80.0), lambda _: 3.0), lead)
     assert len(result) == 51
     assert max(foot.station for foot in result) == pytest.approx(50.0)
-
-
-def test_a_follower_that_circles_beyond_the_lead_s_last_pose_has_no_foot_point() -> None:
-    path = path_from_segments([Segment(200.0, 1 / 20)])
-    lead = driven(path, every(1.0, 0.0, 51.0))
-    result = cross_track(driven(path, every(1.0, 0.0, 190.0), lambda _: 0.5), lead)
-    assert len(result) == 51
-    assert {round(foot.lateral, 1) for foot in result} == {0.5}
-
-
-def test_a_lead_that_never_moved_has_only_the_line_behind_it() -> None:
-    path = path_from_segments([Segment(100.0, 0.0)], yaw=1.0)
-    result = cross_track(driven(path, [-15.0, -8.0, 8.0], lambda _: -0.2), driven(path, [0.0] * 10))
-    assert [foot.station for foot in result] == pytest.approx([-15.0, -8.0])
-    assert [foot.lateral for foot in result] == pytest.approx([-0.2, -0.2])
 
 
 # ---- Single poses
@@ -433,27 +357,6 @@ def nearest(pose: TruePose, path: Sequence[TruePose]) -> float:
         if math.hypot(first.east_m - pose.east_m, first.north_m - pose.north_m) < 5.0
         for share in (k / 100 for k in range(101))
     )
-
-
-@interpreted_only
-@pytest.mark.parametrize("road", SELF_MEETING)
-def test_dropping_passed_chords_changes_nothing(road: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vehicles.geometry.driven_path.DROP_EVERY", 50)
-    path = path_from_segments(SELF_MEETING[road])
-    lead = driven(path, every(STEP, 0.0, path.length))
-    late, later = (driven(path, every(STEP, 0.0, path.length), vehicle=n) for n in ("v2", "v3"))
-    keeping, dropping = CrossTrackError("v1"), CrossTrackError("v1", None, ["v2", "v3"])
-    most = 0
-    for k, pose in enumerate(lead):
-        poses = [
-            pose,
-            *late[max(k - 30, 0) : max(k - 29, 0)],
-            *later[max(k - 60, 0) : max(k - 59, 0)],
-        ]
-        for added_pose in poses:
-            assert dropping.add(added_pose) == keeping.add(added_pose)
-        most = max(most, len(dropping._chords))
-    assert most < 60 + 2 * 50 < len(keeping._chords)
 
 
 @interpreted_only

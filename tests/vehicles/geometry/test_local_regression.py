@@ -51,24 +51,6 @@ def test_circle_moves_inwards_as_stated(radius: float, reach: float) -> None:
     assert radius - math.hypot(x, y) == pytest.approx(0.0009 * reach**4 / radius**3, rel=0.1)
 
 
-def test_widening_towards_an_end_causes_no_corner() -> None:
-    t = np.arange(0.0, 60.0, 1.0)
-    circle = 10.0 * np.stack([np.cos(t / 10.0), np.sin(t / 10.0)])
-    at = np.arange(0.0, 59.0, 0.25)
-    bend = np.diff(local_cubic(t, circle, at, 6.0), n=2) / 0.25**2
-    assert np.max(np.abs(np.diff(bend))) < 0.01  # of a bend of 0.1
-
-
-def test_sparse_points_are_joined_without_corners() -> None:
-    t = np.arange(0.0, 400.0, 15.0)
-    circle = 100.0 * np.stack([np.cos(t / 100.0), np.sin(t / 100.0)])
-    at = np.arange(0.0, 390.0, 0.25)
-    smoothed = local_cubic(t, circle, at, 5.0)
-    assert np.max(np.abs(np.hypot(*smoothed) - 100.0)) < 0.02
-    bend = np.diff(smoothed, n=2) / 0.25**2
-    assert np.max(np.abs(np.diff(bend))) < 0.001  # of a bend of 0.01
-
-
 CLUSTERS = {
     "at the beginning": [0.3] * 12 + [12.0] * 20,
     "at the end": [12.0] * 20 + [0.3] * 12,

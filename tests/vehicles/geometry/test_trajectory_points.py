@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tests.made.transport import drive
 from vehicles.geometry.arc_spline import Piece
-from vehicles.geometry.trajectory_points import LONGEST_M, points_along
+from vehicles.geometry.trajectory_points import points_along
 from vehicles.messages import CompositeTrajectory
 
 FINITE = st.floats(-1e3, 1e3)
@@ -54,20 +54,3 @@ def test_a_clothoid_is_drawn_where_it_is() -> None:
     for k, (east, north, yaw) in enumerate(points_along(drawn, 1.0)):
         place = piece.at(float(k))
         assert (east, north, yaw) == pytest.approx((place.east, place.north, place.yaw))
-
-
-def test_a_left_bend_turns_left() -> None:
-    *_, (east, north, yaw) = points_along(one_piece(0.0, 0.0, 0.0, 0.1, 10.0), 1.0)
-    assert east > 0.0
-    assert north > 0.0
-    assert yaw == pytest.approx(1.0)
-
-
-def test_pieces_share_the_point_where_they_meet() -> None:
-    points = points_along(drive.trajectory("v2", 0), 1.0)
-    assert len(points) == 9
-
-
-@pytest.mark.parametrize("length", [math.nan, math.inf, 1e300, -5.0])
-def test_nonsense_is_drawn_as_little(length: float) -> None:
-    assert len(points_along(one_piece(0.0, 0.0, 0.0, 0.0, length), 1.0)) <= LONGEST_M + 1

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from tests.made.vehicles.arc_courses import course, fit_errors, point_at, window, with_noise
+from tests.made.vehicles.arc_courses import course, fit_errors, window, with_noise
 from tests.made.vehicles.fusions import fit_two, fuse
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.paper_recipe import circle_of_least_squares, recipe_curve
@@ -69,13 +69,6 @@ def test_exact_arcs_ahead_are_recovered_and_extrapolated_to_the_car(
     assert abs(bend) * radius < 1e-4
 
 
-def test_an_arc_of_more_than_half_a_turn_keeps_its_direction() -> None:
-    for side in (-1.0, 1.0):
-        path = course([(side / 8.0, 36.0)], (3.0, -4.0, 2.0))  # 258 degrees
-        fitted = fit(window(path, np.linspace(0.5, 36.0, 25), 0.0), None)
-        assert max(map(abs, fit_errors(fitted, path, 0.0))) < 1e-9
-
-
 @pytest.mark.parametrize(("radius", "straight"), [(725.0, True), (715.0, False)])
 def test_a_line_is_within_ten_centimetres_of_its_chord(radius: float, *, straight: bool) -> None:
     path = course([(1.0 / radius, 24.0)])
@@ -84,34 +77,12 @@ def test_a_line_is_within_ten_centimetres_of_its_chord(radius: float, *, straigh
     assert (piece.curvature == 0.0) is straight
 
 
-@pytest.mark.parametrize("yaw", [0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi, 0.7])
-def test_lines_have_a_heading_in_every_direction_and_side_by_side(yaw: float) -> None:
-    path = course([(0.0, 30.0)], (1000.0, 2000.0, yaw))
-    stations = np.linspace(0.5, 24.0, 17)
-    fitted = fit(window(path, stations, 0.0), window(path, stations, 0.0, left=0.06))
-    offset, heading, bend = fit_errors(fitted, path, 0.0)
-    assert offset == pytest.approx(-0.03, abs=1e-4)
-    assert (heading, bend) == pytest.approx((0.0, 0.0), abs=2e-3)
-
-
 def test_alpha_weights_the_predecessor() -> None:
     path, stations = course([(0.0, 20.0)]), np.linspace(1.0, 20.0, 15)
     lead, displaced = window(path, stations, 0.0), window(path, stations, 0.0, left=0.09)
     for alpha in (0.0, 0.25, 0.5, 1.0):
         offset, _, _ = fit_errors(fit(lead, displaced, alpha), path, 10.0)
         assert offset == pytest.approx(-0.09 * alpha, abs=1e-6)
-
-
-def test_with_equal_weights_both_sources_act_as_one() -> None:
-    """Section III-A.1 on α = 0.5."""
-    path, random = course([(1 / 60, 30.0)]), np.random.default_rng(3)
-    lead = with_noise(window(path, np.linspace(2.0, 30.0, 15), 0.0), random)
-    other = with_noise(window(path, np.linspace(1.0, 16.0, 9), 0.0), random)
-    both = Window(*(np.concatenate(pair) for pair in zip(lead, other, strict=True)))
-    order = both.station.argsort()
-    one = Window(*(values[order] for values in both))
-    apart, together = fit(lead, other), fit(one, None)
-    assert apart.spline.pieces == together.spline.pieces
 
 
 def test_noise_makes_the_circle_small() -> None:
@@ -125,17 +96,6 @@ def test_noise_makes_the_circle_small() -> None:
         ratios[settings.trajectory] = float(np.mean(bends))
     assert ratios["paper"] == pytest.approx(1.14, abs=0.03)
     assert ratios["fitted"] == pytest.approx(1.0, abs=0.03)
-
-
-@pytest.mark.parametrize("settings", [PAPER, PREFIX])
-@pytest.mark.parametrize("radius", [-150.0, 150.0, 5000.0])
-def test_residuals_are_distances_from_the_trajectory(settings: FitSettings, radius: float) -> None:
-    path = course([(0.0, 6.0), (1.0 / radius, 20.0)], (300.0, -40.0, 2.0))
-    seen = with_noise(window(path, np.linspace(0.5, 25.0, 17), 0.0), np.random.default_rng(4))
-    fitted = fit(seen, None, settings=settings)
-    away = [abs(fitted.spline.project(*place).lateral) for place in zip(*seen[:2], strict=True)]
-    assert fitted.residual_max == pytest.approx(max(away), rel=1e-6)
-    assert fitted.residual_rms == pytest.approx(float(np.sqrt(np.mean(np.square(away)))), rel=1e-6)
 
 
 def test_no_sample_is_left_out_and_none_behind_is_used() -> None:
@@ -161,15 +121,6 @@ def test_the_longest_prefix_swallows_an_arc() -> None:
     assert fit(seen, None).spline.pieces[0].curvature == pytest.approx(1 / 300, rel=1e-6)
 
 
-def test_the_prefix_before_a_bend_is_the_straight() -> None:
-    path = course([(0.0, 10.0), (1 / 40, 14.0)])
-    fitted = fit(window(path, np.linspace(0.0, 24.0, 25), 0.0), None, settings=PREFIX)
-    line, arc = fitted.spline.pieces
-    assert 10.0 <= line.length <= 13.5
-    assert abs(line.yaw) < 0.02
-    assert arc.curvature == pytest.approx(1 / 40, rel=1e-3)
-
-
 @pytest.mark.parametrize("settings", [PAPER, PREFIX])
 def test_any_samples_give_finite_numbers_or_none(settings: FitSettings) -> None:
     random = np.random.default_rng(1)
@@ -189,12 +140,6 @@ def test_any_samples_give_finite_numbers_or_none(settings: FitSettings) -> None:
         assert math.isfinite(curve.rms)
 
 
-def test_too_little_travel_gives_no_trajectory() -> None:
-    path = course([(0.0, 30.0)])
-    for stations in ([0.0, 5.0], [1.0, 1.3, 1.9], [2.0, 2.0, 2.0]):
-        assert fit_two(window(path, stations, 0.0), None, alpha=0.5, settings=PAPER) is None
-
-
 def test_every_fusion_supports_the_recipe() -> None:
     path = course([(1 / 200, 30.0)])
     lead = window(path, np.linspace(1.0, 24.0, 17), 0.0)
@@ -203,10 +148,3 @@ def test_every_fusion_supports_the_recipe() -> None:
         made = fuse(fusion, lead, other, alpha=0.5, settings=PAPER)
         assert len(made) == count
         assert all(len(one.spline.pieces) == 1 for _, one in made)
-
-
-def test_beside_is_left() -> None:
-    """A point built to the left has a positive lateral error."""
-    path = course([(-1 / 50, 30.0)], (7.0, 8.0, 2.5))
-    fitted = fit(window(path, np.linspace(1.0, 24.0, 17), 0.0), None)
-    assert fitted.spline.project(*point_at(path, 3.0, 0.4)).lateral == pytest.approx(0.4, abs=1e-6)

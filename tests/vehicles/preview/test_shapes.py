@@ -13,7 +13,6 @@ from tests.made.vehicles.fusions import fit_two
 from tests.made.vehicles.true_shapes import JUMPING, SMOOTH, drawn
 from vehicles.geometry.arc_spline import ArcSpline, Piece
 from vehicles.preview.curve_fit import FitSettings
-from vehicles.preview.fit_clothoid import RATE_MOST
 from vehicles.preview.trajectory import Fit
 
 SETTINGS = FitSettings()
@@ -66,26 +65,6 @@ def test_exact_joins_of_two_arcs_are_recovered(
     assert max(map(abs, fit_errors(fitted, path, 0.2 * length)[:2])) < 5e-3
     end = path.at(length)
     assert abs(fitted.spline.project(end.east, end.north).lateral) < 0.02
-
-
-def test_a_hairpin_is_no_clothoid() -> None:
-    # Half a circle of 2 m radius, then straight: beyond the series of the clothoid.
-    path = course([(0.0, 2.5), (0.5, 2.0 * math.pi), (0.0, 4.0)])
-    for ego in np.arange(2.5, 9.0, 0.25).tolist():
-        places = np.arange(ego - 2.5, ego + 4.0, 0.2).tolist()
-        fitted = fit(path, places, ego, noise=0.02)
-        for piece in fitted.spline.pieces:
-            assert abs(piece.rate) <= RATE_MOST
-            assert max(map(abs, (piece.curvature_at(0.0), piece.curvature_at(99.0)))) < 1.0
-        assert abs(fit_errors(fitted, path, ego)[0]) < 0.3
-
-
-def test_curvature_is_not_extrapolated_beyond_the_samples() -> None:
-    path = ArcSpline((Piece(0.0, 0.0, 0.0, 0.0, 30.0, 2e-3),))
-    spline = fit(path, np.linspace(0.0, 20.0, 40).tolist(), 5.0).spline
-    assert spline.curvature_at(20.0) == pytest.approx(0.04, rel=0.01)
-    assert spline.curvature_at(60.0) == spline.curvature_at(spline.length)
-    assert spline.curvature_at(-60.0) == spline.curvature_at(0.0)
 
 
 def test_shapes_change_without_a_jump() -> None:

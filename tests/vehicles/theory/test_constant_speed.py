@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from tests.made.examples import examples
 from tests.made.vehicles.theory.random_cars import CAR, CARS, GAINS, SPEEDS
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters, all_loadings, loaded
-from vehicles.theory.constant_speed import exact_coefficients, guaranteed_decay, is_stable_over
+from vehicles.theory.constant_speed import exact_coefficients, is_stable_over
 from vehicles.theory.gain_sets import abscissa
 from vehicles.theory.linear_model import characteristic_polynomial
 
@@ -50,20 +50,3 @@ def test_proof_ends_where_stability_does() -> None:
             high = middle
     assert is_stable_over(CAR, NOMINAL_GAINS, 5.0, low * (1.0 - 1e-9))
     assert not is_stable_over(CAR, NOMINAL_GAINS, 5.0, low * (1.0 + 1e-9))
-
-
-def test_decay_is_just_below_the_worst_abscissa() -> None:
-    for slowest, fastest in ((4.4704, 30.0), (15.0, 30.0)):
-        worst = -float(
-            abscissa(CAR, NOMINAL_GAINS, np.linspace(slowest, fastest, 400).tolist()).max()
-        )
-        sigma = guaranteed_decay(CAR, NOMINAL_GAINS, slowest, fastest)
-        assert 0.99 * worst < sigma < worst
-    assert guaranteed_decay(CAR, Gains(0.06, 3.0, 0.08), 5.0, 30.0) == 0.0
-
-
-def test_impossible_intervals_are_refused() -> None:
-    with pytest.raises(ValueError, match="slowest"):
-        is_stable_over(CAR, NOMINAL_GAINS, 30.0, 10.0)
-    with pytest.raises(ValueError, match="slowest"):
-        is_stable_over(CAR, NOMINAL_GAINS, 0.0, 10.0)

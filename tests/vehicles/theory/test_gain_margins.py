@@ -56,19 +56,6 @@ def test_ball_against_the_swept_boundary(speed: float, scale: tuple[float, float
     assert radius == pytest.approx(best, rel=1e-3)
 
 
-def test_plain_distance_is_to_the_plane_of_no_lateral_gain() -> None:
-    ball = stability_ball(CAR, 30.0, NOMINAL_GAINS)
-    assert ball.radius == pytest.approx(0.06)
-    assert ball.nearest == Gains(0.0, 0.96, 0.08)
-    assert ball.frequency == 0.0
-
-
-def test_gains_outside_have_no_ball() -> None:
-    outside = Gains(0.06, 3.0, 0.08)
-    assert stability_ball(CAR, 30.0, outside).radius == 0.0
-    assert gain_interval(CAR, 30.0, outside, (0.0, 1.0, 0.0)) == (0.0, 0.0)
-
-
 def test_common_ball_is_inside_every_set() -> None:
     cars = [loaded(CAR, loading) for loading in all_loadings()]
     ball = common_ball(cars, PAPER_SPEEDS, NOMINAL_GAINS, RELATIVE)

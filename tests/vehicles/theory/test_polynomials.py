@@ -6,12 +6,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from vehicles.theory.polynomials import (
-    add,
     hurwitz_minors,
     is_hurwitz,
     is_positive_between,
-    multiply,
-    shifted,
     spectral_abscissa,
     squared_magnitude,
     stationary_points,
@@ -37,11 +34,6 @@ def test_routh_on_a_grid_of_random_polynomials() -> None:
     assert abscissa.ravel() == pytest.approx(np.array(by_roots), abs=1e-9)
     assert 0 < stable.sum() < stable.size
     assert np.array_equal(stable, abscissa < 0.0)
-
-
-@pytest.mark.parametrize("boundary", [[1.0, 0.0, 4.0], [1.0, 2.0, 0.0], [1.0, 1.0, 4.0, 4.0]])
-def test_a_root_on_the_axis_is_not_hurwitz(boundary: list[float]) -> None:
-    assert not is_hurwitz(np.array(boundary))
 
 
 @given(st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=7), st.floats(0.0, 5.0))
@@ -111,19 +103,3 @@ def test_hurwitz_minors_of_a_family() -> None:
     sums = np.prod([roots[i] + roots[k] for i in range(6) for k in range(i)])
     orlando = -(values[0] ** 5) * sums.real
     assert float(sum(c * x**k for k, c in enumerate(minors[-1]))) == pytest.approx(orlando)
-
-
-def test_shift_moves_the_roots() -> None:
-    polynomial = [(Fraction(1),), (Fraction(5),), (Fraction(6),)]  # roots -2, -3
-    moved = [float(c[0]) for c in shifted(polynomial, Fraction(1, 2))]
-    assert sorted(np.roots(moved)) == pytest.approx([-2.5, -1.5])
-
-
-@given(st.lists(small, min_size=1, max_size=4), st.lists(small, min_size=1, max_size=4), small)
-def test_exact_arithmetic(left: list[Fraction], right: list[Fraction], x: Fraction) -> None:
-    def at(polynomial: tuple[Fraction, ...]) -> Fraction:
-        return sum((c * x**k for k, c in enumerate(polynomial)), Fraction(0))
-
-    a, b = tuple(left), tuple(right)
-    assert at(multiply(a, b)) == at(a) * at(b)
-    assert at(add(a, b, -1)) == at(a) - at(b)

@@ -11,7 +11,7 @@ from tests.made.vehicles.driving import advance
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
-from vehicles.car.parameters import NOMINAL_GAINS, Gains, Loading, VehicleParameters, loaded
+from vehicles.car.parameters import NOMINAL_GAINS, Loading, VehicleParameters, loaded
 from vehicles.car.positioning.noise import GnssNoise
 from vehicles.car.sensors.imu import InertialNoise, Motion
 from vehicles.driver.ego.own_state import Pose
@@ -32,7 +32,6 @@ from vehicles.theory.sampled_loop import (
 FULL = loaded(CAR, Loading(front_passengers=1, rear_passengers=3))
 UNBIASED = InertialNoise(speed_bias=0.0, yaw_rate_bias=0.0)
 LOOP = SampledLoop(CAR, CAR, NOMINAL_GAINS, imu=UNBIASED)
-END = 101 * SECOND
 OLD = (0.25, 0.1)
 """Gains of a filter without inertial sensor."""
 
@@ -202,29 +201,3 @@ def test_all_rates_above_the_lowest_stable_rate_are_stable() -> None:
         lowest_stable_rate(lambda rate: replace(LOOP, control_hz=rate, imu_hz=None), 60.0, 9)
         is None
     )
-
-
-def test_faster_cars_need_faster_sensors() -> None:
-    rates = [
-        lowest_stable_rate(lambda rate: replace(LOOP, imu_hz=rate), speed, 50) or 99
-        for speed in (15.0, 30.0)
-    ]
-    assert rates == sorted(rates)
-    assert rates[0] < rates[-1]
-
-
-def test_incommensurate_rates_have_a_common_period() -> None:
-    stability = sampled_stability(replace(LOOP, gnss_hz=19.9), 20.0)
-    assert stability.period == pytest.approx(10.0)
-    assert stability.decay == pytest.approx(sampled_stability(LOOP, 20.0).decay, abs=0.25)
-
-
-def test_overflow_within_a_period_is_unstable_not_an_error() -> None:
-    """Overflow within a period, with the growth rate of a shorter period."""
-    wild = replace(LOOP, gains=Gains(2.0, 20.0, 2.0), control_hz=10.0, imu_hz=10.0)
-    often, seldom = (replace(wild, gnss_hz=rate) for rate in (1.0, 0.01))
-    with np.errstate(over="raise", invalid="raise"):
-        result = sampled_stability(seldom, 40.0)
-    assert result.radius == math.inf
-    assert not result.stable
-    assert result.decay == pytest.approx(sampled_stability(often, 40.0).decay, rel=0.05)

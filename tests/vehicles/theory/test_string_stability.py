@@ -20,7 +20,6 @@ from vehicles.theory.propagation import (
     Transfer,
     low_frequency_growth,
     propagation,
-    trace_propagation,
 )
 from vehicles.theory.string_stability import (
     amplified_band,
@@ -47,19 +46,6 @@ def test_peak_against_a_dense_grid(speed: float, steering: SteeringModel) -> Non
     assert result.frequency == pytest.approx(frequencies[np.argmax(magnitudes)], abs=2e-3)
     below = peak(transfer, highest=6.0)
     assert below.magnitude == pytest.approx(magnitudes[frequencies <= 6.0].max(), rel=1e-6)
-
-
-def test_peak_on_an_interval_may_be_its_end() -> None:
-    rising = peak(trace_propagation(CAR, NOMINAL_GAINS, 10.0), highest=6.0)
-    assert rising.frequency == 6.0
-
-
-def test_peak_at_infinity() -> None:
-    """Without actuation the feedforward passes curvature on directly: no roll-off."""
-    transfer = trace_propagation(CAR, NOMINAL_GAINS, 10.0, "instantaneous")
-    result = peak(transfer)
-    assert result.frequency == np.inf
-    assert result.magnitude == pytest.approx(abs(transfer.at(np.array([1e7]))[0]), rel=1e-6)
 
 
 @pytest.mark.parametrize("steering", BOTH)

@@ -13,12 +13,10 @@ from statistics import NormalDist
 
 from transport.links.laws.effect import Draw
 
-RESIDUAL_WEIGHT = 1e-9
-"""Maximum weight of a draw after one block."""
+RESIDUAL_WEIGHT = 1e-9  # Maximum weight of a draw after one block
 MAX_CORRELATION = 0.99
 """Maximum correlation from one number to the next, with blocks of 2062 numbers."""
-RECENT = 64
-"""Number of cached values, for messages out of order."""
+RECENT = 64  # Number of cached values, for messages out of order
 
 quantile: Callable[[float], float] = NormalDist().inv_cdf
 """Standard normal quantile (Wichura, Algorithm AS 241, 1988; relative error 1e-16)."""

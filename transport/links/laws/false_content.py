@@ -18,8 +18,7 @@ from vehicles.geometry.geodesy import REACH, LocalPlane, yaw_from_heading
 from vehicles.messages import GpsPose
 from vehicles.schedule import SECOND
 
-LATEST_S = 86_400
-"""Maximum duration of a run."""
+LATEST_S = 86_400  # Maximum duration of a run
 
 Seconds = Annotated[float, Field(ge=0, le=LATEST_S)]
 Metres = Annotated[float, Field(ge=-10_000, le=10_000)]

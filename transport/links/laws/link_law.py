@@ -14,8 +14,7 @@ from transport.links.laws.vehicles_between import VehiclesBetween, no_vehicles
 from transport.reasons import DropReason
 from vehicles.geometry.geodesy import LocalPlane
 
-Problem = tuple[str, str]
-"""A key of the table of a law, and what is wrong with its value."""
+Problem = tuple[str, str]  # A key of the table of a law, and what is wrong with its value
 
 Ratio = Annotated[float, Field(ge=0, le=1)]
 

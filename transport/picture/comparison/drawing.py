@@ -19,10 +19,8 @@ from transport.picture.shapes import (
     turn_about,
 )
 
-FADED = 0.45
-"""Brightness of the first run, of which the others differ."""
-CAR_STEP = 2
-"""True poses (50 Hz) per position of a car."""
+FADED = 0.45  # Brightness of the first run, of which the others differ
+CAR_STEP = 2  # True poses (50 Hz) per position of a car
 
 
 def draw_tracks(recording: rr.RecordingStream, compared: ComparedTracks) -> None:

@@ -18,12 +18,10 @@ from transport.topics import valid_at
 from vehicles.messages import LinkVerdict, Message, Tracking
 from vehicles.schedule import Timer
 
-SIGMAS = 3.0
-"""Half-width of a band in standard deviations."""
+SIGMAS = 3.0  # Half-width of a band in standard deviations
 BAND_ALPHA = 70
 """Opacity (of 255) of a band's line; its area is fainter. Bands of several vehicles overlap."""
-BAND = "/band"
-"""Suffix of the name of a band."""
+BAND = "/band"  # Suffix of the name of a band
 
 
 def time_columns(at: Array, start: int) -> list[rr.TimeColumn]:

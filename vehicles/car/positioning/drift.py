@@ -15,12 +15,9 @@ from numpy.random import Generator
 from vehicles.schedule import MILLISECOND, SECOND
 from vehicles.setting import Setting
 
-GRID = 10 * MILLISECOND
-"""Grid spacing (ns); automotive receivers measure at 20 Hz at most."""
-BLOCK = 512
-"""Number of points computed at once."""
-MIN_TIME_CONSTANT = 0.1
-"""Lower bound of the time constant (s): below it the grid is too coarse."""
+GRID = 10 * MILLISECOND  # Grid spacing (ns); automotive receivers measure at 20 Hz at most
+BLOCK = 512  # Number of points computed at once
+MIN_TIME_CONSTANT = 0.1  # Lower bound of the time constant (s): below it the grid is too coarse
 
 
 @dataclass(frozen=True, slots=True)

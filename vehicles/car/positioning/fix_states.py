@@ -17,8 +17,7 @@ from vehicles.setting import Problem, Setting, must_exceed
 
 ReceiverState = Literal["fixed", "float", "single", "none"]
 """In the state "none" a receiver has no fix."""
-NO_END: Final = 2**63 - 1
-"""An instant (ns) after every run: runs may start up to the year 2200."""
+NO_END: Final = 2**63 - 1  # An instant (ns) after every run: runs may start up to the year 2200
 
 
 @dataclass(frozen=True, slots=True)

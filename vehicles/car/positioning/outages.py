@@ -11,8 +11,7 @@ from vehicles.car.positioning.error_term import ReceiverContext
 from vehicles.schedule import SECOND
 from vehicles.setting import Problem, Setting, must_exceed
 
-MAX_COORDINATE = 1_000_000
-"""Limit (m) of coordinates and distances in scenario files."""
+MAX_COORDINATE = 1_000_000  # Limit (m) of coordinates and distances in scenario files
 
 
 class FixOutage(ABC):

@@ -18,8 +18,7 @@ from vehicles.car.positioning.gnss_settings import (
 from vehicles.messages import FixState
 from vehicles.schedule import SECOND
 
-LEAST_NOISE = 0.001
-"""Least white noise (m) of a position: receivers report millimetres."""
+LEAST_NOISE = 0.001  # Least white noise (m) of a position: receivers report millimetres
 
 
 @dataclass(frozen=True, slots=True)

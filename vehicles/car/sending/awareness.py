@@ -15,8 +15,7 @@ HEADING, POSITION, SPEED = 4.0, 4.0, 0.5
 """Changes (deg, m, m/s) since the last message that trigger another one (EN 302 637-2)."""
 MIN_INTERVAL, MAX_INTERVAL = 100 * MILLISECOND, 1000 * MILLISECOND
 """Bounds (ns) of the interval between messages (EN 302 637-2)."""
-REPEATS = 3
-"""Number of messages with the interval of the last change (EN 302 637-2)."""
+REPEATS = 3  # Number of messages with the interval of the last change (EN 302 637-2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

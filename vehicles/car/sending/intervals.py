@@ -22,8 +22,7 @@ CAM_SHARES = {
 (R. Molina-Masegosa, M. Sepulcre, J. Gozalvez, F. Berens, V. Martinez, "Empirical models for the
 realistic generation of cooperative awareness messages in vehicular networks", IEEE TVT 69(5), 2020,
 arXiv 2004.06919). Due to rounding they add up to 1 within 0.001."""
-JITTER_CUTOFF = 3.0
-"""Cutoff of the normal jitter, in standard deviations."""
+JITTER_CUTOFF = 3.0  # Cutoff of the normal jitter, in standard deviations
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

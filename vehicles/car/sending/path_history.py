@@ -19,8 +19,7 @@ from vehicles.geometry.sparse_path import (
 )
 from vehicles.schedule import SECOND
 
-ROUNDING: Final = 0.008
-"""Largest shift (m) of a position by rounding to 1e-7 degrees."""
+ROUNDING: Final = 0.008  # Largest shift (m) of a position by rounding to 1e-7 degrees
 TOLERANCE: Final = CHORD_TOLERANCE - 0.0005
 """Largest distance (m) of fixes from the chords; the rest is for the curvature of the earth."""
 SPACING: Final = 0.1
@@ -34,11 +33,8 @@ LONGEST_GAP: Final = SECOND // 2
 """Missing fixes over more than this (ns) restart the history, unless positions are estimated."""
 ESTIMATED_EVERY: Final = SECOND // 5
 """Time (ns) after the last fix or estimate from which an estimated position is used."""
-TURN_UNITS: Final = 3_600_000_000
-"""Units of longitude in a turn."""
-
-_Units = tuple[int, int, int]
-"""Latitude, longitude (1e-7 deg) and instant (10 ms)."""
+TURN_UNITS: Final = 3_600_000_000  # Units of longitude in a turn
+_Units = tuple[int, int, int]  # Latitude, longitude (1e-7 deg) and instant (10 ms)
 
 
 class PathHistory:

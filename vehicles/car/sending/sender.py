@@ -9,10 +9,8 @@ from vehicles.car.sending.every_fix import EveryFix
 from vehicles.car.sending.path_history import PathHistory
 from vehicles.car.sending.rule import SendingTrigger
 
-BEFORE_EVERY_RUN: Final = -(2**62)
-"""An instant (ns) before every run."""
-ROUNDING: Final = 1000
-"""Tolerance (ns) of intervals between instants, which are rounded to 1 ns."""
+BEFORE_EVERY_RUN: Final = -(2**62)  # An instant (ns) before every run
+ROUNDING: Final = 1000  # Tolerance (ns) of intervals between instants, which are rounded to 1 ns
 
 
 def no_estimate(_: int) -> Fix | None:

@@ -14,8 +14,7 @@ from vehicles.messages import TruePose
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer
 from vehicles.setting import Setting
 
-MISSED = 2
-"""Number of periods after which a measurement is no longer used: one may be missing."""
+MISSED = 2  # Number of periods after which a measurement is no longer used: one may be missing
 OLDEST_POSE = SECOND // 10
 """Age (ns) up to which a true pose of the predecessor is predicted to the measured instant."""
 

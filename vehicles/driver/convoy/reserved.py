@@ -17,11 +17,8 @@ from vehicles.car.parameters import VehicleParameters
 from vehicles.driver.convoy.lane import Lane
 from vehicles.geometry.sampled_path import SampledPath
 
-STEP: Final = 1.0
-"""Distance (m) between the positions of the last car that are checked."""
-
-LEAST_TURN: Final = 0.9 * pi
-"""A path whose direction (rad) varies less does not meet itself."""
+STEP: Final = 1.0  # Distance (m) between the positions of the last car that are checked
+LEAST_TURN: Final = 0.9 * pi  # A path whose direction (rad) varies less does not meet itself
 
 
 class ReservedEntry(NamedTuple):

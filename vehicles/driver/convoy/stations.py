@@ -7,8 +7,7 @@ from vehicles.geometry.sampled_path import WINDOW, SampledPath
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
-ON_PATH: Final = 2.0
-"""Distance (m) from the path up to which a follower drives along it."""
+ON_PATH: Final = 2.0  # Distance (m) from the path up to which a follower drives along it
 MOST_WIDENED: Final = 50.0
 """Largest distance (m) by which the search is widened for a follower that is not found."""
 ALONG: Final = 0.5

@@ -15,8 +15,7 @@ from vehicles.schedule import SECOND
 FAR_BEHIND: Final = 10.0
 """A spacing more than this (m) above twice the desired one counts as fallen behind."""
 
-CAUGHT_UP: Final = 0.5
-"""A follower has caught up when its excess is below this share of the limit."""
+CAUGHT_UP: Final = 0.5  # A follower has caught up when its excess is below this share of the limit
 
 
 class ConvoyBehind:

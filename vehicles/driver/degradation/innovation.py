@@ -26,8 +26,7 @@ ANCHOR_TIME: Final = SECOND
 """Time (ns) over which announced positions are compared with announced speeds."""
 MIN_DEVIATION: Final = 0.01
 """Smallest standard deviation (m) assumed of a receiver, whatever it states."""
-MAX_DEVIATION: Final = 5.0
-"""Largest one (m): with a larger one every pose would pass."""
+MAX_DEVIATION: Final = 5.0  # Largest one (m): with a larger one every pose would pass
 
 
 class Innovation(NamedTuple):

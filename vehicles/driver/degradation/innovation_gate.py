@@ -37,8 +37,7 @@ over-confident  used, but positions scatter more than stated
 REFUSED: tuple[Distrust, ...] = ("frozen", "jumping", "impossible", "ghost")
 """Poses that are not used."""
 
-WINDOW: Final = 32
-"""Number of poses from which over-confidence is estimated."""
+WINDOW: Final = 32  # Number of poses from which over-confidence is estimated
 MAX_SQUARE: Final = 15.0
 """Bound on a squared innovation, so that two or three jumps do not look like over-confidence."""
 OVERCONFIDENT_SUM: Final = 95.0
@@ -50,15 +49,13 @@ CONFIDENT_SUM: Final = 60.0
 HONEST_THIRD: Final = 0.41
 """Lower tertile of an honest source's squared innovations, each the smaller one against the last
 two poses. It also holds for two tracks of which one is honest."""
-MIN_INFLATION: Final = 1.5
-"""Below this inflation a source is not over-confident."""
+MIN_INFLATION: Final = 1.5  # Below this inflation a source is not over-confident
 MAX_INFLATION: Final = 30.0
 """Largest inflation due to noise: one solver stated a twentieth of its true deviation."""
 HEADING_MISSES: Final = 3
 """Consecutive headings beyond their gate, against each of the last two accepted ones, that refuse a
 pose: by chance at most once in 2e7 poses."""
-RESTART_POSES: Final = 3
-"""Smallest number of poses that must agree on a new position."""
+RESTART_POSES: Final = 3  # Smallest number of poses that must agree on a new position
 RECENT_POSES: Final = 12
 RETURNS: Final = 2
 """Two tracks: this often among the last `RECENT_POSES` a trusted pose follows a refused one."""

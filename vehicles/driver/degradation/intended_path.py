@@ -30,8 +30,7 @@ from vehicles.schedule import SECOND
 MAX_OFFSET: Final = 1.75
 """Positions with offsets beyond this (m), half a lane, are not used. The error of the fix adds."""
 MAX_FIX_ERROR: Final = 3.0
-MAX_ADDED: Final = 3.5
-"""Largest error of a fix, in its standard deviations as stated, and in m."""
+MAX_ADDED: Final = 3.5  # Largest error of a fix, in its standard deviations as stated, and in m
 MAX_OFFSET_SLOPE: Final = 0.2
 """Largest change of an offset per metre driven: a heading error of 11 degrees."""
 DEVIATIONS: Final = 7.0

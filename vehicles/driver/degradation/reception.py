@@ -11,16 +11,12 @@ from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import LOST, SourceFreshness
 from vehicles.schedule import SECOND
 
-RECENT: Final = SECOND
-"""Time (ns) over which arrivals are counted and the period is estimated."""
-SHARE_TIME: Final = 10.0
-"""Averaging time (s) of the usual share."""
-CLOSING_RATE: Final = 0.1
-"""An opened gap closes again at this share of the own speed."""
+RECENT: Final = SECOND  # Time (ns) over which arrivals are counted and the period is estimated
+SHARE_TIME: Final = 10.0  # Averaging time (s) of the usual share
+CLOSING_RATE: Final = 0.1  # An opened gap closes again at this share of the own speed
 CLOSING_TIME: Final = 3.0
 """A wide gap, as after a stop of a minute, closes with this time constant (s)."""
-AGE_WEIGHT: Final = 0.05
-"""Weight of a new message in the usual age of messages at reception."""
+AGE_WEIGHT: Final = 0.05  # Weight of a new message in the usual age of messages at reception
 
 
 class _Arrival(NamedTuple):

@@ -14,8 +14,7 @@ SLOWING: tuple[Mode, ...] = ("coast", "stop")
 """Modes without a source to follow, in which a follower that degrades slows down."""
 OFF_PATH: tuple[Mode, ...] = (*SLOWING, "creep")
 """Modes in which a follower may be beside the path, so that no other vehicle follows its poses."""
-PREDICTED_FOR: Final = 0.5
-"""Age (s) of a sample up to which its acceleration is assumed to last."""
+PREDICTED_FOR: Final = 0.5  # Age (s) of a sample up to which its acceleration is assumed to last
 
 
 @dataclass(slots=True)
@@ -57,8 +56,7 @@ class SourceFreshness:
         return driven, after, acceleration if age <= PREDICTED_FOR else 0.0
 
 
-UNUSED = SourceFreshness("unused")
-"""State of a vehicle that is not received."""
+UNUSED = SourceFreshness("unused")  # State of a vehicle that is not received
 NO_OTHERS: Mapping[str, SourceFreshness] = {}
 NO_WEIGHTS: Mapping[str, float] = {}
 

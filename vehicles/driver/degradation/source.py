@@ -16,20 +16,15 @@ from vehicles.preview.received.trace import Trace
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
-RELIED_ON = ("fresh", "late")
-"""Statuses of a source that is steered along."""
+RELIED_ON = ("fresh", "late")  # Statuses of a source that is steered along
 OVERDUE_AFTER: Final = 1.5
 """A message is overdue after this multiple of the usual time between two received ones."""
-MIN_SHARE: Final = 0.05
-"""Smallest share of its messages that a source is expected to deliver."""
+MIN_SHARE: Final = 0.05  # Smallest share of its messages that a source is expected to deliver
 SLOW_SPEED: Final = 5.0
 """Speed (m/s) below which a car stops within 4 m: relying on a source too early costs least."""
-SLOW_PROBATION: Final = 2.0
-"""Longest probation (s) of a source of a slow car."""
-SLOW_DELIVERY: Final = 0.8
-"""Share of all messages that ends this probation."""
-MIN_SAMPLES: Final = 3
-"""Fewer samples of a source determine no trajectory."""
+SLOW_PROBATION: Final = 2.0  # Longest probation (s) of a source of a slow car
+SLOW_DELIVERY: Final = 0.8  # Share of all messages that ends this probation
+MIN_SAMPLES: Final = 3  # Fewer samples of a source determine no trajectory
 CURVATURE_MEMORY: Final = 300.0
 """Distance (m) over which a received curvature loses half of its effect: the bends of a car park do
 not count on a motorway."""

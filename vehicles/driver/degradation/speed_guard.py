@@ -50,8 +50,7 @@ CAUGHT_UP: Final = 0.5
 CLOSER: Final = 0.5
 """Gap keeping replaces the common speed if the spacing shrinks by more than this (m)."""
 
-LIMIT_TIME: Final = 0.5
-"""Time constant (s) with which a car slows to a speed limit."""
+LIMIT_TIME: Final = 0.5  # Time constant (s) with which a car slows to a speed limit
 
 
 class SpeedOverride(Protocol):

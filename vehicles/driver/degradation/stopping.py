@@ -11,23 +11,13 @@ from vehicles.driver.degradation.settings import Braking
 from vehicles.driver.degradation.situation import LOST, SourceFreshness
 from vehicles.schedule import SECOND
 
-STOP_MARGIN: Final = 0.5
-"""Distance (m) before the end of the known path at which a stop ends."""
-STANDSTILL: Final = 0.2
-"""Below this speed (m/s) a car is held by its brake."""
-CREEP_SPEED: Final = 2.0
-"""Largest speed (m/s) across a hole in the known path."""
-
-GUARD_MARGIN: Final = 1.0
-"""Gap (m) that the guard keeps for errors of position and speed."""
-GUARD_TIME: Final = 0.3
-"""The guard begins to brake this time (s) before the last instant to do so."""
-
-HARDEST: Final = 100.0
-"""Upper end (m/s²) of the bisection, ten times the limit of tyres."""
-
-HALVINGS: Final = 40
-"""Number of bisection steps, to 1e-10 m/s²."""
+STOP_MARGIN: Final = 0.5  # Distance (m) before the end of the known path at which a stop ends
+STANDSTILL: Final = 0.2  # Below this speed (m/s) a car is held by its brake
+CREEP_SPEED: Final = 2.0  # Largest speed (m/s) across a hole in the known path
+GUARD_MARGIN: Final = 1.0  # Gap (m) that the guard keeps for errors of position and speed
+GUARD_TIME: Final = 0.3  # The guard begins to brake this time (s) before the last instant to do so
+HARDEST: Final = 100.0  # Upper end (m/s²) of the bisection, ten times the limit of tyres
+HALVINGS: Final = 40  # Number of bisection steps, to 1e-10 m/s²
 
 
 def stopping_distance(speed: float, acceleration: float, braking: Braking) -> float:

@@ -8,8 +8,7 @@ variances of measured state plus measurement.
 
 from dataclasses import dataclass
 
-EXACT = 1.0, 0.0, 0.0
-"""Gains for a noise-free measurement of an exactly known state."""
+EXACT = 1.0, 0.0, 0.0  # Gains for a noise-free measurement of an exactly known state
 
 
 @dataclass(slots=True)

@@ -27,8 +27,7 @@ HEADING: Final = 2
 SPEED_BIAS: Final = 3
 GYRO_BIAS: Final = 4
 LOAD: Final = 5
-FIRST_ERROR: Final = 6
-"""Index of the first lasting error; each has two states, east and north."""
+FIRST_ERROR: Final = 6  # Index of the first lasting error; each has two states, east and north
 
 
 class Step:

@@ -26,8 +26,7 @@ from vehicles.driver.ego.own_state import Pose
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.schedule import SECOND
 
-GATE: Final = 6.0
-"""Innovations beyond this number of standard deviations are outliers."""
+GATE: Final = 6.0  # Innovations beyond this number of standard deviations are outliers
 
 JUMP_DISTANCE: Final = 0.5
 JUMP_GROWTH: Final = 3.0
@@ -35,8 +34,7 @@ JUMP_GROWTH: Final = 3.0
 """
 
 JUMP_HEADING: Final = 0.1
-JUMP_TURNING: Final = 0.5
-"""The same for its heading (rad, rad/s)."""
+JUMP_TURNING: Final = 0.5  # The same for its heading (rad, rad/s)
 
 OUTAGE: Final = SECOND
 OUTAGE_FIXES: Final = 3

@@ -6,8 +6,7 @@ from typing import Final
 from vehicles.driver.longitudinal.controller import VehiclesAhead
 from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
 
-GAP_STIFFNESS: Final = 3.0
-"""k_p, acceleration per metre of spacing error (1/s²)."""
+GAP_STIFFNESS: Final = 3.0  # k_p, acceleration per metre of spacing error (1/s²)
 
 DAMPING: Final = 4.0
 """k_v + k_l, acceleration per m/s of speed difference to predecessor and lead (1/s)."""
@@ -18,11 +17,8 @@ LEAD_SHARE: Final = 0.5
 LEAD_PULL_DISTANCE: Final = 0.5
 """Limit (m) of the spacing error due to a lead that is faster than the predecessor."""
 
-STABLE_HEADWAY: Final = 0.35
-"""From this headway (s) on the lead's speed is neither needed nor used."""
-
-CATCH_UP_DISTANCE: Final = 5.0
-"""Limit (m) of the spacing error."""
+STABLE_HEADWAY: Final = 0.35  # From this headway (s) on the lead's speed is neither needed nor used
+CATCH_UP_DISTANCE: Final = 5.0  # Limit (m) of the spacing error
 
 
 def gap_acceleration(

@@ -6,8 +6,7 @@ from typing import Final
 from vehicles.driver.ego.own_state import Pose
 from vehicles.preview.received.polyline import Polyline, step
 
-STEP: Final = 0.5
-"""Distance (m) between stored positions."""
+STEP: Final = 0.5  # Distance (m) between stored positions
 CAPACITY: Final = 8192
 DROPPED_AT_ONCE: Final = 2048
 """Largest number of stored positions, and number of the oldest dropped at once."""

@@ -21,18 +21,14 @@ from vehicles.preview.received.polyline import Polyline
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
-BRIDGE_AT: Final = -1
-"""Instant of bridge points: before any sample."""
-MAX_BRIDGE_POINTS: Final = 500
-"""Largest number of points that bridge a hole."""
+BRIDGE_AT: Final = -1  # Instant of bridge points: before any sample
+MAX_BRIDGE_POINTS: Final = 500  # Largest number of points that bridge a hole
 HISTORY_TOLERANCE: Final = 0.5
 HISTORY_DEVIATIONS: Final = 4.0
 """A path history is ignored if the last sample lies further off it than this distance (m) plus this
 number of standard deviations, as stated."""
-ASIDE: Final = 10.0
-"""Largest distance (m) from the ego at which a path history passes it."""
-KEPT_BEHIND: Final = 20
-"""Number of points behind the ego that are kept of a path history."""
+ASIDE: Final = 10.0  # Largest distance (m) from the ego at which a path history passes it
+KEPT_BEHIND: Final = 20  # Number of points behind the ego that are kept of a path history
 NOTHING_RECEIVED: Final = ReceivedCurve([], covers=False, places=0)
 
 

@@ -12,8 +12,7 @@ from vehicles.preview.received.trace import Trace
 
 LEAST_BEND: Final = 1.0 / 500.0
 """Bends of at least this curvature (1/m), the paper's lane change, must be expected anywhere."""
-CERTAIN: Final = 0.5
-"""Largest deviation (m) of the path from a bridge that a car may cross."""
+CERTAIN: Final = 0.5  # Largest deviation (m) of the path from a bridge that a car may cross
 SAME_PATH: Final = 1.75
 """Stretches of two sources join if they are at most this (m) apart, half a lane."""
 

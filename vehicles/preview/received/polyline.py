@@ -11,8 +11,7 @@ from vehicles.schedule import SECOND
 
 LONG_STEP: Final = 6.0
 """Steps longer than this (m) are measured straight, because the car may have turned within."""
-LONG_DURATION: Final = SECOND
-"""Steps that take longer than this (ns), likewise."""
+LONG_DURATION: Final = SECOND  # Steps that take longer than this (ns), likewise
 
 
 class Polyline:

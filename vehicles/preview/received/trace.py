@@ -34,8 +34,7 @@ MAX_HOLES: Final = 64
 LONGEST_STEP: Final = SECOND // 8
 """Time (ns) between two samples from which on a path history closes the step: two missing messages
 at 20 Hz, and every step of a source that sends at 5 Hz or less."""
-DROP_CHUNK: Final = 64
-"""Number of samples behind the ego that are dropped at once."""
+DROP_CHUNK: Final = 64  # Number of samples behind the ego that are dropped at once
 
 
 class Trace:

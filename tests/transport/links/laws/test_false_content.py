@@ -12,7 +12,6 @@ from tests.made.channels.false_content import drift, frozen, ghost, offset, repl
 from tests.made.scenarios.messages import START, gps
 from transport.codec import RefusedMessageError
 from transport.links.laws.false_content import (
-    FalseContent,
     FalseInterval,
     Recall,
     Shift,
@@ -126,21 +125,3 @@ def test_a_ghost_drives_beside_the_sender_half_an_interval_later() -> None:
     assert ghost_pose.measured_at_ns - pose.measured_at_ns == 25_000_000
     place = PLANE.to_plane(ghost_pose.latitude_deg, ghost_pose.longitude_deg, ghost_pose.altitude_m)
     assert place == pytest.approx((-3.0 + 0.5, 0.5), abs=1e-6)  # half a metre in 25 ms
-
-
-def test_messages_are_not_changed_in_place() -> None:
-    pose, old = gps("v1", 30), gps("v1", 10, speed_mps=3.0)
-    before = replace(pose), replace(old)
-    shift = Shift(1.0, 2.0, 3.0, 4.0)
-    moving = drift(FalseInterval(START), shift)
-    kinds: list[FalseContent] = [offset(ALWAYS, shift), moving, frozen(ALWAYS)]
-    for kind in [*kinds, replayed(ALWAYS, SECOND), ghost(ALWAYS, shift, 1)]:
-        kind.falsify(pose, PLANE, lambda _until: old)
-    ghost(ALWAYS, shift, 1).extra_message(pose, PLANE)
-    assert (pose, old) == before
-
-
-def test_a_spell_begins_with_its_first_instant_and_ends_before_its_last() -> None:
-    spell = FalseInterval(5, 7)
-    assert [at in spell for at in (4, 5, 6, 7)] == [False, True, True, False]
-    assert 2**62 in FalseInterval(5)

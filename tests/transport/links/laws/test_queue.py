@@ -45,14 +45,6 @@ def messages(instants: list[int], sizes: list[int] | int = 100) -> list[StagedMe
 # ---- Closed forms
 
 
-def test_below_its_rate_no_message_waits() -> None:
-    # 100 bytes at 4000 bytes/s take 25 ms; one message arrives every 50 ms.
-    found = through(queue_of(4000.0, 3), messages([50 * MS * k for k in range(1000)]))
-    assert len(found) == 1000
-    for seq, staged in found.items():
-        assert (staged.reason, staged.visible_at) == ("", (50 * seq + 25) * MS)
-
-
 @pytest.mark.parametrize("drop", ["newest", "oldest"])
 @pytest.mark.parametrize("depth", [1, 4, 20])
 def test_above_its_rate_a_queue_fills_and_drops(depth: int, drop: str) -> None:
@@ -185,13 +177,6 @@ def test_a_message_lost_on_its_way_has_taken_its_turn_but_not_one_that_was_never
     assert [found[seq].reason for seq in range(4)] == list(reasons)
 
 
-def test_a_lost_message_keeps_its_reason_when_dropped() -> None:
-    contexts = [TransmissionContext(seq, 0, 10) for seq in range(3)]
-    sent = [StagedMessage(context, 7, "loss" if context.seq == 1 else "") for context in contexts]
-    found = through(queue_of(1e9, 1, "oldest"), sent)
-    assert [found[seq].reason for seq in range(3)] == ["", "loss", ""]
-
-
 @given(st.lists(st.tuples(st.integers(0, 100), st.booleans()), min_size=1, max_size=30))
 def test_in_order_is_the_largest_so_far_of_those_that_are_delivered(
     rows: list[tuple[int, bool]],
@@ -216,21 +201,3 @@ def test_a_link_in_order_delays_and_one_that_is_free_lets_overtake() -> None:
     ordered = [verdict.visible_at for verdict in judge_stream(link(tied), stream)]
     assert overtaking != sorted(overtaking)
     assert ordered == list(accumulate(overtaking, max))
-
-
-def test_delays_of_queue_and_floor_add_up() -> None:
-    requested = LinkTable(latency_ms=20.0, queue=Queue(bytes_per_s=1300.0, depth_messages=2))
-    stream = [TransmissionContext(seq, seq * 50 * MS, 130) for seq in range(6)]  # 100 ms each
-    judged = judge_stream(link(requested), stream)
-    sent = {0: 100, 1: 200, 2: 300, 3: 400, 4: 500}  # when 5 arrives, 2 is being sent, 3 and 4 wait
-    for seq, verdict in enumerate(judged):
-        if seq in sent:
-            assert (verdict.outcome, verdict.visible_at) == ("delivered", (sent[seq] + 20) * MS)
-        else:
-            assert (verdict.reason, verdict.visible_at) == ("queue", (50 * seq + 20) * MS)
-
-
-def test_a_description_has_the_numbers_of_the_queue() -> None:
-    words = queue_of(4000.0, 8, "oldest").describe()
-    assert all(part in words for part in ("8 messages", "4000 bytes/s", "oldest"))
-    assert queue_of(1e9, 1).service(100) == 100

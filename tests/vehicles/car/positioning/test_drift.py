@@ -83,15 +83,6 @@ def test_it_equals_the_plain_recursion() -> None:
             assert process.at(now) == pytest.approx(tuple(x), abs=1e-10)
 
 
-def test_it_is_constant_between_grid_points() -> None:
-    process = GaussMarkov(10.0, START, np.random.default_rng(1))
-    first = process.at(START)
-    assert process.at(START + GRID - 1) == first != process.at(START + GRID)
-    process.at(START + 1000 * GRID)
-    with pytest.raises(ValueError, match=str(START)):
-        process.at(START)
-
-
 @pytest.mark.parametrize("time_constant", [0.0, 0.01, -1.0, math.inf, math.nan])
 def test_invalid_time_constants_are_rejected(time_constant: float) -> None:
     with pytest.raises(ValueError, match="time constant"):

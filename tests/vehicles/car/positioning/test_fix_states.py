@@ -7,7 +7,6 @@ from scipy import stats
 from vehicles.car.dynamics import Body
 from vehicles.car.positioning.error_term import ReceiverContext
 from vehicles.car.positioning.fix_states import (
-    NO_END,
     FixStates,
     ReceiverState,
     StateChain,
@@ -55,19 +54,6 @@ def test_competing_transitions_have_their_rates() -> None:
     assert stats.kstest(fixed, "expon", args=(0.0, 7.5)).pvalue > 0.001  # 1/10 + 1/30
     lost = sum(state == "none" for state, _ in result)
     assert lost == pytest.approx(1000, abs=5 * (4000 * 0.25 * 0.75) ** 0.5)  # a quarter of 4000
-
-
-def test_a_chain_does_not_depend_on_the_instants_of_queries() -> None:
-    often, seldom = (StateChain("fixed", CHAIN, START, np.random.default_rng(5)) for _ in range(2))
-    for second in range(0, 5000, 100):
-        for step in range(100):
-            now = often.at(START + (second + step) * SECOND)
-        assert now == seldom.at(START + (second + 99) * SECOND)
-
-
-def test_a_state_without_transitions_lasts() -> None:
-    chain = StateChain("single", CHAIN, START, np.random.default_rng(1))
-    assert chain.at(START + 10**6 * SECOND).until == NO_END
 
 
 def test_a_schedule_is_followed() -> None:

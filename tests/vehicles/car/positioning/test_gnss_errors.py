@@ -131,13 +131,6 @@ def test_a_bias_is_constant_and_partly_random() -> None:
     assert abs(np.mean(each)) < 5 * 0.5 / math.sqrt(800)
 
 
-def test_positions_are_rounded() -> None:
-    rounded = replace(model(StateErrors(0.3)), quantisation=0.25)
-    for fix in fixes(errors(rounded), 5.0):
-        assert (fix.east / 0.25).is_integer()
-        assert (fix.north / 0.25).is_integer()
-
-
 def test_a_fix_is_available_after_its_latency() -> None:
     late = replace(model(), latency=70 * MILLISECOND)
     gnss = GnssReceiver(SILENT, 20.0, START, np.random.default_rng(1), errors(late))

@@ -15,7 +15,6 @@ from transport.codec import encode
 from vehicles.car.gnss import Fix
 from vehicles.car.sending.path_history import PathHistory
 from vehicles.car.sending.sender import Sender
-from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.received_pose import ReceivedPose, receive
 
@@ -52,13 +51,6 @@ def last(driven: Sequence[Fix], **limits: float) -> ReceivedPose:
     return pose
 
 
-def length_of(pose: ReceivedPose) -> float:
-    places = [*pose.path_history(), (pose.measured_at, pose.east, pose.north)]
-    return sum(
-        float(np.hypot(end[1] - start[1], end[2] - start[2])) for start, end in pairwise(places)
-    )
-
-
 @examples(13, 400)
 @given(bends=BENDS, speed=st.floats(10.0, 40.0), noise=st.sampled_from([0.0, 0.02, 0.05]))
 def test_chords_are_within_5_cm_of_all_fixes(
@@ -81,14 +73,6 @@ def test_chords_of_growing_bends_are_within_5_cm(speed: float, curvature: float)
         assert worst_distance(pose, driven) <= 0.05
 
 
-def test_on_a_straight_few_positions_cover_the_length() -> None:
-    pose = last(list(fixes(STRAIGHT, np.arange(0.0, 1000.0, 1.5))))
-    assert 250.0 <= length_of(pose) <= 300.0
-    assert len(pose.path_history()) <= 8
-    short = last(list(fixes(STRAIGHT, np.arange(0.0, 1000.0, 1.5))), length=40.0)
-    assert 30.0 <= length_of(short) <= 40.0
-
-
 @pytest.mark.parametrize("points", [1, 2, 5, 23])
 def test_the_number_of_positions_is_limited(points: int) -> None:
     circle = path_from_segments([Segment(300.0, 1 / 20.0)])
@@ -97,21 +81,6 @@ def test_the_number_of_positions_is_limited(points: int) -> None:
         assert len(pose.path_history()) <= points
     assert len(pose.path_history()) == points
     assert worst_distance(pose, driven) <= 0.05
-
-
-def test_a_length_of_zero_switches_it_off() -> None:
-    driven = list(fixes(STRAIGHT, np.arange(0.0, 100.0, 1.0)))
-    assert last(driven, length=0.0).message.history_age_cs == ()
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.02, 0.5])
-def test_standing_adds_no_positions(noise: float) -> None:
-    stations = [*np.arange(0.0, 60.0, 0.5), *([60.0] * 4000)]
-    poses = list(sent(list(fixes(STRAIGHT, stations, noise))))
-    moving, standing = ([at for at, _, _ in poses[k].path_history()] for k in (119, -1))
-    assert len(standing) <= len(moving) + 4
-    if noise < 0.1:
-        assert standing[: len(moving) - 2] == moving[: len(moving) - 2]
 
 
 def test_noise_of_half_a_metre_is_bounded_by_the_number_of_positions() -> None:
@@ -157,13 +126,6 @@ def test_positions_by_dead_reckoning_stand_in_for_missing_fixes(certain: bool) -
     assert pose.path_history()[0][0] == first.measured_at
     every_fourth = driven[:20] + driven[20:80:4] + driven[80:]
     assert not certain or worst_distance(pose, every_fourth) < 0.05
-
-
-def test_it_crosses_the_date_line() -> None:
-    plane = LocalPlane(Origin(-17.0, 179.9999, 0.0))
-    *_, pose = sent(fixes(STRAIGHT, np.arange(0.0, 200.0, 1.0)), plane=plane)
-    first = pose.path_history()[0]
-    assert (first[1], first[2]) == pytest.approx((0.0, 0.0), abs=0.02)
 
 
 @given(st.integers(1, 22))

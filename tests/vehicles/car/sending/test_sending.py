@@ -56,10 +56,6 @@ def gaps(result: list[tuple[float, float]]) -> list[float]:
     return [later - earlier for (earlier, _), (later, _) in pairwise(result)]
 
 
-def test_every_fix_is_sent_at_once() -> None:
-    assert sent(None, 0.3, gnss_hz=20.0) == [(t, t) for t in (0, 50, 100, 150, 200, 250)]
-
-
 def test_a_fixed_rate_sends_the_newest_fix() -> None:
     rule = PeriodicTrigger(Cadence(START + 30 * MILLISECOND, 8.0))
     assert sent(rule, 0.6, gnss_hz=20.0) == [

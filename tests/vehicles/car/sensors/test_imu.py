@@ -23,16 +23,6 @@ def readings(noise: InertialNoise, count: int, seed: int = 1) -> list[Motion]:
     return [motion for motion in taken if motion is not None]
 
 
-def test_without_noise_it_measures_the_true_state() -> None:
-    assert readings(SILENT, 3) == [Motion(20.0, 0.2)] * 3
-
-
-def test_it_measures_at_its_own_instants_only() -> None:
-    imu = sensor(SILENT, rate_hz=20.0)
-    taken = [imu.measure(BODY, k * TICK) is not None for k in range(11)]
-    assert taken == [k % 5 == 0 for k in range(11)]  # 50 and 150 ms are not instants of 50 Hz
-
-
 def test_noise_is_white_and_of_the_stated_size() -> None:
     noise = replace(SILENT, speed=0.05, yaw_rate=0.002)
     for values, mean, deviation in (
@@ -64,12 +54,6 @@ def test_readings_do_not_depend_on_how_many_are_drawn_at_once(
     drawn = readings(InertialNoise(), 200)
     monkeypatch.setattr("vehicles.car.sensors.imu.BLOCK", 1)
     assert readings(InertialNoise(), 200) == drawn
-
-
-def test_measured_speed_is_never_negative() -> None:
-    imu = sensor(InertialNoise())
-    taken = [imu.measure(Body(0.0, 0.0, 0.0, 0.0), k * TICK) for k in range(200)]
-    assert min(motion.speed for motion in taken if motion) == 0.0
 
 
 @pytest.mark.parametrize("rate_hz", [0.0, -1.0, math.nan, math.inf])

@@ -1,6 +1,5 @@
 """Bridges over the path of a source while it was lost."""
 
-import math
 from itertools import pairwise
 
 import numpy as np
@@ -80,20 +79,6 @@ def test_late_samples_replace_the_bridge() -> None:
     assert all(after > before for before, after in pairwise(window.station.tolist()))
 
 
-def test_a_hole_without_a_possible_curve_stays_straight() -> None:
-    trace = Trace()
-    trace.add(received(0, 0.0, 0.0, math.pi, SPEED))
-    trace.add(received(SECOND, 15.0, 0.0, math.pi, SPEED), after_hole=True)
-    assert len(trace) == 2
-
-
-def test_holes_are_bridged_only_on_request() -> None:
-    trace = Trace()
-    receive_all(ROADS["left"], trace, range(50))
-    receive_all(ROADS["left"], trace, range(80, 100))
-    assert len(trace) == 70
-
-
 @pytest.mark.spread(3)
 @pytest.mark.parametrize("road", ["straight", "left", "right"])
 @pytest.mark.parametrize("hole", [6, 9, 13])
@@ -121,45 +106,6 @@ def test_in_a_hole_the_trajectory_passes_the_car(road: str, hole: int) -> None:
     assert np.median(off["with one behind"]) < 0.05
 
 
-def test_bridge_points_over_a_hole_are_detected() -> None:
-    path, trace = ROADS["straight"], Trace()
-    receive_all(path, trace, range(100))
-    receive_all(path, trace, range(130, 250), after_hole=True)
-    for station in range(240):
-        point = path.at(float(station))
-        seen = trace.window(point.east, point.north, 10.0, 20.0)
-        # One metre per message: the hole is from 99 to 130 m.
-        guessed = any(99.5 < station + along < 129.5 for along in seen.station.tolist())
-        assert trace.has_bridge_points(seen) == guessed, station
-
-
-def test_bridge_points_before_the_first_sample_are_detected() -> None:
-    trace = Trace()
-    assert not trace.has_bridge_points(Window(*np.zeros((3, 0))))
-    for seq in range(100):
-        trace.add(received(seq * PERIOD, 30.0 + seq, 0.0, 0.0, SPEED))
-    trace.bridge(0.0, 0.0, 0.0)
-    for station in range(100):
-        seen = trace.window(float(station), 0.0, 5.0, 20.0)
-        assert trace.has_bridge_points(seen) == (station < 35), station
-    assert not trace.has_bridge_points(trace.window(80.0, 0.0, 5.0, 20.0))
-
-
-def test_noisy_samples_behind_a_smooth_bridge_make_no_bend() -> None:
-    """Some noisy samples after points that are on a line to a millimetre."""
-    random = np.random.default_rng(5)
-    station = np.concatenate((np.arange(-8.0, 16.0), [17.5, 19.0, 22.0, 25.0]))
-    noisy, aware = list[float](), list[float]()
-    for _ in range(50):
-        offset = np.concatenate((np.zeros(24), random.normal(0.0, 0.03, 4)))
-        seen = Window(station, offset, station)
-        for bends, settings in ((noisy, FitSettings()), (aware, FitSettings().with_stated_noise())):
-            fitted = fit_two(seen, None, alpha=0.5, settings=settings)
-            assert fitted is not None
-            bends.append(abs(math.sin(fitted.spline.at(33.0).yaw)))
-    assert max(aware) < 0.5 * max(noisy)
-
-
 def test_four_noisy_samples_make_no_bend_by_chance() -> None:
     """With 2 cm of noise 1 % of straight roads would be bends of 340 m at the usual price."""
     random = np.random.default_rng(6)
@@ -172,18 +118,3 @@ def test_four_noisy_samples_make_no_bend_by_chance() -> None:
         bends.append(abs(fitted.spline.at(10.0).curvature))
     assert float(np.quantile(bends, 0.99)) < 1e-5
     assert max(bends) < 1e-3
-
-
-@pytest.mark.parametrize("radius", [40.0, 80.0])
-def test_four_samples_of_a_clear_bend_are_a_bend(radius: float) -> None:
-    random = np.random.default_rng(6)
-    station = np.array([-6.0, -2.0, 2.0, 6.0])
-    offset = station**2 / (2.0 * radius)
-    bends = list[float]()
-    for _ in range(300):
-        seen = Window(station, offset + random.normal(0.0, 0.02, 4), station)
-        fitted = fit_two(seen, None, alpha=0.5, settings=FitSettings())
-        assert fitted is not None
-        bends.append(radius * fitted.spline.at(8.0).curvature)
-    low, high = np.quantile(bends, [0.05, 0.95])
-    assert 0.75 < low < high < 1.25

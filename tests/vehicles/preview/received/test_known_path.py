@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -60,14 +59,6 @@ def test_the_known_path_ends_at_a_hole_until_the_car_is_beyond_it(road: str) -> 
             assert end == pytest.approx(200.0, abs=3.0)
 
 
-@pytest.mark.parametrize("road", ROADS)
-def test_positions_of_the_other_source_cover_a_hole(road: str) -> None:
-    path = ROADS[road]
-    lead, predecessor = received_at(path, [(0, 80), (110, 200)]), received_at(path, [(0, 125)])
-    for _, end in driven(path, [lead, predecessor], 190):
-        assert end == pytest.approx(200.0, abs=3.0)
-
-
 def test_a_hole_of_both_sources_is_shorter_than_that_of_each() -> None:
     path = ROADS["straight"]
     lead, predecessor = (
@@ -78,20 +69,6 @@ def test_a_hole_of_both_sources_is_shorter_than_that_of_each() -> None:
     known = known_path([lead, predecessor], point.east, point.north)
     assert known.end == pytest.approx(70.0, abs=0.5)
     assert known.hole is not None
-
-
-def test_positions_beside_a_hole_do_not_cover_it() -> None:
-    """The second source drove another road, 5 m to the left."""
-    path = ROADS["straight"]
-    lead = received_at(path, [(0, 80), (110, 200)])
-    other = Trace()
-    for station in range(126):
-        point = path.at(float(station))
-        aside = 5.0 * min(station / 40.0, 1.0)
-        place = point.east - aside * math.sin(point.yaw), point.north + aside * math.cos(point.yaw)
-        other.add(received(round(station / SPEED * SECOND), *place, point.yaw, SPEED))
-    point = path.at(10.0)
-    assert known_path([lead, other], point.east, point.north).hole is not None
 
 
 @settings(max_examples=40, deadline=None)
@@ -140,23 +117,6 @@ def test_across_a_certain_hole_the_bridge_is_close_to_the_road(
     before, after = (start.east, start.north, start.yaw), (end.east, end.north, end.yaw)
     for east, north in curve_between(before, after, 0.5).T.tolist():
         assert abs(path.project(east, north, None).lateral) <= 1.05 * CERTAIN
-
-
-def test_the_farthest_of_two_gentle_curves_is_at_the_limit() -> None:
-    """Full curvature to one side, twice as long to the other, and back: κ s²/16 to the side."""
-    length, bend = 40.0, CERTAIN * 16.0 / 40.0**2
-    turns = np.repeat([bend, -bend, -bend, bend], 2500)
-    slope = np.cumsum(turns) * length / 10_000
-    offset = np.cumsum(slope) * length / 10_000
-    assert np.max(offset) == pytest.approx(CERTAIN, rel=1e-3)
-    assert abs(slope[-1]) < 1e-9
-    assert PathHole(0.999 * length, 0.0).is_certain(bend)
-    assert not PathHole(1.001 * length, 0.0).is_certain(bend)
-
-
-def test_a_turn_within_the_hole_makes_it_uncertain() -> None:
-    assert PathHole(10.0, 0.0).is_certain(LEAST_BEND)
-    assert not PathHole(10.0, 1.5).is_certain(LEAST_BEND)
 
 
 def test_a_source_that_drove_round_and_back_leaves_a_long_hole() -> None:

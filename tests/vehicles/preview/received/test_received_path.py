@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from scenarios.definition.scenario import load_scenario
 from tests.made.examples import examples
-from tests.made.vehicles.sent_paths import PLANE, fixes, sent, without_history
+from tests.made.vehicles.sent_paths import fixes, sent, without_history
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.preview.received.samples import Window
 from vehicles.preview.received.trace import Trace
-from vehicles.received_pose import ReceivedPose, receive
+from vehicles.received_pose import ReceivedPose
 
 SPEED = 15.0
 STEP = SPEED / 20.0
@@ -68,13 +68,6 @@ def test_a_cut_of_3_s_leaves_no_hole(name: str, noise: float) -> None:
     assert worst(road, trace, CUT.start * STEP + 20.0) < 0.10
 
 
-@pytest.mark.parametrize("name", ["straight", "arc", "clothoids"])
-def test_between_received_positions_the_curve_follows_the_bend(name: str) -> None:
-    """Chords alone are up to 5 cm off."""
-    road = ROADS[name]
-    assert worst(road, received(poses(road)), CUT.start * STEP + 20.0) < 0.02
-
-
 @pytest.mark.parametrize("name", ["church_lot", "highway"])
 def test_cuts_on_recorded_roads_leave_no_hole(name: str) -> None:
     road = load_scenario(name).route.path
@@ -88,36 +81,6 @@ def test_cuts_on_recorded_roads_leave_no_hole(name: str) -> None:
             trace.window(*place(road, passed), 5.0, 5.0)
         window = trace.window(*place(road, here), 20.0, 60.0)
         assert farthest(road, window, here) < 0.12
-
-
-@pytest.mark.parametrize("name", ["slalom", "clothoids", "corner"])
-def test_without_history_the_hole_is_a_guess(name: str) -> None:
-    road = ROADS[name]
-    trace = received([without_history(pose) for pose in poses(road)])
-    assert len(trace.holes) == 1
-    assert worst(road, trace, CUT.start * STEP + 20.0) > 0.3
-
-
-def test_several_missing_poses_are_closed_without_a_lost_source() -> None:
-    road = ROADS["slalom"]
-    closed = received(poses(road), range(300, 320), after_hole=False)
-    open_ = received(
-        [without_history(pose) for pose in poses(road)], range(300, 320), after_hole=False
-    )
-    assert len(closed) > len(open_) + 5
-    assert closed.holes == []
-    assert worst(road, closed, 232.0) < 0.05
-
-
-@pytest.mark.parametrize("name", ["slalom", "clothoids", "corner"])
-def test_steps_between_rare_poses_are_closed(name: str) -> None:
-    """The sender sends one fix of twenty, and no message is lost."""
-    trace, road = Trace(), ROADS[name]
-    rare = poses(road)[::20]
-    for seq, pose in enumerate(rare):
-        trace.add(replace(pose, message=replace(pose.message, seq=seq)))
-    assert len(trace) > 10 * len(rare)
-    assert worst(road, trace, 232.0, 40.0) < 0.10
 
 
 def test_baselines_ignore_histories() -> None:
@@ -142,16 +105,6 @@ def test_what_the_history_does_not_reach_remains_a_hole() -> None:
     ahead = seen.station + begin - 5.0
     assert not [one for one in ahead if begin + 0.5 < one < end - 0.5]
     assert [one for one in ahead if end < one < CUT.stop * STEP - 2.0]
-
-
-def test_a_late_sample_in_the_remaining_hole_brings_its_own_history() -> None:
-    road = ROADS["slalom"]
-    source = poses(road, length=30.0)
-    trace = received(source)
-    assert len(trace.holes) == 1
-    trace.add(source[CUT.start + 20])
-    assert trace.holes == []
-    assert worst(road, trace, CUT.start * STEP + 10.0) < 0.10
 
 
 def test_a_history_that_contradicts_the_trace_is_ignored() -> None:
@@ -200,25 +153,6 @@ def farthest(road: SampledPath, window: Window, station: float = 222.0) -> float
     )
 
 
-def test_a_history_that_does_not_reach_the_ego_is_joined_to_it() -> None:
-    road = ROADS["straight"]
-    trace, ego = Trace(), road.at(100.0)
-    trace.add(poses(road, length=60.0)[300])
-    trace.bridge(ego.east, ego.north, ego.yaw)
-    window = trace.window(ego.east, ego.north, 5.0, 120.0)
-    assert window.station[0] == pytest.approx(0.0, abs=0.1)
-    assert max(np.diff(window.station)) < 8.0
-    assert trace.has_bridge_points(window)
-
-
-def test_on_a_hairpin_the_other_leg_is_not_the_own_place() -> None:
-    road = path_from_segments([Segment(60.0, 0.0), Segment(15.7, 1 / 5.0), Segment(60.0, 0.0)])
-    trace, ego = Trace(), road.at(40.0)
-    trace.add(poses(road)[150])  # at 112.5 m, on the way back
-    trace.bridge(ego.east, ego.north, ego.yaw)
-    assert trace.known_ahead(ego.east, ego.north) == pytest.approx(72.5, abs=1.0)
-
-
 ARC = poses(ROADS["arc"], length=120.0)
 units = st.integers(-(2**31), 2**31 - 1)
 
@@ -243,22 +177,3 @@ def test_no_history_raises(deltas: list[tuple[int, int, int]], late: bool) -> No
     window = trace.window(source[30].east, source[30].north, 10.0, 40.0)
     assert all(np.isfinite(row).all() for row in window)
     assert (np.diff(window.station) > 0.0).all()
-
-
-def test_a_history_of_equal_positions_is_ignored() -> None:
-    """No sender records one, but the gate admits it."""
-    (fix,) = fixes(path_from_segments([Segment(600.0, 0.0)]), [50.0])
-    pose = next(sent([fix]))
-    message = replace(
-        pose.message,
-        latitude_deg=round(pose.message.latitude_deg, 7),
-        longitude_deg=round(pose.message.longitude_deg, 7),
-        history_latitude_e7deg=(0, 0),
-        history_longitude_e7deg=(0, 0),
-        history_age_cs=(5, 5),
-    )
-    trace = Trace()
-    trace.add(receive(message, PLANE, pose.received_at))
-    trace.bridge(10.0, 0.0, 0.0)
-    assert trace.joined
-    assert trace.sample_count == 1

@@ -20,13 +20,11 @@ from transport.links.laws.stage import InOrder, StageLaw
 from transport.reasons import DropReason
 from vehicles.schedule import MILLISECOND
 
-PURPOSE = "delay"
-"""Purpose of the draws of delays."""
+PURPOSE = "delay"  # Purpose of the draws of delays
 _ROOT_TWO = sqrt(2.0)
 
 Milliseconds = Annotated[float, Field(ge=0, le=60_000)]
-PositiveMilliseconds = Annotated[float, Field(ge=0.001, le=60_000)]
-"""At least a microsecond."""
+PositiveMilliseconds = Annotated[float, Field(ge=0.001, le=60_000)]  # At least a microsecond
 
 
 class BaseDelay(LinkLaw):

@@ -10,12 +10,10 @@ from functools import lru_cache
 from math import erfc, exp, lgamma, log, pi, sqrt
 
 KNOTS_PER_UNIT = 32
-MAX_NORMAL = 8.5
-"""Knots reach from -8.5 to 8.5; draws of 52 bits reach 8.3."""
+MAX_NORMAL = 8.5  # Knots reach from -8.5 to 8.5; draws of 52 bits reach 8.3
 _TINY = 1e-300
 _EXACT = 1e-16
-_SOLVED = 1e-6
-"""Largest last step: Newton's method squares its error, so 10^-12 remains."""
+_SOLVED = 1e-6  # Largest last step: Newton's method squares its error, so 10^-12 remains
 _LOG_ROOT_TWO_PI = 0.5 * log(2.0 * pi)
 
 

@@ -19,13 +19,11 @@ from transport.links.laws.effect import Draw
 LONGEST_LOOK_BACK = 10_000.0
 """Maximum mean number of draws for one verdict: a hundredth of a second."""
 
-ROUNDING = 1e-12
-"""Smaller probabilities count as zero."""
+ROUNDING = 1e-12  # Smaller probabilities count as zero
 
 _STEP = "burst"
 
-Map = tuple[int, ...]
-"""The next state of each state, for one draw."""
+Map = tuple[int, ...]  # The next state of each state, for one draw
 
 
 def _no_draw(purpose: str, seq: int) -> float:

@@ -23,10 +23,8 @@ from transport.links.laws.loss.number_sets import AfterEnd, FileName, NumberSet,
 from transport.reasons import DropReason, counts_as_loss
 from vehicles.schedule import MILLISECOND
 
-LARGEST_DELAY_DIGITS = 15
-"""Of a recorded delay in ns: eleven days."""
-MAX_SHOWN = 60
-"""Maximum length of a refused value in an error message."""
+LARGEST_DELAY_DIGITS = 15  # Of a recorded delay in ns: eleven days
+MAX_SHOWN = 60  # Maximum length of a refused value in an error message
 
 
 class EarlierRun(LinkLaw):

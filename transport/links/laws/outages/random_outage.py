@@ -13,8 +13,7 @@ from transport.reasons import DropReason
 from vehicles.schedule import SECOND
 
 MeanTime = Annotated[float, Field(ge=0.001, le=86_400)]
-CACHED_CELLS = 8
-"""Number of cells whose draws are cached."""
+CACHED_CELLS = 8  # Number of cells whose draws are cached
 
 
 class RandomOutage(Outage):

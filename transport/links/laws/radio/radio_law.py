@@ -11,8 +11,7 @@ from math import hypot
 from transport.links.laws.effect import TransmissionContext
 from transport.links.laws.link_law import LinkLaw, Problem
 
-PURPOSE = "radio"
-"""Purpose of the draws of deliveries."""
+PURPOSE = "radio"  # Purpose of the draws of deliveries
 
 
 class Radio(LinkLaw):

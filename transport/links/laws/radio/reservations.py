@@ -7,8 +7,7 @@ from heapq import heapreplace
 from transport.links.laws.effect import Draw
 from transport.links.laws.link_law import Problem
 
-CACHE_SIZE = 64
-"""Number of links whose last reservation is cached."""
+CACHE_SIZE = 64  # Number of links whose last reservation is cached
 LOOK_BACK = 8
 """First distance of looking back, in reservations of maximum length; doubled until sufficient."""
 

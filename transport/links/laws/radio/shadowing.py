@@ -10,8 +10,7 @@ from transport.links.laws.correlated_normals import CorrelatedNormals
 from transport.links.laws.effect import Draw
 from transport.links.laws.link_law import LawTable
 
-STEPS = 20
-"""Number of nodes per decorrelation distance."""
+STEPS = 20  # Number of nodes per decorrelation distance
 
 _RHO = exp(-1.0 / STEPS)
 

@@ -1,10 +1,7 @@
 """Laws of delay: distribution, moments and correlation against closed forms and scipy."""
 
-import itertools
-from collections.abc import Callable
 from functools import cache
 from math import asin, exp, log1p, pi, sqrt
-from random import Random
 
 import numpy as np
 import pytest
@@ -12,11 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from tests.made.channels.laws import long_run
-from transport.links.laws.correlated_normals import MAX_CORRELATION, RECENT, CorrelatedNormals
+from transport.links.laws.correlated_normals import CorrelatedNormals
 from transport.links.laws.delay.base import RandomDelay
 from transport.links.laws.delay.distributions import (
-    ConstantDelay,
     EmpiricalDelay,
     GammaDelay,
     LognormalDelay,
@@ -188,64 +183,3 @@ def test_a_delay_alone_is_the_one_in_the_stream(
         wanted = streamed[seq]
         assert alone.judge(draw, TransmissionContext(seq, 0)) == wanted
         assert again.judge(draw, TransmissionContext(seq, 0)) == wanted  # in any order
-
-
-def test_the_strongest_correlation_is_as_well_found_alone_and_on_another_link() -> None:
-    draw, other = keyed_draw(1, "a", "b"), keyed_draw(1, "a", "c")
-    normals = CorrelatedNormals("delay", MAX_CORRELATION)
-    stream = [normals.at(draw, seq) for seq in range(4200)]
-    for seq in (0, 2061, 2062, 4123, 4124, 4199):
-        assert CorrelatedNormals("delay", MAX_CORRELATION).at(draw, seq) == stream[seq]
-    there = CorrelatedNormals("delay", MAX_CORRELATION).at(other, 4150)
-    assert normals.at(other, 4150) == there != stream[4150]
-    assert normals.at(draw, 4150) == stream[4150]
-
-
-def counted(draw: Callable[[str, int], float], calls: list[int]) -> Callable[[str, int], float]:
-    def counting(purpose: str, seq: int) -> float:
-        calls.append(seq)
-        return draw(purpose, seq)
-
-    return counting
-
-
-def test_a_stream_costs_one_draw_each_and_little_memory() -> None:
-    calls: list[int] = []
-    draw, normals = counted(keyed_draw(1, "a", "b"), calls), CorrelatedNormals("delay", 0.9)
-    for seq in range(1000):
-        normals.at(draw, seq)
-    calls.clear()
-    order = list(range(1000, 5000))
-    for first in range(0, 4000, 10):  # in any order
-        part = order[first : first + 10]
-        Random(first).shuffle(part)
-        order[first : first + 10] = part
-    for seq in order:
-        normals.at(draw, seq)
-    assert calls == list(range(1000, 5000))
-    assert len(normals._recent) <= RECENT
-
-
-def test_neighbours_differ_less_the_more_they_are_tied() -> None:
-    rough = [
-        float(np.mean(np.abs(np.diff(delays(LAWS["lognormal"], tied, 2, 2000)))))
-        for tied in (0.0, 0.5, 0.9)
-    ]
-    assert all(more > less for more, less in itertools.pairwise(rough))
-
-
-def test_descriptions_have_all_numbers() -> None:
-    tied = correlated(LAWS["truncated"], 0.5)
-    assert tied.describe() == (
-        "delay normal, 10 ms ± 12 ms, truncated at 0 and 30 ms, correlation 0.5"
-    )
-    assert long_run(tied) == (0.0, None)
-    assert (tied.mean_ns, tied.deviation_ns**2, 0.5) == tied.delays
-    assert ConstantDelay(delay_ms=3.0).describe() == "delay of 3 ms"
-    assert all("ms" in law.describe() for law in LAWS.values())
-
-
-def test_a_correlation_that_never_forgets_is_refused() -> None:
-    for wrong in (-0.1, 0.995, 1.0):
-        with pytest.raises(ValueError, match="correlation"):
-            CorrelatedNormals("delay", wrong)

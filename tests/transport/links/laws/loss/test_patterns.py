@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.made.channels.laws import long_run
 from transport.links.laws.effect import Effect, TransmissionContext
 from transport.links.laws.loss.by_number import EveryNth, Listed, RecordedPattern
-from transport.links.laws.loss.earlier_run import EarlierRun, known_reason
+from transport.links.laws.loss.earlier_run import EarlierRun
 from transport.links.laws.loss.number_sets import AfterEnd, NumberSet
 
 Some = st.sets(st.integers(0, 80))
@@ -36,15 +36,6 @@ def pattern(some: NumberSet, length: int, after_end: AfterEnd) -> RecordedPatter
     law = RecordedPattern(length_messages=length, lost_numbers=str(some), after_end=after_end)
     assert not list(law.problems())
     return law
-
-
-@given(Some)
-def test_numbers_are_a_set(some: set[int]) -> None:
-    made = numbers(some)
-    assert [number for number in range(-1, 90) if number in made] == sorted(some)
-    assert len(made) == len(some)
-    assert NumberSet.read(str(made)) == made
-    assert all(b[0] > a[1] + 1 for a, b in zip(made.ranges, made.ranges[1:], strict=False))
 
 
 @given(st.lists(st.tuples(st.integers(0, 50), st.integers(0, 9))))
@@ -126,8 +117,3 @@ def test_an_earlier_run_is_repeated_to_the_nanosecond(
         assert law.judge(no_chance, context) == (expected[1] or 0)
     counted = len(dropped["loss"]) + len(dropped["burst"])  # "rate" does not count as loss
     assert len(law.lost) == counted
-
-
-def test_a_word_that_this_version_does_not_know_is_a_pattern() -> None:
-    assert known_reason("loss") == "loss"
-    assert known_reason("wormhole") == "pattern"

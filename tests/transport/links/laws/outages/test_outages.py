@@ -1,6 +1,6 @@
 """Outages: exact bounds; random ones exponential, stationary and computable alone."""
 
-from itertools import groupby, pairwise
+from itertools import groupby
 from math import exp, nan, sqrt
 
 import numpy as np
@@ -12,7 +12,7 @@ from scipy import stats
 from tests.made.channels.laws import circle, long_run, random_outage, stretch, window
 from transport.links.laws.effect import Effect, Position, TransmissionContext
 from transport.links.laws.outages.by_place import AffectedVehicle
-from transport.links.laws.outages.by_time import ReceiverOff, TransmitterOff
+from transport.links.laws.outages.by_time import TransmitterOff
 from transport.links.laws.outages.random_outage import CACHED_CELLS, RandomOutage
 from transport.links.link import keyed_draw
 from vehicles.schedule import SECOND
@@ -43,13 +43,6 @@ def test_a_window_repeats(lap: int, since: int) -> None:
     found = answer(effect, TransmissionContext(0, START + 100 + lap * 1000 + since))
     assert found == ("transmitter_off" if since < 50 else 0)
     assert long_run(effect)[0] == 0.05
-
-
-def test_a_window_does_not_come_before_its_first_time() -> None:
-    effect = window(1100, 1150, START, every=1000)
-    assert answer(effect, TransmissionContext(0, START + 120)) == 0
-    assert answer(effect, TransmissionContext(0, START + 1120)) == "outage"
-    assert answer(effect, TransmissionContext(0, START + 2120)) == "outage"
 
 
 INSIDE = {
@@ -131,15 +124,6 @@ def test_on_and_off_last_exponential_times(on: int, off: int, campaign: int) -> 
     assert abs(np.mean(scaled[1:] * scaled[:-1])) < 4.0 / sqrt(times.size)
 
 
-def test_the_state_is_that_of_the_last_change() -> None:
-    effect, draw = random_outage(ON, OFF, START), keyed_draw(1, "a", "b")
-    known = jumps(effect, 1, 200)
-    for (at, state), (following, _) in pairwise(known):
-        for instant in {at, (at + following) // 2, following - 1} - {following}:
-            if instant >= at:
-                assert effect.is_off(draw, instant) is state
-
-
 def test_it_is_stationary_from_the_first_message() -> None:
     """Over many links: the stationary share, and its correlation over time."""
     effect, links = random_outage(ON, OFF, START), 4000
@@ -183,30 +167,3 @@ def test_links_and_outages_of_one_link_have_their_own_times() -> None:
     assert here != [effect.is_off(elsewhere, at) for at in instants]
     assert here == [effect.is_off(draw, at) for at in instants]
     assert len(effect._cells) <= CACHED_CELLS
-
-
-def test_a_stream_costs_few_draws() -> None:
-    calls = 0
-    plain = keyed_draw(1, "a", "b")
-
-    def draw(purpose: str, seq: int) -> float:
-        nonlocal calls
-        calls += 1
-        return plain(purpose, seq)
-
-    effect = random_outage(ON, OFF, START)
-    for seq in range(10_000):
-        effect.is_off(draw, seq * 50 * 10**6)
-    cells = 500 * SECOND / effect.cell
-    assert calls < 4.0 * cells  # one count and two draws per event: three on average
-
-
-def test_descriptions_have_all_numbers() -> None:
-    for law, numbers in (
-        (window(10 * SECOND, 12 * SECOND, 0, 20 * SECOND), ("10", "12 s", "20 s")),
-        (window(0, SECOND, 0, kind=ReceiverOff), ("receiver off", "0", "1 s")),
-        (stretch((5.0, 9.5), "both", 0.0, 0.0), ("both", "5", "9.5 m")),
-        (circle(1.0, 2.0, 30.0, "either"), ("either", "30 m", "1 m", "2 m")),
-        (random_outage(ON, OFF, 0), ("4 s", "1 s")),
-    ):
-        assert all(number in law.describe() for number in numbers), law.describe()

@@ -163,15 +163,6 @@ def test_vehicles_in_between_reduce_the_delivery_as_published(which: str, campai
     assert abs(delivered / campaign - expected) < 4.5 * error
 
 
-@pytest.mark.parametrize("distance", [100.0, 800.0, 1_500.0, 2_500.0])
-def test_in_sight_the_other_curve_holds(distance: float) -> None:
-    law = behind(0)
-    delivered = sum(law.judge(DRAW, apart(seq, distance, 62.5 * seq)) == 0 for seq in range(800))
-    expected = received(distance, 0.0, sight=True)
-    error = sqrt(expected * (1.0 - expected) / 800)
-    assert abs(delivered / 800 - expected) <= 4.5 * error + 1e-9
-
-
 def test_shadowing_makes_losses_of_messages_near_one_another_alike() -> None:
     """Deliveries a metre apart are correlated, those 100 m apart are not."""
     law, distance = behind(4), 75.0
@@ -217,13 +208,3 @@ def fresh_law(name: str) -> Effect:
     if name == "reservations":
         return table((0.0, 200.0), (1.0, 0.0), 0.4)
     return behind(4) if name == "etsi" else behind(9, True)
-
-
-@pytest.mark.parametrize("name", LAWS)
-def test_a_description_is_one_line(name: str) -> None:
-    text = LAWS[name].describe()
-    assert "\n" not in text
-    assert not text.endswith(".")
-    assert {"table": "200 m", "reservations": "16.7 messages", "etsi": "6.9 dB", "3gpp": "9 ± 4.5"}[
-        name
-    ] in text

@@ -51,20 +51,6 @@ def test_reservations_last_as_long_as_the_law_requires(seed: int, campaign: int)
         assert abs(same - law) < 4.0 * sqrt(law * (1.0 - law) * 10.0 / count)
 
 
-@pytest.mark.parametrize(("kept", "mean"), [(0.0, 10.0), (0.4, 10.0 / 0.6), (0.8, 50.0)])
-def test_kept_resources_are_held_longer(kept: float, mean: float) -> None:
-    draw, held = keyed_draw(3, "v1", "v2"), Reservations(5, 15, kept)
-    count = 40_000
-    found = count / len({held.selected_at(draw, seq) for seq in range(count)})
-    assert held.mean_messages == pytest.approx(mean)
-    assert found == pytest.approx(mean, rel=4.0 * sqrt(mean / count))
-
-
-def test_those_of_one_length_begin_anywhere() -> None:
-    found = {Reservations(7, 7).selected_at(keyed_draw(seed, "a", "b"), 20) for seed in range(80)}
-    assert found == set(range(14, 21))
-
-
 @pytest.mark.parametrize(("least", "most"), [(5, 15), (1, 3), (10, 10)])
 def test_the_first_message_finds_a_reservation_as_old_as_any_other_does(
     least: int, most: int

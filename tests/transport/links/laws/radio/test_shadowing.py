@@ -5,11 +5,8 @@ from statistics import NormalDist, fmean
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from tests.made.examples import examples
 from transport.links.laws.radio.shadowing import STEPS, ShadowField
 from transport.links.link import keyed_draw
 
@@ -64,22 +61,3 @@ def test_what_is_drawn_has_the_law(seed: int, campaign: int) -> None:
         ]
         found = fmean(one * other for one, other in zip(values, ahead, strict=True))
         assert abs(found - exp(-apart)) < LINE_ERROR * exp(-apart) + 4.0 * sqrt(2.0) * error
-
-
-@examples(8, 40)
-@given(st.lists(st.floats(-2_000.0, 2_000.0), min_size=1, max_size=12), st.integers(0, 2**40))
-def test_a_value_alone_is_the_value_in_any_order(places: list[float], seed: int) -> None:
-    draw, field = keyed_draw(seed, "v1", "v2"), ShadowField(DECORRELATION)
-    for place in places:
-        assert field.at(draw, place) == ShadowField(DECORRELATION).at(draw, place)
-
-
-def test_links_and_purposes_have_fields_of_their_own() -> None:
-    field = ShadowField(DECORRELATION)
-    here, back = keyed_draw(1, "v1", "v2"), keyed_draw(1, "v2", "v1")
-    values = {
-        field.at(here, 10.0), field.at(back, 10.0), field.at(keyed_draw(2, "v1", "v2"), 10.0),
-        ShadowField(DECORRELATION, "obstruction").at(here, 10.0),
-    }  # fmt: skip
-    assert len(values) == 4
-    assert field.at(here, 10.0) in values
