@@ -9,15 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transport.clock import (
-    SystemTime,
-    Tick,
-    VirtualClock,
-    WallClock,
-    late_threshold,
-    poll,
-    ticks,
-)
+from transport.clock import SystemTime, Tick, VirtualClock, WallClock, late_threshold, poll, ticks
 from vehicles.schedule import SECOND, instant, instants
 
 START = 1_790_000_000 * SECOND + 123_456_789

@@ -13,23 +13,9 @@ from hypothesis import strategies as st
 from tests.made.examples import examples
 from tests.made.transport import drive
 from tests.transport.any_messages import KINDS, any_message, plain_values
-from transport.codec import (
-    MAX_BYTES,
-    PROTOBUF,
-    RefusedMessageError,
-    decode,
-    encode,
-    escaped_bytes,
-)
+from transport.codec import MAX_BYTES, PROTOBUF, RefusedMessageError, decode, encode, escaped_bytes
 from transport.topics import TOPIC_OF, TOPICS, Topic
-from vehicles.messages import (
-    CompositeTrajectory,
-    FloatOrNan,
-    GpsPose,
-    LogText,
-    Message,
-    RunStart,
-)
+from vehicles.messages import CompositeTrajectory, FloatOrNan, GpsPose, LogText, Message, RunStart
 
 any_topic = st.sampled_from(list(TOPICS.values()))
 """Messages whose fields differ only in their names."""

@@ -18,15 +18,7 @@ from pathlib import Path
 
 import zenoh
 
-from transport.bus.bus import (
-    AliveHandler,
-    Answer,
-    ArrivalHandler,
-    BusError,
-    Fetch,
-    Handler,
-    Member,
-)
+from transport.bus.bus import AliveHandler, Answer, ArrivalHandler, BusError, Fetch, Handler, Member
 from transport.bus.zenoh_options import DEFAULT_ENDPOINT, DEFAULTS, ZenohOptions
 from transport.closing import Closing
 from transport.topics import TOPICS, alive_key

@@ -78,11 +78,7 @@ class RunExtent:
 
 
 def blueprint(
-    vehicles: Sequence[str],
-    *,
-    spacing_m: float,
-    road: Road | None,
-    extent: RunExtent = RunExtent(),
+    vehicles: Sequence[str], *, spacing_m: float, road: Road | None, extent: RunExtent = RunExtent()
 ) -> rrb.Blueprint:
     """Layout for `vehicles`, lead first, that drive about `spacing_m` apart on `road`."""
     flat = road is not None and _is_flat(road)

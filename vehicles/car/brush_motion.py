@@ -25,12 +25,7 @@ errors occur at the onset of sliding and at the stop; elsewhere they are a tenth
 
 import math
 
-from vehicles.car.integration import (
-    STEP_PER_RATE,
-    Steering,
-    Vector4,
-    integrate_position,
-)
+from vehicles.car.integration import STEP_PER_RATE, Steering, Vector4, integrate_position
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.tyres import GRAVITY, WALKING_PACE, lateral_share
 

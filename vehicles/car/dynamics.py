@@ -22,12 +22,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from vehicles.car.brush_motion import BrushMotion
-from vehicles.car.integration import (
-    STEP_PER_RATE,
-    Steering,
-    Vector4,
-    integrate_position,
-)
+from vehicles.car.integration import STEP_PER_RATE, Steering, Vector4, integrate_position
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.tyres import WALKING_PACE, Coefficients, lateral_coefficients
 

@@ -166,10 +166,7 @@ class PathKeeping:
         square, b = self._square, self._rear
         (keep, gain), (loss, rest) = fading = _fading(step / v, v, square, b * square / v)
         heading, turn = (b * slip - v * v / square) / step, -slip / step
-        response = (
-            heading - keep * heading - gain * turn,
-            turn - loss * heading - rest * turn,
-        )
+        response = (heading - keep * heading - gain * turn, turn - loss * heading - rest * turn)
         return *fading, response
 
 

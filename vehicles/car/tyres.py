@@ -132,10 +132,7 @@ def tyre_use(
     across, behind = abs(front) / front_load, abs(rear) / rear_load
     across = behind if behind > across else across
     share = math.hypot(across, along / GRAVITY) / p.friction
-    front_angle, rear_angle = (
-        math.atan(front_slip),
-        math.atan(rear_slip),
-    )  # large in a spin
+    front_angle, rear_angle = math.atan(front_slip), math.atan(rear_slip)  # large in a spin
     return TyreUse((front + rear) / p.mass, front_angle, rear_angle, share)
 
 

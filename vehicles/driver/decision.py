@@ -13,13 +13,7 @@ from vehicles.driver.degradation.situation import OFF_PATH, Situation
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
-from vehicles.messages import (
-    Announcement,
-    Command,
-    CompositeTrajectory,
-    Mode,
-    Tracking,
-)
+from vehicles.messages import Announcement, Command, CompositeTrajectory, Mode, Tracking
 from vehicles.preview.trajectory import Fit
 from vehicles.received_pose import ReceivedPose
 

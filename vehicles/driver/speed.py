@@ -150,11 +150,7 @@ class ProfileSpeed:
     """Follows the same speed over time as all other vehicles (paper, Section V-C)."""
 
     def __init__(
-        self,
-        profile: SpeedProfile,
-        start_at: int,
-        period: float,
-        limits: GapLimits | None = None,
+        self, profile: SpeedProfile, start_at: int, period: float, limits: GapLimits | None = None
     ) -> None:
         """`period` (s) is the control period over which a command is held.
 

@@ -34,9 +34,7 @@ def place_in_world(curve: LocalCurve, data: FitData, frame: Frame) -> ArcSpline:
     bend = before + rate * start
     if before == after:
         return ArcSpline((Piece(east, north, yaw, bend, end - start, rate),))
-    return ArcSpline(
-        (Piece(east, north, yaw, bend, -start, rate), Piece(*join, after, end, rate)),
-    )
+    return ArcSpline((Piece(east, north, yaw, bend, -start, rate), Piece(*join, after, end, rate)))
 
 
 def average_curves(

@@ -59,11 +59,7 @@ def exact_coefficients(parameters: VehicleParameters, gains: Gains) -> list[Exac
 
 
 def is_stable_over(
-    parameters: VehicleParameters,
-    gains: Gains,
-    slowest: float,
-    fastest: float,
-    decay: float = 0.0,
+    parameters: VehicleParameters, gains: Gains, slowest: float, fastest: float, decay: float = 0.0
 ) -> bool:
     """Whether all roots lie left of -decay (1/s) at every constant speed of an interval (m/s).
 

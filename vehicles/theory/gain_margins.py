@@ -100,10 +100,7 @@ def common_ball(
 
 
 def gain_interval(
-    parameters: VehicleParameters,
-    speed: float,
-    gains: Gains,
-    direction: tuple[float, float, float],
+    parameters: VehicleParameters, speed: float, gains: Gains, direction: tuple[float, float, float]
 ) -> tuple[float, float]:
     """Largest changes of the gains along `direction`, backward (negative) and forward.
 

@@ -4,12 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vehicles.car.parameters import Gains, VehicleParameters
-from vehicles.theory.linear_model import (
-    closed_loop_at,
-    feedback_row,
-    open_loop,
-    steering_input,
-)
+from vehicles.theory.linear_model import closed_loop_at, feedback_row, open_loop, steering_input
 from vehicles.theory.propagation import SteeringModel
 
 Array = NDArray[np.float64]

@@ -76,10 +76,7 @@ class SpeedCertificate:
 
 @lru_cache(maxsize=64)
 def certify(
-    parameters: VehicleParameters,
-    gains: Gains,
-    slowest: float = SLOWEST,
-    fastest: float = FASTEST,
+    parameters: VehicleParameters, gains: Gains, slowest: float = SLOWEST, fastest: float = FASTEST
 ) -> SpeedCertificate:
     """Compute a certificate over [slowest, fastest] (m/s) with tuned Q, for Proposition 1 (iii).
 

@@ -4,20 +4,12 @@ from collections.abc import Mapping
 
 from vehicles.driver.reactions import Degrade, Extrapolate, Hold, ReactionPolicy, Straight
 from vehicles.preview.curve_fit import FitSettings
-from vehicles.preview.fusion import (
-    BlendFusion,
-    CompositeFusion,
-    SourceFusion,
-    Trajectories,
-)
+from vehicles.preview.fusion import BlendFusion, CompositeFusion, SourceFusion, Trajectories
 from vehicles.preview.received.samples import Window
 from vehicles.preview.source_window import LEAD, PREDECESSOR, SourceWindow
 from vehicles.preview.trajectory import Fit, fit_composite
 
-FUSION_OF: Mapping[str, SourceFusion] = {
-    "composite": CompositeFusion(),
-    "blend": BlendFusion(),
-}
+FUSION_OF: Mapping[str, SourceFusion] = {"composite": CompositeFusion(), "blend": BlendFusion()}
 FUSIONS = ["predecessor", *FUSION_OF]
 """Fusions of a test follower; with "predecessor" that is its only lateral source."""
 REACTION_OF: Mapping[str, ReactionPolicy] = {

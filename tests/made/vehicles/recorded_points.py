@@ -37,12 +37,7 @@ def noisy(points: Points, size: float = 0.02, seed: int = 1) -> Points:
 
 
 def smooth(
-    points: Points,
-    half_width: float,
-    *,
-    closed: bool = False,
-    laps: int = 1,
-    lead_in: float = 0.0,
+    points: Points, half_width: float, *, closed: bool = False, laps: int = 1, lead_in: float = 0.0
 ) -> SmoothedPath:
     east, north = points
     return smooth_path(east, north, half_width, closed=closed, laps=laps, lead_in=lead_in)

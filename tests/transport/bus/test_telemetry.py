@@ -24,9 +24,7 @@ records = st.lists(
 
 
 @given(records)
-def test_batches_keep_the_order_and_their_maximum_size(
-    sent: list[BatchRecord],
-) -> None:
+def test_batches_keep_the_order_and_their_maximum_size(sent: list[BatchRecord]) -> None:
     batches = list(packed(sent))
     assert [one for batch in batches for one in unpacked(batch)] == sent
     assert all(0 < len(batch) <= MAX_RECORDS_BYTES for batch in batches)

@@ -30,10 +30,7 @@ from transport.bus.zenoh_bus import (
     open_router,
     prepare_bus,
 )
-from transport.bus.zenoh_options import (
-    DEFAULTS,
-    ZenohOptions,
-)
+from transport.bus.zenoh_options import DEFAULTS, ZenohOptions
 
 
 @pytest.fixture
@@ -384,10 +381,7 @@ def test_a_suspended_vehicle_is_reported(
 ) -> None:
     alive: dict[str, bool] = {}
     announce = "bus.announce('vehicle', 'lead', 'print')"
-    with (
-        join(router) as watcher,
-        process(router, announce, "time.sleep(60)") as child,
-    ):
+    with join(router) as watcher, process(router, announce, "time.sleep(60)") as child:
         watcher.watch(lambda member, is_alive: alive.update({member.name: is_alive}))
         assert until(lambda: alive == {"lead": True})
         os.kill(child.pid, how)

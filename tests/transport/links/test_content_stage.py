@@ -40,12 +40,7 @@ FALSE: list[dict[str, Any]] = [
     {"kind": "offset", "east_m": 2.0, "from_s": 4.0},
     {"kind": "ghost", "ahead_m": -4.0, "from_s": 0.5, "to_s": 4.0},
 ]
-EVERYTHING = {
-    "duplicate_ratio": 0.3,
-    "reorder_ratio": 0.2,
-    "bit_error_ratio": 3e-4,
-    "false": FALSE,
-}
+EVERYTHING = {"duplicate_ratio": 0.3, "reorder_ratio": 0.2, "bit_error_ratio": 3e-4, "false": FALSE}
 
 
 def requested(content: dict[str, Any], **plain: float) -> LinkTable:

@@ -99,9 +99,7 @@ def test_north_is_up_in_the_plan(drawn: Table) -> None:
     assert seen_from(plan, 0, 0.0, 1.0) == pytest.approx([0.0, -1.0])
 
 
-def test_left_turns_turn_left_in_the_moving_view(
-    drawn: Table,
-) -> None:
+def test_left_turns_turn_left_in_the_moving_view(drawn: Table) -> None:
     """The middle car stays in place facing right; on a left circle the lead is ahead and up."""
     convoy = drawn["/world/convoy"]
     for row, tick in enumerate(range(0, 100, 2)):

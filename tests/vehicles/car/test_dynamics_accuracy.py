@@ -69,9 +69,7 @@ def test_path_agrees_with_an_adaptive_solver_within_five_micrometres(
 
 
 @pytest.mark.parametrize("speed", [40.0, 30.0, 20.0, 8.0, 3.0])
-def test_shorter_steps_move_the_lane_change_by_less_than_five_micrometres(
-    speed: float,
-) -> None:
+def test_shorter_steps_move_the_lane_change_by_less_than_five_micrometres(speed: float) -> None:
     start = Body(0.0, 0.0, 0.0, speed)
     shipped = drive(start, lane_change, 5.0)
     for substeps in (32, 64):  # at 3 m/s the default is eight

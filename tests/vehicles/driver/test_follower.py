@@ -73,8 +73,7 @@ def test_both_sources_determine_a_composite_trajectory() -> None:
 
 
 @pytest.mark.parametrize(
-    ("source", "mode", "missing"),
-    [(lead_of, "lead", "v2"), (predecessor_of, "predecessor", "v1")],
+    ("source", "mode", "missing"), [(lead_of, "lead", "v2"), (predecessor_of, "predecessor", "v1")]
 )
 def test_one_source_alone_is_followed_and_the_reason_names_the_other(
     source: Callable[[SampledPath], Source], mode: str, missing: str

@@ -147,9 +147,7 @@ def test_messages_out_of_order_hardly_move_the_car() -> None:
     ],
     ids=str,
 )
-def test_impossible_poses_are_ignored(
-    wrong: dict[str, float],
-) -> None:
+def test_impossible_poses_are_ignored(wrong: dict[str, float]) -> None:
     usually = received_from(lead_of(BEND), predecessor_of(BEND))
 
     def receive_at(now: int) -> list[ReceivedPose]:

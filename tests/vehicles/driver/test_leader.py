@@ -3,13 +3,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from tests.made.vehicles.exact_drives import (
-    CONTROL_HZ,
-    START,
-    Step,
-    drive,
-    on,
-)
+from tests.made.vehicles.exact_drives import CONTROL_HZ, START, Step, drive, on
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.leader import Leader

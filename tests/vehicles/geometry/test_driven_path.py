@@ -108,9 +108,7 @@ def test_noise_of_a_standing_lead_does_not_extend_its_path() -> None:
 
 
 @pytest.mark.parametrize("yaw", HEADINGS)
-def test_with_a_known_road_yaw_the_lead_s_initial_yaw_does_not_matter(
-    yaw: float,
-) -> None:
+def test_with_a_known_road_yaw_the_lead_s_initial_yaw_does_not_matter(yaw: float) -> None:
     path = path_from_segments([Segment(100.0, 0.0)], yaw=yaw)
     lead = driven(path, every(STEP, 0.0, 99.0))
     lead[0] = replace(lead[0], yaw_rad=yaw + 0.6)
@@ -334,9 +332,7 @@ def test_rotation_and_translation_change_nothing(
 
 @given(segments=curves)
 @settings(max_examples=30)
-def test_on_a_simple_path_it_is_the_distance_to_the_nearest_point(
-    segments: list[Segment],
-) -> None:
+def test_on_a_simple_path_it_is_the_distance_to_the_nearest_point(segments: list[Segment]) -> None:
     if sum(abs(s.curvature) * s.length for s in segments) > math.pi / 2:
         segments = [Segment(s.length, s.curvature * 0.2) for s in segments]
     path = path_from_segments([Segment(30.0, 0.0), *segments])

@@ -14,10 +14,7 @@ FIGURE_OF_EIGHT = [Segment(2 * math.pi * 15, 1 / 15), Segment(2 * math.pi * 15, 
 
 
 def point_at(point: PathPoint, lateral: float) -> tuple[float, float]:
-    return (
-        point.east - lateral * math.sin(point.yaw),
-        point.north + lateral * math.cos(point.yaw),
-    )
+    return (point.east - lateral * math.sin(point.yaw), point.north + lateral * math.cos(point.yaw))
 
 
 def exact(

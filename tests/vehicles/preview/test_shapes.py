@@ -71,15 +71,10 @@ def test_shapes_change_without_a_jump() -> None:
     # The window moves from a straight through a clothoid into an arc. Steps of the curve are due to
     # noise, not to a choice of shape, so none is far above the usual.
     path = ArcSpline(
-        (
-            Piece(0.0, 0.0, 0.0, 0.0, 60.0),
-            Piece(60.0, 0.0, 0.0, 0.0, 30.0, 1.0 / 3000.0),
-        )
+        (Piece(0.0, 0.0, 0.0, 0.0, 60.0), Piece(60.0, 0.0, 0.0, 0.0, 30.0, 1.0 / 3000.0))
     )
     end = path.at(90.0)
-    path = ArcSpline(
-        (*path.pieces, Piece(end.east, end.north, end.yaw, end.curvature, 60.0)),
-    )
+    path = ArcSpline((*path.pieces, Piece(end.east, end.north, end.yaw, end.curvature, 60.0)))
     random, places = np.random.default_rng(8), np.arange(0.0, 150.0, 0.75)
     seen = with_noise(window(path, places.tolist(), 0.0), random)
     bends = []

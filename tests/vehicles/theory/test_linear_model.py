@@ -92,10 +92,7 @@ def _drive(speed_change: float, with_speed_term: bool) -> tuple[Array, Array]:
         e, theta, side, yaw_rate, steering, steering_rate = state[:6]
         v = 25.0 + speed_change * t
         kappa, kappa_rate = curvature(t)
-        forces = (
-            cf * (steering - (side + a * yaw_rate) / v),
-            -cr * (side - b * yaw_rate) / v,
-        )
+        forces = (cf * (steering - (side + a * yaw_rate) / v), -cr * (side - b * yaw_rate) / v)
         errors = np.array([e, theta, side + v * theta, yaw_rate - v * kappa, 0.0, 0.0])
         feedforward = (p.wheelbase + p.steer_gradient * v * v) * kappa
         command = feedforward - feedback_row(gains) @ errors

@@ -4,19 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from vehicles.car.parameters import (
-    LINCOLN_MKZ,
-    NOMINAL_GAINS,
-    Loading,
-    VehicleParameters,
-    loaded,
-)
+from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, Loading, VehicleParameters, loaded
 from vehicles.theory.linear_model import closed_loop_at, speed_change_matrix
-from vehicles.theory.mean_acceleration import (
-    energy_root,
-    integral_bound,
-    transition,
-)
+from vehicles.theory.mean_acceleration import energy_root, integral_bound, transition
 from vehicles.theory.varying_speed import certify
 
 SLOWEST, FASTEST = 5.0, 30.0

@@ -5,11 +5,7 @@ from hypothesis import assume, given
 from tests.made.examples import examples
 from tests.made.vehicles.theory.error_model import curvature_input, curvature_rate_input
 from tests.made.vehicles.theory.random_cars import CAR, CARS, GAINS, SPEEDS
-from vehicles.car.parameters import (
-    NOMINAL_GAINS,
-    Gains,
-    VehicleParameters,
-)
+from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters
 from vehicles.theory.gain_sets import abscissa
 from vehicles.theory.linear_model import closed_loop_at, open_loop, steady_cornering
 from vehicles.theory.propagation import (
@@ -19,9 +15,7 @@ from vehicles.theory.propagation import (
     propagation,
     trace_propagation,
 )
-from vehicles.theory.string_stability import (
-    amplified_band,
-)
+from vehicles.theory.string_stability import amplified_band
 
 BOTH: tuple[SteeringModel, ...] = ("instantaneous", "second order")
 FREQUENCIES = np.geomspace(0.05, 60.0, 40)
@@ -39,10 +33,7 @@ def test_propagation_is_h_over_one_plus_h(
         s = 1j * frequency
         m0 = np.array(
             [
-                [
-                    p.mass * s**2 + (cf + cr) / speed * s,
-                    (a * cf - b * cr) / speed * s - (cf + cr),
-                ],
+                [p.mass * s**2 + (cf + cr) / speed * s, (a * cf - b * cr) / speed * s - (cf + cr)],
                 [
                     (a * cf - b * cr) / speed * s,
                     p.yaw_inertia * s**2

@@ -15,12 +15,7 @@ from vehicles.car.parameters import (
 )
 from vehicles.theory.gain_sets import abscissa
 from vehicles.theory.linear_model import open_loop
-from vehicles.theory.propagation import (
-    SteeringModel,
-    Transfer,
-    low_frequency_growth,
-    propagation,
-)
+from vehicles.theory.propagation import SteeringModel, Transfer, low_frequency_growth, propagation
 from vehicles.theory.string_stability import (
     amplified_band,
     head_to_tail,

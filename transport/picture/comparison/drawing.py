@@ -10,14 +10,7 @@ from transport.panels import PANELS
 from transport.picture.blueprint import TIMELINE, WORST, Reach
 from transport.picture.comparison.layout import PLACE_TIMELINE, comparison_blueprint
 from transport.picture.comparison.tracks import ComparedTracks, Floats, VehicleTrack
-from transport.picture.shapes import (
-    CarShape,
-    car,
-    lane_edges,
-    legend,
-    road_with_marks,
-    turn_about,
-)
+from transport.picture.shapes import CarShape, car, lane_edges, legend, road_with_marks, turn_about
 
 FADED = 0.45  # Brightness of the first run, of which the others differ
 CAR_STEP = 2  # True poses (50 Hz) per position of a car

@@ -99,12 +99,7 @@ class LogSeries:
             band = vehicle + BAND
             self._curves.start_band(panel.name, band, f"{vehicle} ± {SIGMAS:.0f}σ", colour)
             self._curves.send_all(
-                panel.name,
-                band,
-                at[shown],
-                values[shown],
-                start=self._start,
-                width=width[shown],
+                panel.name, band, at[shown], values[shown], start=self._start, width=width[shown]
             )
 
     def draw_links(self, verdicts: Columns, truth: Columns, place: int) -> None:

@@ -81,10 +81,7 @@ def restarted(
     `value` is that of the undisturbed process, which had the value `first` at the restart. The
     initial difference decays by the factor `kept`, exp(-t / time constant).
     """
-    return (
-        value[0] + kept * (jump[0] - first[0]),
-        value[1] + kept * (jump[1] - first[1]),
-    )
+    return (value[0] + kept * (jump[0] - first[0]), value[1] + kept * (jump[1] - first[1]))
 
 
 def draw_truncated(

@@ -194,10 +194,7 @@ class ChainOfStates(FixStateLaw):
             key = f"transitions[{index}].to"
             pair = transition.state, transition.to
             if transition.state == transition.to:
-                yield (
-                    key,
-                    f'given "{transition.to}", allowed another state',
-                )
+                yield key, f'given "{transition.to}", allowed another state'
             elif pair in seen:
                 yield key, f'from "{pair[0]}" to "{pair[1]}" is given twice, allowed once'
             seen.add(pair)

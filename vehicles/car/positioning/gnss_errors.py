@@ -13,12 +13,7 @@ from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
 from vehicles.car.positioning.drift import GaussMarkov, draw_truncated, restarted
-from vehicles.car.positioning.error_term import (
-    ErrorProcess,
-    ErrorTerm,
-    ReceiverContext,
-    begin_term,
-)
+from vehicles.car.positioning.error_term import ErrorProcess, ErrorTerm, ReceiverContext, begin_term
 from vehicles.car.positioning.fix_states import FixStates, StateInterval, StateSchedule
 from vehicles.car.positioning.gnss_settings import (
     NO_DRIFT,

@@ -17,11 +17,7 @@ from vehicles.driver.convoy.reserved import ReservedPath
 from vehicles.driver.convoy.stations import MemberTrack
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.degradation.situation import SourceFreshness
-from vehicles.driver.degradation.stopping import (
-    braking_share,
-    safe_reserve,
-    stopping_distance,
-)
+from vehicles.driver.degradation.stopping import braking_share, safe_reserve, stopping_distance
 from vehicles.driver.longitudinal.controller import VehiclesAhead
 from vehicles.driver.longitudinal.gap_keeping import DAMPING, GAP_STIFFNESS, gap_acceleration
 from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy

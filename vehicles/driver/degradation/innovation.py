@@ -107,10 +107,7 @@ def heading_innovation(before: ReceivedPose, pose: ReceivedPose, noise: GnssNois
     """Innovation of the heading of `pose` against `before`, in standard deviations."""
     span = (pose.measured_at - before.measured_at) / SECOND
     size = abs(span)
-    turn = remainder(
-        pose.yaw - before.yaw - 0.5 * span * (before.yaw_rate + pose.yaw_rate),
-        tau,
-    )
+    turn = remainder(pose.yaw - before.yaw - 0.5 * span * (before.yaw_rate + pose.yaw_rate), tau)
     variance = (
         2.0 * noise.heading**2
         + 0.5 * (size * noise.yaw_rate) ** 2

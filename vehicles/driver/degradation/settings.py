@@ -67,8 +67,7 @@ class DegradationSettings:
         ),
     ] = 10.0
     lost_after: Annotated[
-        float,
-        Setting("shortest silence after which a source is lost", "s", 0.01, 60, name="lost"),
+        float, Setting("shortest silence after which a source is lost", "s", 0.01, 60, name="lost")
     ] = 0.5
     probation_delivery: Annotated[
         float,

@@ -15,11 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from vehicles.driver.longitudinal.controller import (
-    LongitudinalSetup,
-    SourceMotion,
-    VehiclesAhead,
-)
+from vehicles.driver.longitudinal.controller import LongitudinalSetup, SourceMotion, VehiclesAhead
 from vehicles.driver.longitudinal.gap_keeping import gap_acceleration
 from vehicles.setting import Setting
 

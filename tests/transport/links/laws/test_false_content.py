@@ -11,12 +11,7 @@ from pyproj import Geod
 from tests.made.channels.false_content import drift, frozen, ghost, offset, replayed
 from tests.made.scenarios.messages import START, gps
 from transport.codec import RefusedMessageError
-from transport.links.laws.false_content import (
-    FalseInterval,
-    Recall,
-    Shift,
-    displace,
-)
+from transport.links.laws.false_content import FalseInterval, Recall, Shift, displace
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.messages import GpsPose
 from vehicles.schedule import SECOND
@@ -96,10 +91,7 @@ def test_frozen_content_is_that_of_the_last_message_before() -> None:
         altered = law.falsify(pose, PLANE, recall(*sent))
         assert altered is not None
         assert altered == replace(
-            sent[19],
-            seq=pose.seq,
-            measured_at_ns=pose.measured_at_ns,
-            sent_at_ns=pose.sent_at_ns,
+            sent[19], seq=pose.seq, measured_at_ns=pose.measured_at_ns, sent_at_ns=pose.sent_at_ns
         )
     assert law.falsify(sent[20], PLANE, recall(*sent[20:])) is None
 

@@ -6,12 +6,7 @@ from scipy import stats
 
 from vehicles.car.dynamics import Body
 from vehicles.car.positioning.error_term import ReceiverContext
-from vehicles.car.positioning.fix_states import (
-    FixStates,
-    ReceiverState,
-    StateChain,
-    StateSchedule,
-)
+from vehicles.car.positioning.fix_states import FixStates, ReceiverState, StateChain, StateSchedule
 from vehicles.car.positioning.outages import FixOutageCircle, FixOutageStretch, FixOutageWindow
 from vehicles.schedule import SECOND
 

@@ -97,10 +97,7 @@ def test_errors_do_not_grow_along_the_convoy(seed: int) -> None:
         assert float(np.std(feet)) < first + 1e-3
 
 
-@given(
-    st.lists(st.floats(), min_size=2, max_size=30),
-    st.floats(min_value=-1e6, max_value=1e6),
-)
+@given(st.lists(st.floats(), min_size=2, max_size=30), st.floats(min_value=-1e6, max_value=1e6))
 def test_any_announced_offsets_keep_the_path_drivable(
     offsets: list[float], accuracy: float
 ) -> None:

@@ -137,9 +137,7 @@ def test_without_data_it_stops_within_the_known_path(known: float) -> None:
 
 
 @pytest.mark.parametrize("headway", [0.0, 0.5])
-def test_without_the_lead_a_constant_distance_becomes_a_stable_headway(
-    headway: float,
-) -> None:
+def test_without_the_lead_a_constant_distance_becomes_a_stable_headway(headway: float) -> None:
     policy = SpacingPolicy(12.0, headway)
     road = Road(GapKeeping(policy, LIMITS), policy=policy, speed=20.0)
     for step in range(2000):

@@ -54,12 +54,7 @@ def observed(
         source.update(now, pose, TICK / SECOND, refit=True)
         seen = source.freshness
         yield Look(
-            tick / 50,
-            seen.status,
-            seen.silence,
-            seen.known,
-            source.weight,
-            source.probation.length,
+            tick / 50, seen.status, seen.silence, seen.known, source.weight, source.probation.length
         )
 
 

@@ -33,9 +33,7 @@ class Announced(Road):
         ahead, situation = super()._seen(hazard=hazard)
         silent = situation.predecessor.age > 0.5
         situation.predecessor = replace(
-            situation.predecessor,
-            stops_at=self.stops_at,
-            status="lost" if silent else "fresh",
+            situation.predecessor, stops_at=self.stops_at, status="lost" if silent else "fresh"
         )
         return ahead, situation
 

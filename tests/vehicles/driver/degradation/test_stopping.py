@@ -5,10 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicles.driver.degradation.settings import Braking, DegradationSettings
-from vehicles.driver.degradation.stopping import (
-    needed_deceleration,
-    stopping_distance,
-)
+from vehicles.driver.degradation.stopping import needed_deceleration, stopping_distance
 
 SPEEDS = st.floats(0.1, 40.0)
 ACCELERATIONS = st.floats(-7.0, 2.0)

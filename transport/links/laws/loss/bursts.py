@@ -9,13 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from transport.links.laws.effect import Draw, TransmissionContext
-from transport.links.laws.link_law import (
-    InvalidKeyError,
-    LinkLaw,
-    Problem,
-    Ratio,
-    problems_of,
-)
+from transport.links.laws.link_law import InvalidKeyError, LinkLaw, Problem, Ratio, problems_of
 from transport.links.laws.loss.chains import ROUNDING, CoupledChain
 from transport.links.laws.moments import Losses, LossStates
 from transport.reasons import DropReason

@@ -75,11 +75,7 @@ class LossPerVehicle(Obstruction):
         return self.loss_db * count, count > 0
 
     def losses(
-        self,
-        count: int,
-        distance: float,
-        normals: Floats,
-        weights: Floats,
+        self, count: int, distance: float, normals: Floats, weights: Floats
     ) -> tuple[Floats, Floats]:
         most = ceil(MAX_LOSS / self.loss_db)
         return np.array([self.loss_db * min(count, most)]), np.ones(1)
@@ -120,11 +116,7 @@ class SingleLoss(Obstruction):
         return max(0.0, self._mean(distance) + self.deviation_db * normal), True
 
     def losses(
-        self,
-        count: int,
-        distance: float,
-        normals: Floats,
-        weights: Floats,
+        self, count: int, distance: float, normals: Floats, weights: Floats
     ) -> tuple[Floats, Floats]:
         return np.maximum(0.0, self._mean(distance) + self.deviation_db * normals), weights
 

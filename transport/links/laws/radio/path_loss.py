@@ -17,12 +17,7 @@ from transport.links.laws.effect import Draw, TransmissionContext
 from transport.links.laws.link_law import LawTable, Problem
 from transport.links.laws.moments import Losses
 from transport.links.laws.radio.obstruction import ObstructionLaw
-from transport.links.laws.radio.radio_law import (
-    PURPOSE,
-    Radio,
-    curve_problems,
-    distance_of,
-)
+from transport.links.laws.radio.radio_law import PURPOSE, Radio, curve_problems, distance_of
 from transport.links.laws.radio.shadowing import ShadowField, Shadowing
 from transport.links.laws.vehicles_between import VehiclesBetween
 from transport.reasons import DropReason

@@ -11,12 +11,7 @@ from pydantic import Field
 from transport.links.laws.effect import Draw, TransmissionContext
 from transport.links.laws.link_law import Problem, Ratio
 from transport.links.laws.moments import Losses
-from transport.links.laws.radio.radio_law import (
-    PURPOSE,
-    Radio,
-    curve_problems,
-    distance_of,
-)
+from transport.links.laws.radio.radio_law import PURPOSE, Radio, curve_problems, distance_of
 from transport.links.laws.radio.reservations import Reservations, reselection_problems
 from transport.reasons import DropReason
 
