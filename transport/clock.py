@@ -13,8 +13,7 @@ from typing import Protocol
 
 from vehicles.schedule import MILLISECOND, SECOND, instants
 
-LATE_SHARE_OF_PERIOD = 0.5
-"""A tick is late if it begins more than this share of a control period after its instant."""
+LATE_SHARE_OF_PERIOD = 0.5  # Lateness of a tick, in control periods, from which it is late
 SLEW_NS = SECOND  # Shortest time over which a correction of the clock is spread
 LARGEST_SLEW = 0.1  # Largest share by which a correction changes the speed of the clock
 _LONGEST_SLEEP_NS = 50 * MILLISECOND

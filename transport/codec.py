@@ -143,7 +143,6 @@ def _values(form: MessageForm, parsed: Any, *, exact: bool) -> dict[str, Any]:
 
 
 def _check_numbers(form: MessageForm, values: dict[str, Any]) -> None:
-    """Raise RefusedMessageError for numbers that are not finite."""
     for name in form.finite:
         if not isfinite(values[name]):
             raise RefusedMessageError("absurd", f"{name} is {values[name]}")

@@ -30,7 +30,6 @@ class Lists(NamedTuple):
     values: Array
 
     def of(self, rows: Integers) -> "Lists":
-        """Lists of some of the messages."""
         lengths = np.diff(self.offsets)[rows]
         offsets = np.concatenate(([0], np.cumsum(lengths)))
         return Lists(offsets, self.values[ranges(self.offsets[rows], lengths, 1)])
@@ -71,11 +70,9 @@ class Columns:
         return len(self.logged_at_ns)
 
     def __getitem__(self, name: str) -> Array:
-        """Array of a field with one value in each message."""
         return self.fields[name]
 
     def of(self, rows: Array) -> "Columns":
-        """Some of the messages, by their numbers or by a truth value for each message."""
         numbers = np.flatnonzero(rows) if rows.dtype == bool else rows
         return replace(
             self,
@@ -87,7 +84,6 @@ class Columns:
 
     @property
     def at_ns(self) -> Integers:
-        """Instants at which the messages were valid."""
         return self.fields[instant_of(self.topic)]
 
 

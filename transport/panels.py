@@ -53,11 +53,9 @@ class Series:
     each_other: bool = False
 
     def colour_at(self, place: int) -> Colour:
-        """Colour of the series of the vehicle at `place` of the convoy."""
         return self.colour or shaded(colour_of(place), self.brightness_ratio)
 
     def label_of(self, vehicle: str) -> str:
-        """Label of the series of `vehicle` in a legend."""
         return self.label or f"{vehicle} {self.name}".rstrip()
 
 
@@ -87,7 +85,6 @@ class Panel:
 
     @property
     def single(self) -> Iterator[Series]:
-        """Series whose field holds one value in each message."""
         return (series for series in self.series if not series.each_other)
 
     @property
@@ -101,7 +98,6 @@ class Panel:
         return f"{title} ({self.unit})" if self.unit else title
 
     def applies_to(self, vehicles: Sequence[str]) -> bool:
-        """Whether a convoy has data for the panel."""
         return self.kind != "plot_of_one" or len(vehicles) > 1
 
     def followers(self, vehicles: Sequence[str]) -> Mapping[int, str]:

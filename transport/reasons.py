@@ -22,7 +22,6 @@ DropReason = Literal[
     "queue",
     "corrupted",
 ]
-"""Reasons of a link for dropping a message."""
 
 RefusalReason = Literal[
     "garbage",
@@ -39,7 +38,6 @@ RefusalReason = Literal[
     "duplicate",
     "overflow",
 ]
-"""Reasons of a receiver (vehicle or recorder) for refusing a message."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +51,6 @@ class Reason:
 
     @property
     def is_drop(self) -> bool:
-        """Whether links report this reason, not receivers."""
         return self.word in get_args(DropReason)
 
 

@@ -10,8 +10,7 @@ class ConvoyError(Exception):
     """
 
 
-_CONTROL = {"Cc", "Cf", "Zl", "Zp"}
-"""Unicode categories of control and formatting characters and line separators."""
+_CONTROL = {"Cc", "Cf", "Zl", "Zp"}  # Control and formatting characters, line separators
 
 
 def printable(text: str) -> str:

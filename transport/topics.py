@@ -54,8 +54,7 @@ _ROWS = (
 # fmt: on
 TOPICS: Mapping[str, Topic] = {row.name: row for row in _ROWS}
 TOPIC_OF: Mapping[type[Message], Topic] = {row.message: row for row in _ROWS}
-RUN_SENDER = "run"
-"""Sender of messages about the whole run, such as `convoy/run/start`; reserved as a vehicle name."""
+RUN_SENDER = "run"  # Sender of messages about the run; reserved as a vehicle name
 
 
 def key(vehicle: str, topic: Topic) -> str:
@@ -64,7 +63,6 @@ def key(vehicle: str, topic: Topic) -> str:
 
 
 def clock_key(vehicle: str) -> str:
-    """Key of queries for a vehicle's clock."""
     return f"convoy/@clock/{vehicle}"
 
 

@@ -24,7 +24,6 @@ Mode = Literal[
     "creep",
     "straight",
 ]
-"""What a vehicle steers along; see `MODES`."""
 
 MODES: dict[Mode, str] = {
     "path": "the lead: along its own path",
@@ -37,7 +36,6 @@ MODES: dict[Mode, str] = {
     "creep": "across a short hole in the known path, at walking pace",
     "straight": "straight ahead until the first poses give a trajectory",
 }
-"""Meaning of each mode."""
 
 SourceStatus = Literal["unheard", "fresh", "late", "lost", "distrusted", "probation", "unused"]
 """Status of a source at its follower: no message yet; messages as expected; messages overdue; none
@@ -226,7 +224,6 @@ class Tracking:
     other_weight_ratio: tuple[FloatOrNan, ...] = ()
 
     def statuses(self) -> dict[str, SourceStatus]:
-        """Statuses of the other sources by their names."""
         return statuses_in(self.other_sources)
 
 

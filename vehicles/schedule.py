@@ -9,7 +9,6 @@ MILLISECOND: Final = 1_000_000
 
 
 def nanoseconds(seconds: float) -> int:
-    """Convert s to ns, rounded to the nearest."""
     return round(seconds * SECOND)
 
 
@@ -47,7 +46,6 @@ class Cadence:
         return k if k >= 0 and instant(self.start_at, k, self.rate_hz) == now else None
 
     def until(self, end_at: int) -> Iterator[int]:
-        """Instants (ns) from the start, `end_at` excluded."""
         return instants(self.start_at, end_at, self.rate_hz)
 
     def due(self, now: int) -> bool:

@@ -13,11 +13,8 @@ from vehicles.schedule import MILLISECOND, SECOND
 QUALIFIERS = ("_max", "_min")
 """Suffixes of a name that follow the unit in its key: `probation_max` is `probation_s_max`."""
 PER_SI = {"ms": 1000.0}  # Key units that are proportional to the SI unit, with the factor from SI
-NANOSECONDS = {"s": SECOND, "ms": MILLISECOND}
-"""Nanoseconds per unit of time. Integer fields with such a unit are in nanoseconds."""
-
-Problem = tuple[str, str]
-"""A key that contradicts others, and the reason: the given value and the allowed ones."""
+NANOSECONDS = {"s": SECOND, "ms": MILLISECOND}  # Per unit; integer fields are in ns
+Problem = tuple[str, str]  # A key that contradicts others, and the reason
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,12 +7,9 @@ from typing import Protocol, Self
 
 from transport.texts import ConvoyError
 
-Handler = Callable[[str, bytes], None]
-"""Takes the key and payload of a message, on a thread of the bus; must be quick and never raise."""
-ArrivalHandler = Callable[[str, bytes, int], None]
-"""Takes the key, the payload and the instant of arrival (ns) of a collected message."""
-Fetch = Callable[[], bool]
-"""Passes collected messages to a handler; returns whether some may have been dropped."""
+Handler = Callable[[str, bytes], None]  # Key, payload; on a thread of the bus, never raises
+ArrivalHandler = Callable[[str, bytes, int], None]  # Key, payload, arrival (ns)
+Fetch = Callable[[], bool]  # Passes messages on; returns whether some may be lost
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,10 +28,8 @@ class Member:
     session: str
 
 
-Answer = Callable[[bytes], bytes]
-"""Answers a query, on a thread of the bus; must be quick and never raise."""
-AliveHandler = Callable[[Member, bool], None]
-"""Takes a member and whether it is alive; may be called twice with the same arguments."""
+Answer = Callable[[bytes], bytes]  # On a thread of the bus; must be quick and never raise
+AliveHandler = Callable[[Member, bool], None]  # May repeat a call
 
 
 class BusError(ConvoyError):

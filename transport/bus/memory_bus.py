@@ -98,7 +98,7 @@ class MemoryBus(Closing):
     def connected(self) -> bool:
         return True
 
-    def publish(self, key: str, data: bytes, *, urgent: bool = False) -> None:  # noqa: ARG002
+    def publish(self, key: str, data: bytes, *, urgent: bool = False) -> None:
         self._network.publish(key, data)
 
     def subscribe(self, key_expression: str, handler: Handler) -> None:
@@ -121,15 +121,11 @@ class MemoryBus(Closing):
     def answer(self, key: str, answer: Answer) -> None:
         self._network.answer(self, key, answer)
 
-    def query(self, key: str, timeout_s: float, payload: bytes = b"") -> bytes | None:  # noqa: ARG002
+    def query(self, key: str, timeout_s: float, payload: bytes = b"") -> bytes | None:
         return self._network.query(key, payload)
 
     def request(
-        self,
-        key: str,
-        handler: Callable[[bytes], None],
-        timeout_s: float,  # noqa: ARG002
-        payload: bytes = b"",
+        self, key: str, handler: Callable[[bytes], None], timeout_s: float, payload: bytes = b""
     ) -> None:
         answer = self._network.query(key, payload)
         if answer is not None:

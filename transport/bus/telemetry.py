@@ -28,7 +28,6 @@ class BatchRecord(NamedTuple):
 
 
 def records_key(vehicle: str) -> str:
-    """Zenoh key of a vehicle's batches."""
     return f"convoy/{vehicle}/records"
 
 

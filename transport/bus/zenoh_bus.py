@@ -36,8 +36,7 @@ __all__ = [
 FLUSH_S = 1.0  # Maximum wait at closing for the router to receive all publications
 ALL_MEMBERS = alive_key("*", "*", "*", "*")  # Matches the liveliness tokens of all members
 MEMBERS_S = 10.0  # Timeout of the query for members, which takes a round trip
-LONGER = 2.0
-"""Factor from the timeout of a first connection to that of a second, if a program answers."""
+LONGER = 2.0  # Factor from the first connection's timeout to the second's
 ANSWER_S = 2.0  # How long to wait for a connection that only shows whether a program listens
 
 _LOG_FILTER = "error,zenoh::api::session=off"
@@ -92,7 +91,6 @@ class ZenohBus(Closing):
         self._published = True
 
     def subscribe(self, key_expression: str, handler: Handler) -> None:
-        """Call `handler` for every matching message, on a thread of Zenoh."""
 
         def receive(sample: zenoh.Sample) -> None:
             try:

@@ -22,30 +22,24 @@ from vehicles.received_pose import ReceivedPose, receive
 from vehicles.schedule import SECOND
 
 GPS = TOPICS["gps"]
-LONGEST_POSE_BYTES: Final = 1024
-"""Maximum size of a pose, for vehicle names of up to 400 letters and the longest path history."""
+LONGEST_POSE_BYTES: Final = 1024  # With names of 400 letters and the longest path history
 MAX_HISTORY_POINTS: Final = 40
 MAX_HISTORY_LENGTH: Final = 1500.0
 """Limits of a path history: positions, and length (m, the sum of its parts to the north and to the
 east, which is up to 1.42 times the largest length that can be configured)."""
-MAX_HISTORY_AGE: Final = 24 * 3600 * 100
-"""Maximum age (10 ms) of its oldest position: the longest run."""
+MAX_HISTORY_AGE: Final = 24 * 3600 * 100  # Of its oldest position (10 ms): the longest run
 FASTEST: Final = 330.0
 NOISE_ALLOWANCE: Final = 6.0
 """Between two of its positions a vehicle covers less than this speed (m/s) times the time between
 them, plus this distance (m)."""
 METRES_PER_UNIT: Final = 0.0112  # Upper bound (m) of 1e-7 degrees
-CACHED_POSES: Final = 64
-"""Number of cached poses; in virtual time all receivers of a pose are in one process."""
+CACHED_POSES: Final = 64  # In virtual time all receivers of a pose are in one process
 HORIZON_NS: Final = 60 * SECOND
 """Poses measured longer ago or further ahead are refused. A process that was suspended resumes in
 the past and receives poses measured ahead of its schedule."""
 
-TIMESTAMP_REASONS = ("past", "future")
-"""Reasons that, if frequent, indicate a wrong clock of the sender or the receiver."""
-FIRST_REPORT: Final = 100
-"""Count of the first report; the next reports follow at ten times the previous count."""
-
+TIMESTAMP_REASONS = ("past", "future")  # If frequent, a clock is wrong
+FIRST_REPORT: Final = 100  # The next reports follow at ten times the count
 ROUNDING: Final = 0.001  # Tolerance in periods: instants are rounded to nanoseconds
 _LIMITS = {
     "latitude_deg": (-90.0, 90.0),
@@ -57,7 +51,6 @@ _LIMITS = {
     "acceleration_mps2": (-1000.0, 1000.0),
     "position_accuracy_m": (0.0, 1e6),
 }
-"""Valid range of each measured value."""
 _numbers = attrgetter(*_LIMITS)
 
 

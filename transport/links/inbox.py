@@ -22,8 +22,7 @@ from vehicles.received_pose import ReceivedPose
 
 QUEUE: Final = 4096  # Maximum number of messages between two ticks; the oldest are dropped
 LONGEST_WAITING: Final = 8000  # Length of the list of waiting messages, half of that of a message
-WINDOW: Final = 8192
-"""Numbers this far behind a sender's newest number are refused, which bounds the memory."""
+WINDOW: Final = 8192  # Older numbers of a sender are refused, which bounds the memory
 
 
 @dataclass(slots=True)
@@ -250,17 +249,14 @@ class Inbox:
         return text
 
     def verdicts(self) -> list[LinkVerdict]:
-        """Verdicts since the last call."""
         out, self._verdicts = self._verdicts, []
         return out
 
     def clock_warnings(self) -> list[str]:
-        """Warnings about impossible time stamps since the last call."""
         warnings, self._clock_warnings = self._clock_warnings, []
         return warnings
 
     def rejections(self) -> list[tuple[str, int]]:
-        """(reason, count) of messages rejected since the last call."""
         now = self.rejected
         new = now - self._reported
         self._reported = now

@@ -29,7 +29,6 @@ class TruePoses:
         self._needed_until = -1
 
     def on_bytes(self, _key: str, data: bytes, _arrived_at: int = 0) -> None:
-        """Take a message from the bus."""
         try:
             pose = cast("TruePose", decode(TRUTH, data, exact=True))
         except RefusedMessageError:

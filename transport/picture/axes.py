@@ -12,8 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 MARGIN_RATIO = 0.1
-MAX_STEPS = 4.0
-"""Largest range in units of the labelled step: in a low plot more labels are too close."""
+MAX_STEPS = 4.0  # Largest range in labelled steps: a low plot has no room for more
 PLOT_WIDTH_PX = 670.0  # Width of a plot in a window of 1600 pixels
 WIDEST_LABEL_PX = 40.0
 LARGEST, SMALLEST_SPAN = 1e9, 1e-9  # Limits of value axes: wrong messages may hold any number
@@ -47,7 +46,6 @@ class ValueAxis(NamedTuple):
 
     @property
     def labels_px(self) -> float:
-        """Room that the labels take to the left of the plot."""
         return max(8.5 + 7.5 * (len(label) - 0.5 * ("." in label)) for label in self.labels)
 
 

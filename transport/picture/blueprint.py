@@ -37,12 +37,9 @@ Road = tuple[Sequence[float], Sequence[float]]  # East and north of the lead's p
 TIMELINE = "run_time"  # Time since the start of the run; the timeline `time` has Unix time
 MARGIN_M = 4.0  # Margin of the moving view around the centre of a car
 FEW_VEHICLES = 5  # Largest convoy whose links and modes share one view
-MIN_TAG_M, TAG_PX = 4.0, 34.0
-"""Distance of a name tag from its car: at least half the length of a tag on the screen."""
-VIEW_WIDTH_PX, VIEW_HEIGHT_PX = 888.0, 260.0
-"""Least size of the plan views in a window of 1600 × 1000 pixels."""
-LEGEND_WIDTH, LEGEND_HEIGHT = 100.0, 7.4
-"""Size of the legend in its own unit, nearly nine pixels in a window of 1600."""
+MIN_TAG_M, TAG_PX = 4.0, 34.0  # Distance of a tag from its car, on the screen half its length
+VIEW_WIDTH_PX, VIEW_HEIGHT_PX = 888.0, 260.0  # Least size of plans in 1600 × 1000
+LEGEND_WIDTH, LEGEND_HEIGHT = 100.0, 7.4  # In its own unit, nearly nine pixels of 1600
 ROAD = (0x6A, 0x6A, 0x6A)
 
 LANE_EDGE = (0x58, 0x58, 0x58)
@@ -61,7 +58,6 @@ EVENTS: dict[str, tuple[Colour, Shape, float]] = {
 """Colours of events, readable on dark and light backgrounds and unlike those of the cars, and their
 shapes and sizes in the plots; the worst comes last and so above the others."""
 MARKS = {"change": ((0x00, 0x3C, 0xFF), "Circle", 5.0), **EVENTS}
-"""The same for all marks: changes to the convoy, and events."""
 
 
 @dataclass(frozen=True, slots=True)

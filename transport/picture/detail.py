@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 MAX_ALL_DETAILED = 12  # Largest convoy of which all vehicles are drawn in detail
 DETAILED = 8  # Number of vehicles of a longer convoy that are drawn in detail
-SHOWN_ABOUT = 5
-"""Vehicles of a longer convoy that the moving view shows ahead of and behind the followed one."""
+SHOWN_ABOUT = 5  # Vehicles shown ahead of and behind the followed one
 
 
 class Detail:
@@ -33,13 +32,10 @@ class Detail:
 
     @property
     def shown(self) -> int:
-        """Number of vehicles in the moving view."""
         return len(self._vehicles) if self.is_all else 2 * SHOWN_ABOUT + 1
 
     def shows(self, place: int, followed: int) -> bool:
-        """Whether the moving view shows position `place` while it follows position `followed`."""
         return self.is_all or abs(place - followed) <= SHOWN_ABOUT
 
     def period(self, period_ns: int) -> int:
-        """Period (ns) of drawing a vehicle, longer in a long convoy."""
-        return round(period_ns * self._period_factor)
+        return round(period_ns * self._period_factor)  # ns

@@ -16,8 +16,7 @@ from vehicles.schedule import SECOND, Timer
 SERIES = ("truth", "tracking", "command")  # Topics with curves or states
 
 
-POSITIONS_NS = 20 * SECOND
-"""Time of the run whose positions are sent together, so that a viewer soon shows the first ones."""
+POSITIONS_NS = 20 * SECOND  # Time of positions sent together, so that a viewer starts soon
 
 
 class LogRecordingWriter(RecordingWriter):
@@ -54,7 +53,6 @@ class LogRecordingWriter(RecordingWriter):
         """Leave sending to the caller."""
 
     def send_positions(self) -> None:
-        """Send what moves, before the rest is drawn."""
         self._moving.send(self._start or 0)
 
     def draw_columns(self, columns: Mapping[tuple[str, str], Columns]) -> None:
@@ -85,13 +83,11 @@ class LogRecordingWriter(RecordingWriter):
             )
 
     def errors(self, vehicle: str, at: Integers, errors: Array) -> None:
-        """Draw the true errors (m) of a vehicle at instants `at` (ns)."""
         if len(at) and vehicle in self.detail:
             self._largest_errors[vehicle] = float(np.abs(errors).max())
             self._add_curve("cross_track", vehicle, at, errors)
 
     def gaps(self, vehicle: str, at: Integers, gaps: Array) -> None:
-        """Draw the true gaps (m) of a vehicle at instants `at` (ns)."""
         if len(at):
             self._add_curve("true_gap", vehicle, at, gaps)
 

@@ -44,7 +44,6 @@ class Marks:
     """Draws marks with the colour and shape of their kind."""
 
     def __init__(self, recording: rr.RecordingStream, followers: Sequence[str]) -> None:
-        """Log the styles of all kinds."""
         self._recording = recording
         plots = _marked_plots(followers)
         for kind, (colour, shape, size) in MARKS.items():

@@ -36,11 +36,11 @@ from transport.picture.shapes import (
     legend,
     line_style,
     name_tag,
+    plan_frame,
     point_style,
     ring,
     ring_label,
     road_with_marks,
-    turn_about,
 )
 from transport.topics import valid_at
 from vehicles.geometry.trajectory_points import points_along
@@ -141,7 +141,7 @@ class RecordingWriter:
         }
         recording.send_blueprint(self._layout(extent=RunExtent(duration_s)))
         self._marks = Marks(recording, vehicles[1:])
-        recording.log("world/plan", turn_about(0.0, 0.0, 0.0), static=True)
+        recording.log("world/plan", plan_frame(), static=True)
         for name in vehicles:
             self._place(name)
         self._log_legend()
@@ -166,7 +166,6 @@ class RecordingWriter:
             self.send(now)
 
     def send(self, now: int) -> None:
-        """Send the curves up to `now` (ns), and mark the vehicle that is furthest off."""
         self._curves.send(self._start or 0)
         self._show_worst(max(self._last_pose_at.values(), default=now))
 
@@ -262,8 +261,7 @@ class RecordingWriter:
 
     @property
     def _tag_m(self) -> float:
-        """Distance of name tags from their cars (m), which grows with the view."""
-        return float(self._reach.tag_m * ZOOM_STEP ** (self._zoom_level or 0))
+        return float(self._reach.tag_m * ZOOM_STEP ** (self._zoom_level or 0))  # m
 
     def _log_name(self, vehicle: str) -> None:
         """Write the name of a vehicle next to it, at two distances in turn in a long convoy."""
@@ -333,7 +331,6 @@ class RecordingWriter:
             self._curves.add("cross_track", "worst", newest, worst)
 
     def _ring(self, vehicle: str, label: str) -> None:
-        """Ring a vehicle with a label; an empty label removes the ring."""
         self._recording.log(f"world/cars/{vehicle}/worst", ring(shown=bool(label)))
         label_entity = f"world/cars/{vehicle}/worst/name"
         self._recording.log(label_entity, ring_label(label, 0.6 * self._tag_m))
@@ -415,7 +412,6 @@ class RecordingWriter:
         return timer.is_due(at)
 
     def _set_time(self, at: int) -> None:
-        """Set the recording's time."""
         if at == self._time_at:
             return
         self._time_at = at

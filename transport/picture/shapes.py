@@ -13,8 +13,7 @@ from vehicles.geometry.lanes import lane_edges as edges_of
 
 MARK_SPACING_M = 50.0
 MARK_CLEARANCE_M = 15.0  # Least distance between two marks: later laps have none
-CHARACTER, ROW_HEIGHT = 0.95, 3.7
-"""Width of a letter and height of a row of the legend, in its unit."""
+CHARACTER, ROW_HEIGHT = 0.95, 3.7  # Width and height (in the legend's unit)
 
 
 class CarShape(NamedTuple):
@@ -25,22 +24,17 @@ class CarShape(NamedTuple):
     forward: float
 
 
-def turn_about(
-    east: float, north: float, yaw: float, *, flip: bool = True, unit: float = 1.0
-) -> rr.Transform3D:
-    """Put a frame at (east, north) in metres, turned by `yaw` (rad), with a unit of `unit` (m).
-
-    With `flip` its second axis points to the right instead of the left: a picture's second axis
-    points down, so in a view from such a frame left turns turn left.
-    """
-    places, matrices = axes_of(np.array([[east, north, yaw, flip, unit]]))
+def plan_frame() -> rr.Transform3D:
+    """Frame of the plans, with north up."""
+    places, matrices = axes_of(np.array([[0.0, 0.0, 0.0, True, 1.0]]))
     return rr.Transform3D(translation=places[0], mat3x3=matrices[0].T)
 
 
 def axes_of(frames: Array) -> tuple[Array, Array]:
-    """Origins (N, 3) and axes (N, 3, 3) of frames with rows of east, north, yaw, flip and unit.
+    """Origins (N, 3) and axes (N, 3, 3) of frames with rows of east, north, yaw, flip and unit (m).
 
-    `axes[n, k]` is axis k of frame n in the world.
+    `axes[n, k]` is axis k of frame n in the world. With `flip` the second axis points to the right
+    instead of the left: a picture's second axis points down, so that left turns turn left.
     """
     east, north, yaw, flip, unit = frames.T
     c, s, left = unit * np.cos(yaw), unit * np.sin(yaw), 1.0 - 2.0 * flip
@@ -57,7 +51,6 @@ def line_style(colour: Colour, *, width: float, order: float) -> rr.LineStrips2D
 
 
 def point_style(*, width: float, order: float) -> rr.Points2D:
-    """Style of points that are logged repeatedly in any colours."""
     return rr.Points2D.from_fields(radii=rr.Radius.ui_points(width), draw_order=order)
 
 
@@ -83,7 +76,6 @@ def car(shape: CarShape, colour: Colour) -> rr.LineStrips2D:
 
 
 def name_tag(text: str, colour: Colour, left_m: float) -> rr.Points2D:
-    """Write a name `left_m` to the left of a car."""
     return rr.Points2D([[0.0, left_m]], colors=[colour], radii=0.0, labels=[text], draw_order=30)
 
 
@@ -116,7 +108,6 @@ def lane_edges(east: Sequence[float], north: Sequence[float], width: float) -> r
 
 
 def legend(items: Sequence[tuple[str, Colour]]) -> rr.Points2D:
-    """Show dots with labels in rows from left to right."""
     places, x, y = [], 0.0, 0.8
     for label, _ in items:
         width = 3.2 + CHARACTER * len(label)

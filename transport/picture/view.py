@@ -27,12 +27,10 @@ from transport.picture.viewer_process import ViewerError
 from vehicles.messages import Message
 
 APPLICATION = "convoy"
-MEMORY_LIMIT = "512MB"
-"""Memory of a server for viewers that connect later; beyond it the oldest data are deleted."""
+MEMORY_LIMIT = "512MB"  # Of a server for later viewers; then the oldest data go
 FLUSH_S = 5.0
 LOG_FLUSH_S = 120.0  # Longest wait for a viewer to take the picture of a live run, and of a log
-CURSOR_S, CURSOR_EVERY_S = 60.0, 0.2
-"""Longest wait for a viewer to move its cursor, and the time between attempts."""
+CURSOR_S, CURSOR_EVERY_S = 60.0, 0.2  # Longest wait for the viewer's cursor, and between attempts
 FLUSH_TICK_S = 0.1
 
 
@@ -192,7 +190,6 @@ class RerunView(OpenRecording):
         )
 
     def has_curves(self, vehicle: str) -> bool:
-        """Whether all curves of a vehicle are drawn, not only its position."""
         return self._writer is not None and vehicle in self._writer.detail
 
     def draw(self, now: int, message: Message) -> None:
@@ -208,7 +205,6 @@ class RerunView(OpenRecording):
             self._writer.gap(vehicle, at, gap)
 
     def begin(self, start: int) -> None:
-        """Set the start (ns) of the run of a log."""
         if self._writer is not None:
             self._writer.begin(start)
 
@@ -258,7 +254,6 @@ class RerunView(OpenRecording):
                 writer.finish()
 
     def close(self) -> None:
-        """Draw the last values and end the picture."""
         self.finish()
         super().close()
 

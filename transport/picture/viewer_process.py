@@ -20,15 +20,13 @@ STOP_S = 2.0
 POLL_S = 0.05
 PORT_TRIES = 5  # Number of free ports that are tried, in case other programs take them meanwhile
 OTHER_PORTS = "choose other ports with --serve-at ADDRESS:PORT:DATA_PORT"
-LAYOUT_NICENESS = 10
 _END_WITH_PARENT = """
 import ctypes, os, sys
 libc = ctypes.CDLL(None)
 if hasattr(libc, "prctl"):
     libc.prctl(1, 9)
-os.nice(int(sys.argv[2]))
 if os.getppid() == int(sys.argv[1]):
-    os.execv(sys.argv[3], sys.argv[3:])
+    os.execv(sys.argv[2], sys.argv[2:])
 """
 # PR_SET_PDEATHSIG (1) outlives exec: the kernel sends SIGKILL (9) when the parent has ended in any
 # way. Set in the new process, because this process has threads and must run no Python between fork
@@ -143,9 +141,9 @@ def quiet_environment() -> dict[str, str]:
     return {**os.environ, "CI": "1"}
 
 
-def _ends_with_parent(nice: int = 0) -> list[str]:
-    """Prefix of a command that ends with this process, with a nice value."""
-    return [sys.executable, "-I", "-S", "-c", _END_WITH_PARENT, str(os.getpid()), str(nice)]
+def _ends_with_parent() -> list[str]:
+    """Prefix of a command that ends with this process."""
+    return [sys.executable, "-I", "-S", "-c", _END_WITH_PARENT, str(os.getpid())]
 
 
 def _start(command: Sequence[str]) -> "subprocess.Popen[bytes]":

@@ -28,8 +28,7 @@ class VehicleClock:
         return self.offset + round(self.drift * (now - self.start_at) / MILLION)
 
     def reading(self, at: int) -> int:
-        """Reading (ns) at the true instant `at` (ns)."""
-        return at + self.error(at)
+        return at + self.error(at)  # ns
 
     def restamped(self, now: int, poses: Sequence[ReceivedPose]) -> Sequence[ReceivedPose]:
         """Subtract the clock's error at `now` (ns) from the time stamps of received poses.

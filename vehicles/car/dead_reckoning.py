@@ -22,10 +22,7 @@ SLIP_ERROR_TIME: Final = 0.5
 changes of curvature (Section III-A)."""
 
 SIDE_DRIFT: Final = 0.003  # Lateral speed (m/s) from causes outside the model: camber, wind
-
-YAW_JERK: Final = 5.0
-"""Rate of change of yaw acceleration (rad/s³): an emergency lane change at 30 m/s."""
-
+YAW_JERK: Final = 5.0  # Rate of yaw acceleration (rad/s³): emergency lane change at 30 m/s
 JERK: Final = 10.0  # Rate of change of acceleration (m/s³): the onset of hard braking
 
 

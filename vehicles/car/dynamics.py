@@ -26,8 +26,7 @@ from vehicles.car.integration import STEP_PER_RATE, Steering, Vector4, integrate
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.tyres import WALKING_PACE, Coefficients, lateral_coefficients
 
-FASTEST_SLIDE: Final = 1000.0
-"""Limit of the lateral speed (m/s), reached only by an unstable car on linear tyres."""
+FASTEST_SLIDE: Final = 1000.0  # Limit of the lateral speed (m/s) of an unstable car
 
 _Lateral = tuple[float, float, float, float, float, float]
 

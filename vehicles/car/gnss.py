@@ -21,8 +21,7 @@ from vehicles.geometry.sparse_path import NO_HISTORY, HistoryDeltas
 from vehicles.messages import NO_ANNOUNCEMENT, Announcement, FixState, GpsPose
 from vehicles.schedule import Cadence
 
-BLOCK: Final = 64
-"""Measurements whose noise is drawn at once; the block size does not change the numbers."""
+BLOCK: Final = 64  # Measurements whose noise is drawn at once; changes no number
 
 
 @dataclass(slots=True)

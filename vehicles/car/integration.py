@@ -9,9 +9,7 @@ from typing import Final
 from vehicles.car.parameters import VehicleParameters
 
 STEP_PER_RATE: Final = 0.45  # Longest sub-step, in units of the shortest time constant
-
-RATE_LIMITED_STEP: Final = 0.0025
-"""Longest sub-step (s) where the steering may reach its rate limit."""
+RATE_LIMITED_STEP: Final = 0.0025  # Longest sub-step (s) near the rate limit
 
 Vector4 = tuple[float, float, float, float]
 
@@ -55,7 +53,6 @@ class Steering:
     """Steering of one car by eq. (4), with limits of angle and rate."""
 
     def __init__(self, p: VehicleParameters) -> None:
-        """Set `free` (coefficients of eq. (4)), `limit` (rad) and `rate_limit` (rad/s)."""
         self.free = actuator(p)
         self.limit = p.steering_limit
         self.rate_limit = p.steering_rate_limit

@@ -19,8 +19,7 @@ class Outline:
 
     @property
     def reach(self) -> float:
-        """Distance (m) from the centre to a corner."""
-        return hypot(self.half_length, self.half_width)
+        return hypot(self.half_length, self.half_width)  # m, from the centre to a corner
 
 
 def outline_of(car: VehicleParameters, east: float, north: float, yaw: float) -> Outline:

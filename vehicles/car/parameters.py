@@ -165,12 +165,12 @@ def loaded(parameters: VehicleParameters, loading: Loading) -> VehicleParameters
     )
 
 
-def all_loadings(front: int = 1, rear: int = 3) -> tuple[Loading, ...]:
-    """List the cases of Section V-B: up to `front` and `rear` passengers, without the driver."""
+def all_loadings() -> tuple[Loading, ...]:
+    """List the cases of Section V-B: up to 1 passenger in front and 3 behind."""
     return tuple(
-        Loading(front_passengers=in_front, rear_passengers=behind)
-        for in_front in range(front + 1)
-        for behind in range(rear + 1)
+        Loading(front_passengers=front, rear_passengers=rear)
+        for front in range(2)
+        for rear in range(4)
     )
 
 

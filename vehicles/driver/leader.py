@@ -65,7 +65,7 @@ class WaitingProfile(ProfileSpeed):
         self.waits = False
         self.limit = inf
 
-    def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:  # noqa: ARG002
+    def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:
         self._behind += (1.0 - self._pace) * (now - self._at) / SECOND
         self._at = now
         seconds = (now - self._start_at) / SECOND - self._behind
@@ -158,7 +158,7 @@ class Leader:
         fix: Fix | None,
         motion: Motion | Body | None,
         received: Sequence[ReceivedPose],
-        gap: GapMeasurement | None = None,  # noqa: ARG002 - it has no predecessor
+        gap: GapMeasurement | None = None,
     ) -> Decision:
         """Decide at `now` (ns); between control instants hold the last decision.
 

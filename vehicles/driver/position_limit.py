@@ -53,7 +53,6 @@ class PositionLimit:
 
     @property
     def is_active(self) -> bool:
-        """Whether the speed is reduced, or returns to normal."""
         return self._acceleration < inf
 
     def joined(self, reason: str) -> str:

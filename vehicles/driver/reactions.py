@@ -77,40 +77,21 @@ class Extrapolate:
 
     degrades: ClassVar[bool] = False
 
-    def mode(
-        self,
-        situation: Situation,  # noqa: ARG002 - every policy is called alike
-        usual: Mode,
-        speed: float,  # noqa: ARG002
-    ) -> Mode:
+    def mode(self, situation: Situation, usual: Mode, speed: float) -> Mode:
         return usual
 
     def steering(
-        self,
-        mode: Mode,  # noqa: ARG002
-        command: SteeringCommand,
-        last: SteeringCommand,  # noqa: ARG002
+        self, mode: Mode, command: SteeringCommand, last: SteeringCommand
     ) -> SteeringCommand:
         return command
 
-    def acceleration(
-        self,
-        situation: Situation,  # noqa: ARG002
-        mode: Mode,  # noqa: ARG002
-        speed: float,  # noqa: ARG002
-        wanted: float,
-    ) -> float:
+    def acceleration(self, situation: Situation, mode: Mode, speed: float, wanted: float) -> float:
         return wanted
 
-    def modes(self, settings: DegradationSettings) -> Modes:  # noqa: ARG002
+    def modes(self, settings: DegradationSettings) -> Modes:
         return ModesByReach()
 
-    def guard(
-        self,
-        law: SpeedLaw,
-        settings: DegradationSettings,  # noqa: ARG002
-        car: GuardedCar,  # noqa: ARG002
-    ) -> SpeedOverride:
+    def guard(self, law: SpeedLaw, settings: DegradationSettings, car: GuardedCar) -> SpeedOverride:
         return NoOverride(law)
 
 
@@ -139,10 +120,7 @@ class Straight(Extrapolate):
     """Turn the wheels straight, at full speed, as the guardian of the Apollo system does."""
 
     def steering(
-        self,
-        mode: Mode,
-        command: SteeringCommand,
-        last: SteeringCommand,  # noqa: ARG002
+        self, mode: Mode, command: SteeringCommand, last: SteeringCommand
     ) -> SteeringCommand:
         if mode != "coast":
             return command

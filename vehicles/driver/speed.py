@@ -190,7 +190,7 @@ class GapKeeping:
         self._controller = controller or GapLaw(LongitudinalSetup(policy, limits))
         self._needs_poses: bool = getattr(self._controller, "needs_poses", True)
 
-    def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:  # noqa: ARG002
+    def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:
         """Keep the gap; keep the speed until the predecessor, or any source, is received.
 
         A controller that needs no poses keeps the gap that the on-board sensor measures.

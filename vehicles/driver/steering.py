@@ -161,7 +161,7 @@ class Stanley:
     def __init__(
         self,
         parameters: VehicleParameters,
-        gains: Gains = NOMINAL_GAINS,  # noqa: ARG002 - every controller is built alike
+        gains: Gains = NOMINAL_GAINS,
         settings: Settings = Settings(),
     ) -> None:
         self._parameters = parameters
@@ -214,7 +214,7 @@ class PurePursuit:
     def __init__(
         self,
         parameters: VehicleParameters,
-        gains: Gains = NOMINAL_GAINS,  # noqa: ARG002 - every controller is built alike
+        gains: Gains = NOMINAL_GAINS,
         settings: Settings = Settings(),
     ) -> None:
         self._parameters = parameters

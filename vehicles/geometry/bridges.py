@@ -183,7 +183,6 @@ def _bridge(before: _End, after: _End, spacing: float) -> FloatArray:
 
 
 def _course(points: FloatArray, start: int, end: int) -> float:
-    """Direction (rad) from one of `points` (2, n) to another, by their indices."""
     dx, dy = (points[:, end] - points[:, start]).tolist()
     return math.atan2(dy, dx)
 

@@ -16,8 +16,7 @@ Otherwise it moves forwards only, so that it stays on its branch where the path 
 runs parallel to itself.
 """
 
-MIN_STEP: Final = 0.01
-"""Poses of the lead closer together than this (m) are a standstill and not part of its path."""
+MIN_STEP: Final = 0.01  # Poses of the lead closer together (m) are a standstill
 
 HOLE_NS: Final = SECOND // 10
 """Longest interval (ns) between poses of the lead with missing sequence numbers.
@@ -25,13 +24,9 @@ HOLE_NS: Final = SECOND // 10
 A longer interval is a hole in the record, where the lead's path is unknown.
 """
 
-DROP_EVERY: Final = 500
-"""Chords of the lead between attempts to drop those that all followers have passed."""
-MAX_CHORDS: Final = 100_000
-"""Chords stored for a follower that stands still or is silent, half an hour at 50 Hz."""
-
-MAX_WAITING: Final = 3000
-"""Poses of one follower stored until the lead gets there, 60 s at 50 Hz; the oldest are dropped."""
+DROP_EVERY: Final = 500  # Chords of the lead between attempts to drop passed ones
+MAX_CHORDS: Final = 100_000  # Kept for a silent follower: half an hour at 50 Hz
+MAX_WAITING: Final = 3000  # Poses of a follower ahead of the lead's path, 60 s at 50 Hz
 
 
 class CrossTrack(NamedTuple):
@@ -61,8 +56,7 @@ class _Chord(NamedTuple):
     is_hole: bool
 
 
-_Point = tuple[str, int, float, float]
-"""A vehicle, an instant (ns), and the point (m, m) whose foot point is sought."""
+_Point = tuple[str, int, float, float]  # Vehicle, instant (ns), point (m, m)
 
 
 @dataclass(slots=True)

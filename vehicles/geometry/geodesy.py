@@ -16,21 +16,15 @@ from pymap3d.rcurve import meridian, transverse
 
 FloatArray = NDArray[np.float64]
 
-REACH: Final = 100_000.0
-"""Limit (m) of the distance from the origin, beyond which a plane is a poor map."""
-
-EXACT: Final = 1e-8
-"""Geodetic coordinates are corrected until the remaining error is below this (m)."""
-
-MAX_CORRECTIONS: Final = 20
-"""Limit of the corrections; three are typical within some kilometres of the origin."""
+REACH: Final = 100_000.0  # Distance (m) from the origin beyond which a plane is a poor map
+EXACT: Final = 1e-8  # Coordinates are corrected until the error is below this (m)
+MAX_CORRECTIONS: Final = 20  # Three are typical within some kilometres of the origin
 
 _CERTAIN: Final = 50_000.0
 """Points whose offsets in latitude, longitude and altitude sum up to less than this (m) are surely
 within REACH."""
 
-_METRES_PER_DEGREE: Final = 112_000.0
-"""Upper bound (m) of a degree of latitude or longitude on the ellipsoid."""
+_METRES_PER_DEGREE: Final = 112_000.0  # Upper bound of latitude and longitude
 
 WGS84 = Ellipsoid.from_name("wgs84")
 _MAJOR, _MINOR = float(WGS84.semimajor_axis), float(WGS84.semiminor_axis)

@@ -20,10 +20,7 @@ FloatArray = NDArray[np.float64]
 
 COLUMNS: Final = 5  # Values per sample: station, east, north, yaw and curvature
 SAMPLING: Final = 0.25  # Maximum distance (m) between samples
-
-WINDOW: Final = 5.0
-"""Search range (m) of a projection, on either side of the vehicle's last station."""
-
+WINDOW: Final = 5.0  # Search range (m) around the vehicle's last station
 _CORNER: Final = 1e-3  # Distance (m) from the last sample of a segment to the change of curvature
 
 

@@ -27,8 +27,7 @@ from vehicles.geometry.local_regression import cubic_weights, local_cubic
 from vehicles.geometry.path_offsets import path_offsets
 from vehicles.geometry.sampled_path import SAMPLING, FloatArray, SampledPath
 
-MERGE_DISTANCE = 0.25
-"""Consecutive points within this distance (m) of the first one are merged to their mean."""
+MERGE_DISTANCE = 0.25  # Points this close (m) to the first one are merged to their mean
 
 MERGED_NOISE = 3.0
 """Points within this many standard deviations of their noise are also merged: closer points seem
@@ -36,16 +35,10 @@ to move back and forth."""
 
 MIN_POINTS = 8  # Minimum number of distinct points of a path
 CLOSING_DISTANCE = 10.0  # A closed drive returns to within this distance (m) of its first point
-
-SEAM_BLEND = 20.0
-"""Distance (m) on either side of the seam over which the ends of a closed drive are blended."""
-
+SEAM_BLEND = 20.0  # Distance (m) before and after the seam that is blended
 _CHUNK = 16_384  # steps converted at once, to limit memory
-
 _STRAIGHT_ON = 3.0  # turns (rad) of less than this need no wrapping
-
-MIN_PROGRESS = 0.5
-"""Points double back where the smoothed curve advances by less than this per metre of points."""
+MIN_PROGRESS = 0.5  # Smoothed points that advance less per metre double back
 
 
 Sections = tuple[tuple[int, int], ...]  # Indices of the first and the last point of each section
@@ -203,7 +196,6 @@ def _check(x: FloatArray, y: FloatArray, half_width: float, laps: int, lead_in: 
 
 
 def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _MergedPoints:
-    """Merge the given points to distinct ones and fill the holes."""
     noise = max(noise, noise_deviation(np.stack((x, y))))
     distance = max(MERGE_DISTANCE, MERGED_NOISE * noise)
     # Means of five: a single outlier among noisy points must not begin a new point.
@@ -246,7 +238,6 @@ def _begins_group(
 
 
 def _of_five(values: FloatArray) -> FloatArray:
-    """Mean of each value and two on either side."""
     padded = np.pad(values, 2, mode="edge")
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 5).mean(axis=1))
 

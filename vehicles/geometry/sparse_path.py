@@ -6,17 +6,14 @@ from typing import Final, NamedTuple
 
 from vehicles.schedule import MILLISECOND, SECOND
 
-CHORD_TOLERANCE: Final = 0.05
-"""Largest distance (m) of the driven path from the chord between two successive positions."""
-TIME_UNIT: Final = 10 * MILLISECOND
-"""Unit (ns) of instants in a path history, as in SAE J2735 and ETSI EN 302 637-2."""
+CHORD_TOLERANCE: Final = 0.05  # Largest distance (m) of the driven path from a chord
+TIME_UNIT: Final = 10 * MILLISECOND  # ns, as in SAE J2735 and EN 302 637-2
 DEGREE_UNITS: Final = 1e7  # Its units of latitude and longitude in a degree
 NEIGHBOUR_SHARE: Final = 0.3
 """A neighbour nearer than this share of a chord does not determine its direction: its noise would
 turn a long chord."""
 STEEPEST: Final = 0.5  # Largest slope of a curve against its chord
-HARDEST_BRAKING: Final = 12.0
-"""Largest acceleration (m/s²) of a car along the road: the hardest braking of any scenario."""
+HARDEST_BRAKING: Final = 12.0  # Largest acceleration (m/s²) of a car along the road
 REACH_RATIO: Final = 1.5
 REACH_MARGIN: Final = 3.0
 """A car covers at most this ratio times speed times duration, plus this margin (m)."""

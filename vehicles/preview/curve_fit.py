@@ -36,8 +36,7 @@ from vehicles.preview.fit_joined import BestJoin, JoinSearch, best_join
 from vehicles.preview.local_curves import average_curves, place_in_world
 
 Floats = NDArray[np.float64]
-Trajectory = Literal["fitted", "paper", "paper_prefix"]
-"""Origin of a trajectory: this module, or the paper's own rules (`paper_recipe`)."""
+Trajectory = Literal["fitted", "paper", "paper_prefix"]  # See `paper_recipe`
 DRIFT_LIMIT: Final = 0.5
 """Below this drift from an arc or a clothoid no further shape is tried. In units of noise times the
 root of the number of samples; half of all lines and arcs stay below.
@@ -51,8 +50,7 @@ MIN_WEIGHT_FOR_NOISE: Final = 8.0
 """From this total weight on the residuals measure the noise: an arc then leaves five degrees of
 freedom.
 """
-FEW_SAMPLES: Final = 4.0
-"""Up to this total weight a bend must explain more: an arc leaves one degree of freedom."""
+FEW_SAMPLES: Final = 4.0  # Up to this weight a bend must explain more
 POOR_SCATTER: Final = 2.0
 """Scatter, in tolerances, above which receivers count as poor. Two good receivers a few decimetres
 apart scatter by less.

@@ -7,8 +7,7 @@ from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.source_window import SourceWindow
 from vehicles.preview.trajectory import Fit, fit_composite
 
-Trajectories = Sequence[tuple[float, Fit]]
-"""Trajectories to steer along, each with its share of the command; empty without one."""
+Trajectories = Sequence[tuple[float, Fit]]  # With shares of the command; empty without one
 
 
 class SourceFusion(Protocol):

@@ -13,8 +13,7 @@ from vehicles.geometry.arc_spline import (
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.fit_arc import FitData, LocalCurve, X, Y
 
-Frame = tuple[float, float, float, float]
-"""Origin of the local frame (m, m) and the unit vector of its x axis, in the world."""
+Frame = tuple[float, float, float, float]  # Origin (m, m) and unit vector of the x axis
 
 
 def place_in_world(curve: LocalCurve, data: FitData, frame: Frame) -> ArcSpline:

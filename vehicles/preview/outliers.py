@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 _sum = np.add.reduce
 
-JUMP_SHARE: Final = 0.25
-"""Removing a jump lowers the sum of squared residuals by more than this share."""
+JUMP_SHARE: Final = 0.25  # Removing a jump lowers the squared residuals by more than this
 MAX_JUMPS: Final = 3  # Number of samples that are removed one by one
 MIN_KEPT_SHARE: Final = 0.6  # Share of the samples that must remain
 FAR_RATIO: Final = 4.0  # Ratio to the median distance beyond which a sample is far from the curve

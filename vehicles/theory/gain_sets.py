@@ -22,7 +22,6 @@ from vehicles.theory.polynomials import is_hurwitz, spectral_abscissa
 Array = NDArray[np.float64]
 
 MILE_PER_HOUR = 0.44704  # m/s
-
 PAPER_SPEEDS = tuple(mph * MILE_PER_HOUR for mph in (10, 20, 30, 40, 50, 60, 67))
 """The speeds (m/s) of Section V-A. The last is 29.95 m/s; the paper rounds it to 30."""
 
@@ -157,8 +156,7 @@ def gain_box(
     raise ValueError("no stabilising gains found, or no bounds of them")
 
 
-SPREAD = np.array(list(product((-1.0, -0.5, 0.0, 0.5, 1.0), repeat=3)))
-"""Directions of the search in `gain_extremes`, in units of its reach."""
+SPREAD = np.array(list(product((-1.0, -0.5, 0.0, 0.5, 1.0), repeat=3)))  # Directions of the search
 
 
 def gain_extremes(

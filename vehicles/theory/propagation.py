@@ -42,8 +42,7 @@ from vehicles.theory.linear_model import (
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-SteeringModel = Literal["second order", "instantaneous"]
-"""Steering by eq. (4), or H_a = 1 as in the paper's Section IV-B."""
+SteeringModel = Literal["second order", "instantaneous"]  # Eq. (4), or H_a = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +79,6 @@ def trace_propagation(
     parameters: VehicleParameters,
     gains: Gains,
     speed: float,
-    steering: SteeringModel = "second order",
     assumed: VehicleParameters | None = None,
 ) -> Transfer:
     """Transfer function from the lateral offset of the predecessor's path to the follower's.
@@ -88,7 +86,7 @@ def trace_propagation(
     F = n_e (k_e + (k_theta / v) s + (k_omega / v + (L + K_sg v²) / v²) s²) / Delta: the numerator
     n_e of e_lat / delta_f (Section III-F) times the law of eqs. (6), (7) with the reference's
     course y' / v and curvature y'' / v². There is no fit that smooths, so it overestimates the
-    response above about 5 rad/s; without actuation it does not roll off. At low frequency
+    response above about 5 rad/s. At low frequency
     F = 1 - (e/kappa) w² / v² with the steady cornering error e of `linear_model.steady_cornering`:
     a car with a steady error to the outside of a curve amplifies. `assumed` are the parameters of
     the controller.
@@ -99,9 +97,7 @@ def trace_propagation(
         [gains.yaw_rate / speed + feedforward / speed**2, gains.heading / speed, gains.lateral]
     )
     numerator = np.convolve(lateral_numerator(parameters, speed), law)
-    if steering == "second order":
-        return Transfer(numerator, characteristic_polynomial(parameters, gains, speed))
-    return Transfer(numerator, _instantaneous_denominator(parameters, gains, speed))
+    return Transfer(numerator, characteristic_polynomial(parameters, gains, speed))
 
 
 def _instantaneous_denominator(parameters: VehicleParameters, gains: Gains, speed: float) -> Array:

@@ -29,14 +29,10 @@ FINENESS, MAX_INSTANTS = (100, 10, 2, 1), 4000
 hertz, if that period has too many instants.
 """
 
-LARGE, LARGEST_LOG = 1e100, 700.0
-"""Larger matrices are scaled; e to the power of `LARGEST_LOG` is near the largest float."""
-
+LARGE, LARGEST_LOG = 1e100, 700.0  # Larger matrices are scaled; e^LARGEST_LOG is finite
 CHECKED_EVERY = 16  # Steps between size checks, too few to multiply the matrix by 1e200
 MIN_NOISE = 1e-6  # Noise (m, rad) assumed for a receiver without noise
-
-DOUBLINGS, TERMS = 24, 14
-"""Sufficient for both series: 2^24 fixes; 0.5^14 / 14! is below the rounding error."""
+DOUBLINGS, TERMS = 24, 14  # 2^24 fixes; 0.5^14 / 14! is below the rounding error
 
 CAR, COMMAND, PLACE, HEADING, SLIP, READING = slice(0, 6), 6, 7, 8, 9, 10
 """The state: z of `linear_model`, the command, and the filter's e_lat, theta~, v_y and last reading
@@ -256,7 +252,6 @@ class _Steps:
         return step
 
     def _decision(self, span: int) -> Array:
-        """The command from the estimate, or from the state itself."""
         step, gains = np.eye(SIZE), self._loop.gains
         row = np.zeros(SIZE)
         if self._loop.imu_hz is None:
@@ -281,7 +276,6 @@ def _rounded(rates: Sequence[float]) -> list[Fraction]:
 
 
 def _common(rates: Sequence[Fraction]) -> Fraction:
-    """Greatest common divisor of the rates."""
     common = rates[0]
     for rate in rates[1:]:
         common = Fraction(

@@ -10,9 +10,7 @@ from vehicles.theory.propagation import SteeringModel
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-SIMULATED_FREQUENCIES = np.geomspace(0.3, 25.0, 10)
-"""Frequencies (rad/s) of the simulation that verifies the closed form."""
-
+SIMULATED_FREQUENCIES = np.geomspace(0.3, 25.0, 10)  # rad/s
 TRANSIENT = 14.0  # Settling time before the evaluation, in time constants of the slowest root
 STEP_PER_RATE = 0.2  # Integration step, in units of the shortest time constant
 

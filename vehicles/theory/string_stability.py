@@ -19,8 +19,7 @@ from vehicles.theory.propagation import Transfer, propagation
 
 Array = NDArray[np.float64]
 
-LANE_CHANGE_BAND = 2.0 * pi
-"""Upper frequency (rad/s) of a lane change, 1 Hz, well below the steering's mode."""
+LANE_CHANGE_BAND = 2.0 * pi  # rad/s, 1 Hz: well below the steering's mode
 
 
 @dataclass(frozen=True, slots=True)

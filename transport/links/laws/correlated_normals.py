@@ -14,12 +14,9 @@ from statistics import NormalDist
 from transport.links.laws.effect import Draw
 
 RESIDUAL_WEIGHT = 1e-9  # Maximum weight of a draw after one block
-MAX_CORRELATION = 0.99
-"""Maximum correlation from one number to the next, with blocks of 2062 numbers."""
+MAX_CORRELATION = 0.99  # Of neighbours, with blocks of 2062 numbers
 RECENT = 64  # Number of cached values, for messages out of order
-
-quantile: Callable[[float], float] = NormalDist().inv_cdf
-"""Standard normal quantile (Wichura, Algorithm AS 241, 1988; relative error 1e-16)."""
+quantile: Callable[[float], float] = NormalDist().inv_cdf  # Algorithm AS 241, error 1e-16
 
 
 class CorrelatedNormals:

@@ -120,7 +120,6 @@ class LinkLaw(Effect, LawTable):
 
 
 def described_parameters(law: LinkLaw) -> str:
-    """Name and parameters of a law."""
     fields = {key: getattr(law, key) for key in type(law).model_fields} | (law.model_extra or {})
     keys = [f"{key} {value}" for key, value in fields.items() if key not in {"use", "order"}]
     return ", ".join([type(law).__name__, *keys])

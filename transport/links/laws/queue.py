@@ -38,8 +38,7 @@ class Queue(LinkLaw):
         return (self,)
 
     def service(self, size: int) -> int:
-        """Transmission time (ns) of `size` bytes."""
-        return round(size * SECOND / self.bytes_per_s)
+        return round(size * SECOND / self.bytes_per_s)  # ns
 
     def stage(self) -> Stage:
         return _Sender(self)

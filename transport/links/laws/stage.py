@@ -19,8 +19,7 @@ from typing import ClassVar, Literal, Protocol
 from transport.links.laws.effect import TransmissionContext
 from transport.reasons import DropReason
 
-UNSENT: frozenset[str] = frozenset({"rate", "transmitter_off"})
-"""Reasons with which a message is not sent at all, so that it does not enter a queue."""
+UNSENT: frozenset[str] = frozenset({"rate", "transmitter_off"})  # Do not enter a queue
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from transport.panels import PANELS
 from transport.picture.blueprint import TIMELINE, WORST, Reach
 from transport.picture.comparison.layout import PLACE_TIMELINE, comparison_blueprint
 from transport.picture.comparison.tracks import ComparedTracks, Floats, VehicleTrack
-from transport.picture.shapes import CarShape, car, lane_edges, legend, road_with_marks, turn_about
+from transport.picture.shapes import CarShape, car, lane_edges, legend, plan_frame, road_with_marks
 
 FADED = 0.45  # Brightness of the first run, of which the others differ
 CAR_STEP = 2  # True poses (50 Hz) per position of a car
@@ -69,7 +69,7 @@ def _draw_road(recording: rr.RecordingStream, compared: ComparedTracks, tag_m: f
     road, _ = road_with_marks(*compared.path, tag_m)
     recording.log("world/road/path", road, static=True)
     recording.log("world/road/lane", lane_edges(*compared.path, compared.lane_m), static=True)
-    recording.log("world/plan", turn_about(0.0, 0.0, 0.0), static=True)
+    recording.log("world/plan", plan_frame(), static=True)
 
 
 def _draw_car(
@@ -103,7 +103,7 @@ def _draw_car(
 
 
 def _poses(points: Floats, yaw: Floats, *, mirrored: bool) -> Any:
-    """Frames at points (N, 2) turned by yaw (rad), see `turn_about`."""
+    """Frames at points (N, 2) turned by yaw (rad), see `axes_of`."""
     at = np.column_stack((points, np.zeros(len(points))))
     cos, sin, none = np.cos(yaw), np.sin(yaw), np.zeros(len(points))
     if mirrored:  # a symmetric matrix
@@ -115,7 +115,6 @@ def _poses(points: Floats, yaw: Floats, *, mirrored: bool) -> Any:
 
 
 def _draw_eye(recording: rr.RecordingStream, track: VehicleTrack) -> None:
-    """Move the view with a vehicle."""
     rows = np.flatnonzero(np.isfinite(track.station_m))[::CAR_STEP]
     points = np.column_stack((track.east_m, track.north_m))[rows]
     poses = _poses(points, track.yaw_rad[rows], mirrored=True)

@@ -11,14 +11,12 @@ import rerun.blueprint as rrb
 
 from transport.picture.blueprint import TIMELINE, Reach, Road, legend_view
 
-PLACE_TIMELINE = "path_m"
-"""Distance along the path of the first run in whole metres, from the start of its lead."""
+PLACE_TIMELINE = "path_m"  # Whole metres along the path of the first run
 PLOTS = {
     "error": "Error from the lead's path (m, left positive)",
     "difference": "Offset minus that of A at the same place (m)",
     "gap": "Gap to the vehicle ahead (m)",
 }
-"""Quantities and their headings."""
 
 
 def comparison_blueprint(

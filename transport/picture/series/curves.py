@@ -19,8 +19,7 @@ from vehicles.messages import LinkVerdict, Message, Tracking
 from vehicles.schedule import Timer
 
 SIGMAS = 3.0  # Half-width of a band in standard deviations
-BAND_ALPHA = 70
-"""Opacity (of 255) of a band's line; its area is fainter. Bands of several vehicles overlap."""
+BAND_ALPHA = 70  # Opacity (of 255) of a band's line; bands overlap
 BAND = "/band"  # Suffix of the name of a band
 
 
@@ -180,7 +179,6 @@ class PanelSeries:
         self._timers: dict[tuple[str, str], Timer] = {}
 
     def draw(self, message: Message, place: int) -> None:
-        """Draw a message of the vehicle at position `place` in the convoy."""
         kind, vehicle, at = type(message), message.vehicle, valid_at(message)
         panels = self._panels.get(kind)
         if panels is None:

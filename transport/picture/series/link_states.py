@@ -25,7 +25,6 @@ def message_state(verdict: LinkVerdict) -> str:
 
 
 def state_of(outcome: str, reason: str, late: bool) -> str:
-    """The same by the fields of the verdict."""
     if outcome == "dropped":
         return "lost" if counts_as_loss(reason) else ""
     return LATE if late else OK
@@ -45,8 +44,6 @@ class LinkWindow(NamedTuple):
 
 @dataclass(slots=True)
 class WindowCounts:
-    """Numbers of messages in a window."""
-
     ok: int = 0
     lost: int = 0
     late: int = 0

@@ -19,8 +19,7 @@ _NUMBER = pa.field("item", pa.float32(), nullable=False)
 _MATRIX = pa.list_(_NUMBER, 9)
 _POINT = pa.list_(_NUMBER, 2)
 _STRIP = pa.list_(pa.field("item", _POINT, nullable=False))
-Frame = tuple[float, float, float, bool, float]
-"""East, north (m), yaw (rad), whether the second axis points to the right, and the unit (m)."""
+Frame = tuple[float, float, float, bool, float]  # East, north, yaw, flip, unit
 
 
 class MovingRows:

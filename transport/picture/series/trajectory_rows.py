@@ -101,6 +101,5 @@ def _chords(curvature: Array, rate: Array, along: Array) -> tuple[Array, Array]:
 
 
 def pieces_of(trajectories: Columns, rows: Integers) -> PieceColumns:
-    """Pieces of some of the trajectories."""
     lists = [trajectories.lists[name].of(rows) for name in PIECE_FIELDS]
     return PieceColumns(lists[0].offsets, *(column.values for column in lists))

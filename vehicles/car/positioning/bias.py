@@ -36,5 +36,5 @@ class ConstantError:
     east: float
     north: float
 
-    def at(self, body: Body, now: int) -> tuple[float, float]:  # noqa: ARG002
+    def at(self, body: Body, now: int) -> tuple[float, float]:
         return self.east, self.north

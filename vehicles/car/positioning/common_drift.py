@@ -37,6 +37,6 @@ class ScaledDrift:
     deviation: float
     unit_process: GaussMarkov
 
-    def at(self, body: Body, now: int) -> tuple[float, float]:  # noqa: ARG002
+    def at(self, body: Body, now: int) -> tuple[float, float]:
         east, north = self.unit_process.at(now)
         return self.deviation * east, self.deviation * north

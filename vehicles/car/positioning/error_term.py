@@ -9,8 +9,7 @@ from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
 
-Streams = Callable[[str], Generator]
-"""Returns the random stream for a purpose; the same purpose always has the same stream."""
+Streams = Callable[[str], Generator]  # Random stream of a purpose, always the same
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +73,6 @@ class ErrorTerm(ABC):
         """Draw the random numbers of a run."""
 
     def describe(self) -> str:
-        """Short description for tables."""
         return type(self).__name__
 
 

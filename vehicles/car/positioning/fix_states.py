@@ -15,8 +15,7 @@ from vehicles.car.positioning.error_term import ReceiverContext
 from vehicles.schedule import nanoseconds
 from vehicles.setting import Problem, Setting, must_exceed
 
-ReceiverState = Literal["fixed", "float", "single", "none"]
-"""In the state "none" a receiver has no fix."""
+ReceiverState = Literal["fixed", "float", "single", "none"]  # "none": without a fix
 NO_END: Final = 2**63 - 1  # An instant (ns) after every run: runs may start up to the year 2200
 
 
@@ -188,7 +187,7 @@ class ChainOfStates(FixStateLaw):
     def states(self) -> set[ReceiverState]:
         return {transition.to for transition in self.transitions}
 
-    def problems(self, first: ReceiverState) -> Iterator[Problem]:  # noqa: ARG002
+    def problems(self, first: ReceiverState) -> Iterator[Problem]:
         seen: set[tuple[ReceiverState, ReceiverState]] = set()
         for index, transition in enumerate(self.transitions):
             key = f"transitions[{index}].to"
@@ -204,4 +203,3 @@ FIX_STATE_LAWS: Mapping[str, type[FixStateLaw]] = {
     "schedule": ScheduledStates,
     "chain": ChainOfStates,
 }
-"""Laws of the fix state by the `kind` of their table."""

@@ -55,10 +55,8 @@ PRESET_OF_STATE: Mapping[FixState, Preset] = {
     "float": "rtk_float",
     "single": "single",
 }
-"""Preset of each fix state other than `fix`."""
 
 ERRORS: Mapping[str, type[ErrorTerm]] = {"bias": Bias, "common_drift": CommonDrift}
-"""Errors by the `kind` of an entry of `errors`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +203,6 @@ class GnssSettings(StateErrors):
 
     @property
     def has_fix_every_instant(self) -> bool:
-        """Whether each measurement gives a fix, without delay."""
         return not (self.fix == "none" or self.fix_states or self.outages or self.latency)
 
     def errors_in(self, state: FixState) -> StateErrors:
@@ -270,7 +267,6 @@ class GnssSettings(StateErrors):
         return hypot(max((drift.deviation for drift in drifts), default=0.0), sqrt(sum(own)))
 
     def problems(self) -> Iterator[Problem]:
-        """Yield keys that contradict others."""
         configured: dict[FixState, StateErrors] = {}
         for state in STATES_WITH_FIX:
             key = f"while_{state}"

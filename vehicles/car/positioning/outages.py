@@ -24,7 +24,6 @@ class FixOutage(ABC):
         """Whether the receiver has no fix at `now` (ns), with the car in state `body`."""
 
     def problems(self) -> Iterator[Problem]:
-        """Yield keys that contradict others."""
         yield from ()
 
 
@@ -39,7 +38,7 @@ class FixOutageWindow(FixOutage):
         int, Setting("end of the outage, exclusive", "s", 0, 86_400, name="to", example=25.0)
     ]
 
-    def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:  # noqa: ARG002
+    def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:
         return self.begin <= now - context.start_at < self.end
 
     def problems(self) -> Iterator[Problem]:
@@ -76,7 +75,7 @@ class FixOutageStretch(FixOutage):
         ),
     ]
 
-    def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:  # noqa: ARG002
+    def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:
         return self.begin <= body.distance - context.distance_behind_lead < self.end
 
     def problems(self) -> Iterator[Problem]:
@@ -95,7 +94,7 @@ class FixOutageCircle(FixOutage):
     ]
     radius: Annotated[float, Setting("radius", "m", above=0, maximum=MAX_COORDINATE, example=40.0)]
 
-    def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:  # noqa: ARG002
+    def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:
         return hypot(body.east - self.east, body.north - self.north) <= self.radius
 
 
@@ -104,4 +103,3 @@ OUTAGES: Mapping[str, type[FixOutage]] = {
     "road": FixOutageStretch,
     "circle": FixOutageCircle,
 }
-"""Outages by the `kind` of their entry."""

@@ -58,7 +58,6 @@ class StatedErrors:
     period: int
 
     def is_white(self, state: FixState) -> bool:
-        """Whether errors of fixes in a state are independent of one another."""
         return self.common is None and not any(state in error.states for error in self.lasting)
 
     @property

@@ -11,10 +11,8 @@ from vehicles.geometry.geodesy import wrap_angle
 from vehicles.schedule import MILLISECOND, SECOND, Cadence
 from vehicles.setting import Setting
 
-HEADING, POSITION, SPEED = 4.0, 4.0, 0.5
-"""Changes (deg, m, m/s) since the last message that trigger another one (EN 302 637-2)."""
-MIN_INTERVAL, MAX_INTERVAL = 100 * MILLISECOND, 1000 * MILLISECOND
-"""Bounds (ns) of the interval between messages (EN 302 637-2)."""
+HEADING, POSITION, SPEED = 4.0, 4.0, 0.5  # Changes (deg, m, m/s) that trigger (EN 302 637-2)
+MIN_INTERVAL, MAX_INTERVAL = 100 * MILLISECOND, 1000 * MILLISECOND  # ns (EN 302 637-2)
 REPEATS = 3  # Number of messages with the interval of the last change (EN 302 637-2)
 
 
@@ -37,7 +35,7 @@ class AwarenessMessages(PhasedRule):
     def max_rate(self, fixes: float) -> float:
         return min(SECOND / MIN_INTERVAL, fixes)
 
-    def nominal_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
+    def nominal_rate(self, fixes: float, speed: float) -> float:
         return 1.0 / cam_interval(speed, self.check_period / SECOND)
 
     def describe(self) -> str:

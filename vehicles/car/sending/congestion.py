@@ -8,8 +8,7 @@ from typing import Annotated
 from vehicles.schedule import MILLISECOND, nanoseconds
 from vehicles.setting import Setting
 
-BUSY_RATIOS = (0.0, 0.30, 0.40, 0.50, 0.60)
-"""Lower channel busy ratio of each state of congestion control (TS 102 687)."""
+BUSY_RATIOS = (0.0, 0.30, 0.40, 0.50, 0.60)  # Lower bound of each state (TS 102 687)
 MIN_INTERVALS = tuple(span * MILLISECOND for span in (100, 200, 400, 500, 1000))
 """Minimum time (ns) between two messages in each state (TS 102 687)."""
 

@@ -17,7 +17,7 @@ class EveryFix(SendingRule):
     def is_periodic(self) -> bool:
         return self.dcc is None
 
-    def begin(self, context: SendingContext) -> SendingTrigger:  # noqa: ARG002
+    def begin(self, context: SendingContext) -> SendingTrigger:
         return self
 
     def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
@@ -29,7 +29,7 @@ class EveryFix(SendingRule):
     def max_rate(self, fixes: float) -> float:
         return fixes
 
-    def nominal_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
+    def nominal_rate(self, fixes: float, speed: float) -> float:
         return fixes
 
     def describe(self) -> str:

@@ -29,7 +29,7 @@ class FixedRate(PhasedRule):
     def max_rate(self, fixes: float) -> float:
         return min(self.rate, fixes)
 
-    def nominal_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
+    def nominal_rate(self, fixes: float, speed: float) -> float:
         return self.rate
 
     def describe(self) -> str:
@@ -42,7 +42,7 @@ class PeriodicTrigger:
 
     cadence: Cadence
 
-    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:  # noqa: ARG002
+    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
         return now >= allowed_from and self.cadence.due(now)
 
     def sent(self, now: int, fix: Fix) -> None:

@@ -60,8 +60,7 @@ class MeasuredIntervals(SendingRule):
     def max_rate(self, fixes: float) -> float:
         return min(SECOND / self.distribution.shortest, fixes)
 
-    def nominal_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
-        """Rate of the mean interval."""
+    def nominal_rate(self, fixes: float, speed: float) -> float:
         intervals, shares = self.distribution.intervals, self.distribution.shares
         weighted = sum([i * s for i, s in zip(intervals, shares, strict=True)])
         return SECOND * sum(shares) / weighted
@@ -107,8 +106,7 @@ class IntervalDistribution:
 
     @property
     def shortest(self) -> float:
-        """Shortest possible interval (ns)."""
-        return min(self.intervals) - JITTER_CUTOFF * self.jitter
+        return min(self.intervals) - JITTER_CUTOFF * self.jitter  # ns
 
     def draw(self, random: Generator) -> int:
         """Draw an interval (ns) by inversion of its distribution (Molina-Masegosa et al., 2020)."""
@@ -129,7 +127,7 @@ class DrawnIntervalTrigger:
         self._shares, self._random = shares, random
         self._next = start_at + round(random.random() * shares.draw(random))
 
-    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:  # noqa: ARG002
+    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
         """Whether an interval ended (Molina-Masegosa et al., 2020); if so, the next one begins."""
         at = max(self._next, allowed_from)
         if now < at:

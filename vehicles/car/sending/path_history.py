@@ -20,19 +20,13 @@ from vehicles.geometry.sparse_path import (
 from vehicles.schedule import SECOND
 
 ROUNDING: Final = 0.008  # Largest shift (m) of a position by rounding to 1e-7 degrees
-TOLERANCE: Final = CHORD_TOLERANCE - 0.0005
-"""Largest distance (m) of fixes from the chords; the rest is for the curvature of the earth."""
-SPACING: Final = 0.1
-"""A fix less than this (m) ahead of the last one is skipped, as those of a standing car are."""
+TOLERANCE: Final = CHORD_TOLERANCE - 0.0005  # The rest (m) is for the curvature of the earth
+SPACING: Final = 0.1  # A fix closer (m) to the last one is skipped, as of a standing car
 LONGEST_CHORD: Final = 50.0
-CHORDS_IN_LENGTH: Final = 4.0
-"""A chord is at most `LONGEST_CHORD` (m) long, and this fraction of the history's length."""
-MAX_TAIL: Final = 10
-"""Number of fixes after the last possible end of a chord that are examined for a later end."""
-LONGEST_GAP: Final = SECOND // 2
-"""Missing fixes over more than this (ns) restart the history, unless positions are estimated."""
-ESTIMATED_EVERY: Final = SECOND // 5
-"""Time (ns) after the last fix or estimate from which an estimated position is used."""
+CHORDS_IN_LENGTH: Final = 4.0  # A chord is at most this fraction of the history's length
+MAX_TAIL: Final = 10  # Fixes after the last possible end of a chord that are examined
+LONGEST_GAP: Final = SECOND // 2  # Longer gaps (ns) without an estimate restart it
+ESTIMATED_EVERY: Final = SECOND // 5  # Time (ns) from which an estimate is used
 TURN_UNITS: Final = 3_600_000_000  # Units of longitude in a turn
 _Units = tuple[int, int, int]  # Latitude, longitude (1e-7 deg) and instant (10 ms)
 

@@ -40,8 +40,7 @@ class RateProfile(SendingRule):
     def max_rate(self, fixes: float) -> float:
         return min(max(entry.rate for entry in self.profile), fixes)
 
-    def nominal_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
-        """Lowest rate above 0."""
+    def nominal_rate(self, fixes: float, speed: float) -> float:
         return min((entry.rate for entry in self.profile if entry.rate > 0.0), default=0.0)
 
     def problems(self) -> Iterator[Problem]:
@@ -87,7 +86,7 @@ class ProfileTrigger:
         instant = next(self._instants, None)
         return None if instant is None else self._start_at + instant
 
-    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:  # noqa: ARG002
+    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
         is_instant = False
         while self._next is not None and self._next <= now:
             is_instant = self._next == now

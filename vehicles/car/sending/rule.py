@@ -84,7 +84,7 @@ class SendingRule(ABC):
     def begin(self, context: SendingContext) -> SendingTrigger:
         """Return the trigger of a run."""
 
-    def instants(self, context: SendingContext, end_at: int) -> Iterator[int] | None:  # noqa: ARG002
+    def instants(self, context: SendingContext, end_at: int) -> Iterator[int] | None:
         """Additional instants (ns) before `end_at` at which the vehicle must take a step."""
         return None
 
@@ -92,7 +92,7 @@ class SendingRule(ABC):
         """Upper bound (Hz) of the rate, counted from the start; `fixes` is the rate of GNSS."""
         return fixes
 
-    def nominal_rate(self, fixes: float, speed: float) -> float:  # noqa: ARG002
+    def nominal_rate(self, fixes: float, speed: float) -> float:
         """Rate (Hz) at a constant `speed` (m/s) on a straight, without congestion control."""
         return fixes
 
@@ -102,12 +102,10 @@ class SendingRule(ABC):
         return min(self.nominal_rate(fixes, speed), fixes, slowest)
 
     def problems(self) -> Iterator[Problem]:
-        """Yield keys that contradict others."""
         if self.dcc is not None:
             yield from must_increase("dcc.busy", [entry.at for entry in self.dcc.busy])
 
     def describe(self) -> str:
-        """Short description for tables."""
         return type(self).__name__
 
 
@@ -153,5 +151,4 @@ class PhasedRule(SendingRule):
             yield "phase_s", f"given {phase:g}, allowed less than {period:g}, the period"
 
     def describe_phase(self) -> str:
-        """Short description of the phase, for tables."""
         return "random phase" if self.drawn_phase else f"phase {self.phase / SECOND:g} s"

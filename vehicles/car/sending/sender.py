@@ -14,7 +14,6 @@ ROUNDING: Final = 1000  # Tolerance (ns) of intervals between instants, which ar
 
 
 def no_estimate(_: int) -> Fix | None:
-    """No position by dead reckoning."""
     return None
 
 

@@ -15,8 +15,7 @@ from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer
 from vehicles.setting import Setting
 
 MISSED = 2  # Number of periods after which a measurement is no longer used: one may be missing
-OLDEST_POSE = SECOND // 10
-"""Age (ns) up to which a true pose of the predecessor is predicted to the measured instant."""
+OLDEST_POSE = SECOND // 10  # Age (ns) up to which a true pose is predicted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,8 +84,7 @@ class _Sample:
     rate_noise: float
 
 
-TargetAt = Callable[[int], TruePose | None]
-"""Returns the newest true pose of the predecessor at an instant (ns) or before."""
+TargetAt = Callable[[int], TruePose | None]  # Newest true pose by an instant (ns)
 
 
 class GapSensor:
@@ -173,7 +171,6 @@ def _point(body: Body, ahead: float) -> tuple[float, float]:
 
 
 def _velocity(body: Body, ahead: float) -> tuple[float, float]:
-    """Velocity (m/s) to the east and north of the point `ahead` (m) of the centre of mass."""
     along, left = body.speed, body.lateral_speed + body.yaw_rate * ahead
     ux, uy = math.cos(body.yaw), math.sin(body.yaw)
     return along * ux - left * uy, along * uy + left * ux

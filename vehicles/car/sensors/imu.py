@@ -9,8 +9,7 @@ from numpy.random import PCG64, Generator
 from vehicles.car.dynamics import Body
 from vehicles.schedule import Cadence
 
-BLOCK: Final = 64
-"""Readings whose noise is drawn at once; the block size does not change the numbers."""
+BLOCK: Final = 64  # Readings whose noise is drawn at once; changes no number
 
 
 @dataclass(slots=True)
@@ -93,5 +92,5 @@ class InertialSensor:
 class ExactSensor:
     """Measures the true state of the car at every instant, as in Section V-C."""
 
-    def measure(self, body: Body, now: int) -> Body:  # noqa: ARG002
+    def measure(self, body: Body, now: int) -> Body:
         return body

@@ -25,11 +25,8 @@ from vehicles.geometry.sampled_path import SampledPath
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
-APPROACH_BRAKING: Final = 1.5
-"""Braking (m/s²) with which the lead approaches a slower vehicle from far away."""
-
-SEARCH_MARGIN: Final = 10.0
-"""The path is searched this distance (m) beyond that within which a vehicle matters."""
+APPROACH_BRAKING: Final = 1.5  # Braking (m/s²) towards a slower vehicle far away
+SEARCH_MARGIN: Final = 10.0  # Distance (m) searched beyond that of vehicles that matter
 
 
 def approach_acceleration(

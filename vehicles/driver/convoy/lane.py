@@ -11,9 +11,7 @@ from vehicles.car.parameters import VehicleParameters
 from vehicles.geometry.sampled_path import FloatArray, SampledPath
 
 SIDE_MARGIN: Final = 0.3  # Distance (m) to either side of the lead's body that must be free
-
-SHARES: Final = np.linspace(0.0, 1.0, 33)
-"""Points between two samples of the path, at most 8 mm apart, to locate the first contact."""
+SHARES: Final = np.linspace(0.0, 1.0, 33)  # Points between two samples, at most 8 mm apart
 
 
 class LapRange(NamedTuple):

@@ -67,7 +67,6 @@ class ReservedPath:
     """The first part of the path ahead that the convoy must drive before the lead may enter it."""
 
     def __init__(self, path: SampledPath, lane: Lane, last: VehicleParameters) -> None:
-        """`last` are the parameters of the last car."""
         self._path, self._lane, self._car = path, lane, last
         self._end = float(path.station[-1])
         self._checked: deque[tuple[float, list[float]]] = deque()

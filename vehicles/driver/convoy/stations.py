@@ -8,10 +8,8 @@ from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
 ON_PATH: Final = 2.0  # Distance (m) from the path up to which a follower drives along it
-MOST_WIDENED: Final = 50.0
-"""Largest distance (m) by which the search is widened for a follower that is not found."""
-ALONG: Final = 0.5
-"""Smallest cosine of the angle between a follower and the path that it drives along."""
+MOST_WIDENED: Final = 50.0  # Largest widening (m) of the search for a follower
+ALONG: Final = 0.5  # Smallest cosine of the angle between a follower and its path
 
 
 class MemberTrack:

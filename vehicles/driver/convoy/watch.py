@@ -12,9 +12,7 @@ from vehicles.geometry.sampled_path import SampledPath
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
-FAR_BEHIND: Final = 10.0
-"""A spacing more than this (m) above twice the desired one counts as fallen behind."""
-
+FAR_BEHIND: Final = 10.0  # A spacing more than this (m) above twice the desired one is too wide
 CAUGHT_UP: Final = 0.5  # A follower has caught up when its excess is below this share of the limit
 
 

@@ -14,18 +14,12 @@ from vehicles.car.positioning.noise import GnssNoise
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
-CORNERING: Final = 9.0
-"""Largest acceleration of a car across the road (m/s²): the limit of dry tyres."""
-MAX_YAW_ACCELERATION: Final = 8.0
-"""Yaw acceleration (rad/s²) with all friction used at one axle, rounded up."""
-SLIP_ARM: Final = 1.5
-"""Lateral speed over yaw rate (m) at walking pace: from the rear axle to the antenna."""
-SLIP_ARM_GROWTH: Final = 0.002
-"""Growth of that lever (s²/m) with the squared speed, by the steady-state slip of the tyres."""
-ANCHOR_TIME: Final = SECOND
-"""Time (ns) over which announced positions are compared with announced speeds."""
-MIN_DEVIATION: Final = 0.01
-"""Smallest standard deviation (m) assumed of a receiver, whatever it states."""
+CORNERING: Final = 9.0  # Acceleration (m/s²) across the road: limit of dry tyres
+MAX_YAW_ACCELERATION: Final = 8.0  # rad/s², all friction at one axle, rounded up
+SLIP_ARM: Final = 1.5  # Lateral speed over yaw rate (m): from rear axle to antenna
+SLIP_ARM_GROWTH: Final = 0.002  # Its growth (s²/m) with the squared speed, by steady slip
+ANCHOR_TIME: Final = SECOND  # Time (ns) over which positions are compared with speeds
+MIN_DEVIATION: Final = 0.01  # Smallest assumed deviation (m), whatever is stated
 MAX_DEVIATION: Final = 5.0  # Largest one (m): with a larger one every pose would pass
 
 

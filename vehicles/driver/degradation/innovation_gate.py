@@ -35,32 +35,26 @@ ghost           two tracks under one name, and the pose is not on the trusted on
 over-confident  used, but positions scatter more than stated
 """
 REFUSED: tuple[Distrust, ...] = ("frozen", "jumping", "impossible", "ghost")
-"""Poses that are not used."""
 
 WINDOW: Final = 32  # Number of poses from which over-confidence is estimated
-MAX_SQUARE: Final = 15.0
-"""Bound on a squared innovation, so that two or three jumps do not look like over-confidence."""
+MAX_SQUARE: Final = 15.0  # Bound of squares, so that jumps do not look over-confident
 OVERCONFIDENT_SUM: Final = 95.0
 """Sum over the window above which a source is over-confident. The sum of an honest source is 36.3
 with a standard deviation of 7.8, nearly chi-squared (43 degrees of freedom after scaling), which
 exceeds 90 as rarely as a normal number exceeds 5 deviations (Wilson and Hilferty, 1931)."""
-CONFIDENT_SUM: Final = 60.0
-"""Sum below which over-confidence ends: 3 standard deviations above the mean."""
+CONFIDENT_SUM: Final = 60.0  # Over-confidence ends: 3 deviations above the mean
 HONEST_THIRD: Final = 0.41
 """Lower tertile of an honest source's squared innovations, each the smaller one against the last
 two poses. It also holds for two tracks of which one is honest."""
 MIN_INFLATION: Final = 1.5  # Below this inflation a source is not over-confident
-MAX_INFLATION: Final = 30.0
-"""Largest inflation due to noise: one solver stated a twentieth of its true deviation."""
+MAX_INFLATION: Final = 30.0  # One solver stated a twentieth of its true deviation
 HEADING_MISSES: Final = 3
 """Consecutive headings beyond their gate, against each of the last two accepted ones, that refuse a
 pose: by chance at most once in 2e7 poses."""
 RESTART_POSES: Final = 3  # Smallest number of poses that must agree on a new position
 RECENT_POSES: Final = 12
-RETURNS: Final = 2
-"""Two tracks: this often among the last `RECENT_POSES` a trusted pose follows a refused one."""
-SUSPECT_LIFETIME: Final = 3 * SECOND
-"""Age (ns) beyond which a refused pose no longer supports a new one."""
+RETURNS: Final = 2  # Trusted poses after refused ones that make two tracks
+SUSPECT_LIFETIME: Final = 3 * SECOND  # Age (ns) up to which a refused pose supports others
 
 
 class InnovationGate:
@@ -200,7 +194,6 @@ class InnovationGate:
         return self._refuse("ghost" if reason == "ghost" else self._suspected)
 
     def _update_inflation(self, pose: ReceivedPose, residual: Innovation | None) -> bool:
-        """Update the inflation by a pose and its innovation, and return whether it is frozen."""
         if residual is None:
             self._last.append(pose)
             self._reference = pose

@@ -27,19 +27,14 @@ from vehicles.preview.trajectory import Fit
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
-MAX_OFFSET: Final = 1.75
-"""Positions with offsets beyond this (m), half a lane, are not used. The error of the fix adds."""
+MAX_OFFSET: Final = 1.75  # Half a lane (m); the error of the fix adds
 MAX_FIX_ERROR: Final = 3.0
 MAX_ADDED: Final = 3.5  # Largest error of a fix, in its standard deviations as stated, and in m
-MAX_OFFSET_SLOPE: Final = 0.2
-"""Largest change of an offset per metre driven: a heading error of 11 degrees."""
-DEVIATIONS: Final = 7.0
-"""Further allowed change, in standard deviations of a fix: 5 of the difference of two."""
-SPACING: Final = 0.2
-"""Offsets of a source that has moved less than this (m) are skipped, as its samples are."""
+MAX_OFFSET_SLOPE: Final = 0.2  # Offset per metre driven: a heading error of 11 degrees
+DEVIATIONS: Final = 7.0  # Further change, in deviations: 5 of the difference of two fixes
+SPACING: Final = 0.2  # Least distance (m) between stored offsets, as between samples
 CAPACITY: Final = 4096
-DROPPED_AT_ONCE: Final = 1024
-"""Largest number of stored offsets, and number of the oldest dropped at once."""
+DROPPED_AT_ONCE: Final = 1024  # Offsets stored at most, and oldest dropped at once
 
 
 class IntendedPath:

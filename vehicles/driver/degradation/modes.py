@@ -17,15 +17,12 @@ from vehicles.driver.degradation.stopping import (
 from vehicles.messages import Mode
 from vehicles.schedule import SECOND
 
-FALLEN_BACK: Final = 5.0
-"""Known path (m) with which a follower that fell back behind all its samples follows again."""
-MILD: Final = 0.5
-"""A car slows for a hole once that needs more than this share of comfortable braking."""
+FALLEN_BACK: Final = 5.0  # Known path (m) with which it follows again after falling back
+MILD: Final = 0.5  # Share of comfortable braking from which a car slows for a hole
 BEFORE_HOLE: Final = 20.0
 """A car that has stopped drives on towards a hole that it cannot cross only from this distance (m)
 on."""
-STILL_RECEIVED: Final = 5.0
-"""Longest silence (s) of a source along whose path a car drives slowly, though not relied on."""
+STILL_RECEIVED: Final = 5.0  # Longest silence (s) of a source of a slow car
 NOTHING_RECEIVED: Final = "nothing received yet"
 NO_TRAJECTORY: Final = "no trajectory through the received samples"
 
@@ -81,7 +78,7 @@ class ModeMachine:
         situation: Situation,
         speed: float,
         *,
-        fitted: bool,  # noqa: ARG002 - it steers along the last trajectory
+        fitted: bool,
         has_path: bool,
     ) -> tuple[Mode, str]:
         relied = list(sources.relied.values())
@@ -129,7 +126,6 @@ class ModeMachine:
         ]
 
     def _note_lost(self, sources: Sources) -> None:
-        """Remember the sources that were lost since the car steered along them last."""
         for source in sources.used.values():
             if source.status in LOST or source.status == "probation":
                 self._lost.add(source.name)
@@ -247,10 +243,10 @@ class ModesByReach:
 
     def decide(
         self,
-        now: int,  # noqa: ARG002
+        now: int,
         sources: Sources,
-        situation: Situation,  # noqa: ARG002
-        speed: float,  # noqa: ARG002
+        situation: Situation,
+        speed: float,
         *,
         fitted: bool,
         has_path: bool,

@@ -14,8 +14,7 @@ from vehicles.schedule import SECOND
 RECENT: Final = SECOND  # Time (ns) over which arrivals are counted and the period is estimated
 SHARE_TIME: Final = 10.0  # Averaging time (s) of the usual share
 CLOSING_RATE: Final = 0.1  # An opened gap closes again at this share of the own speed
-CLOSING_TIME: Final = 3.0
-"""A wide gap, as after a stop of a minute, closes with this time constant (s)."""
+CLOSING_TIME: Final = 3.0  # Time constant (s) of a wide gap, as after a stop of a minute
 AGE_WEIGHT: Final = 0.05  # Weight of a new message in the usual age of messages at reception
 
 
@@ -70,7 +69,6 @@ class Reception:
         return True
 
     def reset(self) -> None:
-        """Discard the arrivals: the time across a long silence is not a period."""
         self._recent.clear()
         self._received_at.clear()
 
@@ -154,8 +152,7 @@ class Probation:
         self._began_at = now
 
     def served(self, now: int) -> float:
-        """Time (s) since the probation began."""
-        return (now - self._began_at) / SECOND
+        return (now - self._began_at) / SECOND  # s
 
     def end(self, now: int) -> None:
         self._trusted_at = now

@@ -8,12 +8,9 @@ from typing import Final
 from vehicles.driver.longitudinal.controller import VehiclesAhead
 from vehicles.messages import Mode, SourceStatus
 
-LOST: tuple[SourceStatus, ...] = ("lost", "distrusted")
-"""Statuses of a source that has been silent for too long, or whose poses are refused."""
-SLOWING: tuple[Mode, ...] = ("coast", "stop")
-"""Modes without a source to follow, in which a follower that degrades slows down."""
-OFF_PATH: tuple[Mode, ...] = (*SLOWING, "creep")
-"""Modes in which a follower may be beside the path, so that no other vehicle follows its poses."""
+LOST: tuple[SourceStatus, ...] = ("lost", "distrusted")  # Silent for too long, or refused
+SLOWING: tuple[Mode, ...] = ("coast", "stop")  # Without a source to follow
+OFF_PATH: tuple[Mode, ...] = (*SLOWING, "creep")  # No other vehicle follows its poses
 PREDICTED_FOR: Final = 0.5  # Age (s) of a sample up to which its acceleration is assumed to last
 
 
@@ -57,8 +54,6 @@ class SourceFreshness:
 
 
 UNUSED = SourceFreshness("unused")  # State of a vehicle that is not received
-NO_OTHERS: Mapping[str, SourceFreshness] = {}
-NO_WEIGHTS: Mapping[str, float] = {}
 
 
 @dataclass(slots=True)

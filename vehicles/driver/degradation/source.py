@@ -17,19 +17,16 @@ from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
 RELIED_ON = ("fresh", "late")  # Statuses of a source that is steered along
-OVERDUE_AFTER: Final = 1.5
-"""A message is overdue after this multiple of the usual time between two received ones."""
+OVERDUE_AFTER: Final = 1.5  # Multiple of the usual time between two messages
 MIN_SHARE: Final = 0.05  # Smallest share of its messages that a source is expected to deliver
-SLOW_SPEED: Final = 5.0
-"""Speed (m/s) below which a car stops within 4 m: relying on a source too early costs least."""
+SLOW_SPEED: Final = 5.0  # Below this speed (m/s) a car stops within 4 m: relying early is safe
 SLOW_PROBATION: Final = 2.0  # Longest probation (s) of a source of a slow car
 SLOW_DELIVERY: Final = 0.8  # Share of all messages that ends this probation
 MIN_SAMPLES: Final = 3  # Fewer samples of a source determine no trajectory
 CURVATURE_MEMORY: Final = 300.0
 """Distance (m) over which a received curvature loses half of its effect: the bends of a car park do
 not count on a motorway."""
-MIN_SPEED: Final = 1.0
-"""Below this speed (m/s) the measured yaw rate does not determine a curvature."""
+MIN_SPEED: Final = 1.0  # Below it (m/s) the yaw rate determines no curvature
 
 
 class Source:
@@ -88,12 +85,10 @@ class Source:
 
     @property
     def path_ends(self) -> bool:
-        """Whether it no longer extends the known path, because it is late or has left the path."""
         return self.status == "late" or self.has_left_path
 
     @property
     def gives_path(self) -> bool:
-        """Whether it can be steered along: it is received, and keeps to the path."""
         return self.status in RELIED_ON and not self.has_left_path
 
     @property

@@ -19,8 +19,7 @@ from vehicles.schedule import SECOND
 
 FOLLOWING: tuple[Mode, ...] = ("composite", "lead", "predecessor", "intermediate")
 """Modes in which a follower steers along sources."""
-AWAITED = ("unheard", *RELIED_ON)
-"""Statuses of a source whose samples may still determine a trajectory."""
+AWAITED = ("unheard", *RELIED_ON)  # May still determine a trajectory
 
 
 class Sources:
@@ -114,8 +113,7 @@ class Sources:
 
     @property
     def bend(self) -> float:
-        """Largest curvature (1/m) of the recently received poses."""
-        return max([source.bend for source in self.used.values()])
+        return max([source.bend for source in self.used.values()])  # 1/m
 
     def sample_count(self, windows: Mapping[str, Window]) -> int:
         return sum([self.used[name].trace.sample_count for name in windows])
@@ -252,7 +250,6 @@ class Sources:
 
     @property
     def path_runs_out(self) -> bool:
-        """Whether no source relied on extends the known path."""
         return all(source.path_ends for source in self.relied.values())
 
     def stops_at(self, mode: Mode, brakes_at: int) -> int:

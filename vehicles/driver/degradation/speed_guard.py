@@ -38,18 +38,10 @@ HEADWAY_RATE: Final = 0.5
 """Speed (m/s) at which gaps open to a stable headway and close again. All followers do so at once,
 so the last of eight vehicles falls back at seven times that speed."""
 
-LEAD_FADE_TIME: Final = 1.0
-"""Time constant (s) with which the predecessor's speed replaces that of a lost lead."""
-
-FALLEN_BEHIND: Final = 1.0
-"""A predecessor more than this (m/s) below the common speed does not drive it."""
-
-CAUGHT_UP: Final = 0.5
-"""Errors of spacing (m) and speed (m/s) below which the common speed is resumed."""
-
-CLOSER: Final = 0.5
-"""Gap keeping replaces the common speed if the spacing shrinks by more than this (m)."""
-
+LEAD_FADE_TIME: Final = 1.0  # Time constant (s) of replacing a lost lead's speed
+FALLEN_BEHIND: Final = 1.0  # A slower predecessor (m/s) does not drive the common speed
+CAUGHT_UP: Final = 0.5  # Errors (m, m/s) below which the common speed is resumed
+CLOSER: Final = 0.5  # Loss of spacing (m) from which gap keeping replaces it
 LIMIT_TIME: Final = 0.5  # Time constant (s) with which a car slows to a speed limit
 
 
@@ -76,12 +68,7 @@ class NoOverride:
         self.brakes_at = 0
 
     def command(
-        self,
-        now: int,
-        pose: Pose,
-        ahead: VehiclesAhead,
-        situation: Situation,  # noqa: ARG002 - for SpeedGuard
-        mode: Mode,  # noqa: ARG002
+        self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation, mode: Mode
     ) -> SpeedCommand:
         return self._law.command(now, pose, ahead)
 
@@ -167,7 +154,6 @@ class SpeedGuard:
     def command(
         self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation, mode: Mode
     ) -> SpeedCommand:
-        """Command at `now` (ns) while the car steers along `mode`, once per control instant."""
         usual = self._law.command(now, pose, ahead)
         span = self._advance(now, pose.speed)
         self.stops_behind = False

@@ -20,8 +20,7 @@ from vehicles.preview.received.samples import reachable
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
-QUIET: Final = SECOND
-"""Time (ns) from the last refused pose until a source is reported as trusted again."""
+QUIET: Final = SECOND  # Time (ns) after the last refusal until a source is trusted again
 
 
 @dataclass(slots=True)

@@ -126,7 +126,6 @@ class JointCovariance:
         return other
 
     def grow(self, step: Step) -> None:
-        """Predict over a step."""
         p, span = self.values, step.span
         cos, sin, lever = step.cos, step.sin, -step.lever * span
         half = 0.5 * span

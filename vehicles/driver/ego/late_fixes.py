@@ -52,5 +52,4 @@ class LatePoseEstimator:
         return self._present.lateral_deviation
 
     def at(self, now: int) -> Pose:
-        """Pose at `now` (ns) by dead reckoning from the last fix; ValueError before the first."""
         return self._present.at(now)

@@ -43,7 +43,7 @@ class ExactState:
     def __init__(self) -> None:
         self._pose: Pose | None = None
 
-    def update(self, now: int, fix: Fix | None, motion: Motion | Body | None) -> None:  # noqa: ARG002
+    def update(self, now: int, fix: Fix | None, motion: Motion | Body | None) -> None:
         if isinstance(motion, Body):
             yaw = wrap_angle(motion.yaw)
             self._pose = Pose(motion.east, motion.north, yaw, motion.speed, motion.yaw_rate)
@@ -52,7 +52,7 @@ class ExactState:
     def lateral_deviation(self) -> float:
         return 0.0
 
-    def at(self, now: int) -> Pose:  # noqa: ARG002
+    def at(self, now: int) -> Pose:
         if self._pose is None:
             raise ValueError("no pose before the first reading")
         return self._pose

@@ -90,7 +90,6 @@ class PoseEstimator:
         self._model.drift = DriftModel(slip, self._model.imu, self._imu_rate_hz)
 
     def copy(self) -> "PoseEstimator":
-        """Copy the estimate without its outliers; the copies share the model."""
         other = PoseEstimator(self._parameters, imu_rate_hz=self._imu_rate_hz, start=self._start)
         other._model, other._motion = self._model, self._motion
         other._track = self._track and self._track.copy()
@@ -146,5 +145,4 @@ class PoseEstimator:
 
     @property
     def lateral_deviation(self) -> float:
-        """Standard deviation (m) across the body at the last measurement; NaN before the first."""
-        return nan if self._track is None else self._track.lateral_deviation
+        return nan if self._track is None else self._track.lateral_deviation  # m

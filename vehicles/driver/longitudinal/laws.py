@@ -30,14 +30,11 @@ class GapLaw:
         self._limits = setup.limits
 
     def acceleration(self, speed: float, ahead: VehiclesAhead) -> float:
-        """Keep the desired spacing, by the predecessor's and the lead's speed."""
         return gap_acceleration(ahead, speed, self._policy, self._limits)
 
 
 @dataclass(frozen=True)
 class AccSettings:
-    """Parameters of ACC."""
-
     gap_gain: Annotated[float, Setting("λ, gain of the gap error", "per_s", above=0)] = 0.1
 
 
@@ -57,7 +54,6 @@ class Acc:
         self._setup, self._gain = setup, settings.gap_gain
 
     def acceleration(self, speed: float, ahead: VehiclesAhead) -> float:
-        """Keep the time gap by the sensor, or by the predecessor's poses."""
         return acc_acceleration(self._setup, speed, ahead, self._setup.policy.headway, self._gain)
 
 
@@ -82,7 +78,6 @@ class _RadioLaw:
         self._headway = max(setup.policy.headway, settings.fallback_headway)
 
     def acceleration(self, speed: float, ahead: VehiclesAhead) -> float:
-        """Use the law, or ACC while the predecessor's data are old."""
         if self._has_data(ahead):
             return self._cooperative(speed, ahead)
         return acc_acceleration(self._setup, speed, ahead, self._headway)

@@ -10,11 +10,9 @@ from typing import Final, NamedTuple
 from vehicles.preview.received.holes import Stretch
 from vehicles.preview.received.trace import Trace
 
-LEAST_BEND: Final = 1.0 / 500.0
-"""Bends of at least this curvature (1/m), the paper's lane change, must be expected anywhere."""
+LEAST_BEND: Final = 1.0 / 500.0  # Bends (1/m) to expect anywhere: the paper's lane change
 CERTAIN: Final = 0.5  # Largest deviation (m) of the path from a bridge that a car may cross
-SAME_PATH: Final = 1.75
-"""Stretches of two sources join if they are at most this (m) apart, half a lane."""
+SAME_PATH: Final = 1.75  # Stretches this close (m, half a lane) join
 
 
 class PathHole(NamedTuple):

@@ -9,8 +9,7 @@ from vehicles.geometry.geodesy import along
 from vehicles.geometry.sparse_path import PlacedPose
 from vehicles.schedule import SECOND
 
-LONG_STEP: Final = 6.0
-"""Steps longer than this (m) are measured straight, because the car may have turned within."""
+LONG_STEP: Final = 6.0  # Longer steps (m) are straight: the car may have turned within
 LONG_DURATION: Final = SECOND  # Steps that take longer than this (ns), likewise
 
 

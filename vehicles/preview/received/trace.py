@@ -29,8 +29,7 @@ from vehicles.preview.received.samples import TraceSettings, Window, window_arou
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
-MAX_HOLES: Final = 64
-"""Largest number of holes, and of stretches closed by path histories, that are remembered."""
+MAX_HOLES: Final = 64  # Largest number of remembered holes and closed stretches
 LONGEST_STEP: Final = SECOND // 8
 """Time (ns) between two samples from which on a path history closes the step: two missing messages
 at 20 Hz, and every step of a source that sends at 5 Hz or less."""
@@ -329,7 +328,6 @@ class Trace:
         return [line.at[min(index, len(line.at) - 1)] for index in indices]
 
     def _station_at(self, at: int) -> float:
-        """Station (m) of the first held point at or after the instant `at` (ns)."""
         return self._line.station[min(bisect_left(self._line.at, at), len(self._line.at) - 1)]
 
     def window(self, east: float, north: float, behind: float, ahead: float) -> Window:

@@ -23,10 +23,8 @@ from transport.links.laws.moments import Delays
 from transport.reasons import DropReason
 from vehicles.schedule import MILLISECOND
 
-WIDEST, NARROWEST = 5.0, 0.01
-"""Limits of the standard deviation of a skewed law, as multiples of its mean."""
-MAX_RECORDED = 1000
-"""Maximum number of recorded delays, which every link of every process holds in memory."""
+WIDEST, NARROWEST = 5.0, 0.01  # Limits of a skewed law's deviation over its mean
+MAX_RECORDED = 1000  # Delays that every link holds in memory
 
 
 class ConstantDelay(BaseDelay):

@@ -69,7 +69,6 @@ def _log_density(z: float) -> float:
 
 
 def _log_density_of_logarithm(shape: float, value: float) -> float:
-    """Logarithm of the density of the logarithm of a gamma variable."""
     return shape * value - exp(value) - lgamma(shape)
 
 

@@ -16,9 +16,7 @@ import numpy as np
 
 from transport.links.laws.effect import Draw
 
-LONGEST_LOOK_BACK = 10_000.0
-"""Maximum mean number of draws for one verdict: a hundredth of a second."""
-
+LONGEST_LOOK_BACK = 10_000.0  # Mean number of draws of a verdict: 0.01 s
 ROUNDING = 1e-12  # Smaller probabilities count as zero
 
 _STEP = "burst"

@@ -13,8 +13,7 @@ from transport.links.laws.link_law import InvalidKeyError
 MessageNumber = Annotated[int, Field(ge=0, le=10**12)]
 MessageCount = Annotated[int, Field(ge=1, le=10**9)]
 FileName = Annotated[str, StringConstraints(min_length=1)]
-AfterEnd = Literal["repeat", "pass"]
-"""After the end of a record: repeat it, or let all messages pass."""
+AfterEnd = Literal["repeat", "pass"]  # Then repeat a record, or lose nothing
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from transport.links.laws.outages.by_time import Interval, Outage
 from transport.reasons import DropReason
 from vehicles.geometry.geodesy import REACH, LocalPlane
 
-AffectedVehicle = Literal["sender", "receiver", "either", "both"]
-"""Which end of the link has to be inside."""
+AffectedVehicle = Literal["sender", "receiver", "either", "both"]  # Must be inside
 Station = Annotated[float, Field(ge=-1_000_000, le=1_000_000)]
 Metres = Annotated[float, Field(ge=-200_000, le=200_000)]
 

@@ -102,8 +102,6 @@ class SpanOutage(Outage):
 
 
 class WindowOutage(SpanOutage):
-    """Outage in a time window."""
-
     kind: Literal["window"] = "window"
 
 

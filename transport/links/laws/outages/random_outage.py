@@ -96,7 +96,6 @@ class RandomOutage(Outage):
 
 
 def _poisson(probability: float, mean: float) -> int:
-    """Quantile of the Poisson distribution."""
     count, term = 0, exp(-mean)
     total = term
     while probability >= total and term > 0.0:

@@ -15,8 +15,7 @@ from transport.links.laws.vehicles_between import VehiclesBetween
 Floats = NDArray[np.float64]
 Radius = Annotated[float, Field(ge=0, le=10)]
 
-MAX_LOSS = 150.0
-"""Loss (dB) with which no radio receives anything; further vehicles are not counted."""
+MAX_LOSS = 150.0  # Loss (dB) with which no radio receives anything
 
 
 class Obstruction(LawTable):

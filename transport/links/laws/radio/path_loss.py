@@ -23,8 +23,7 @@ from transport.links.laws.vehicles_between import VehiclesBetween
 from transport.reasons import DropReason
 
 THERMAL_NOISE = -174.0  # Power density of thermal noise at room temperature (dBm/Hz)
-MIN_DISTANCE = 1.0
-"""Distance (m) below which the loss is constant: path loss laws are for the far field."""
+MIN_DISTANCE = 1.0  # Loss is constant below (m): path loss is for the far field
 NODES = 32  # Number of nodes of the quadrature over a normal number
 OUT_OF_RANGE_LOSS = 0.99  # Loss from which a radio is out of range
 MAX_DISTANCE_M, STEP_M = 20_000.0, 50.0

@@ -8,8 +8,7 @@ from transport.links.laws.effect import Draw
 from transport.links.laws.link_law import Problem
 
 CACHE_SIZE = 64  # Number of links whose last reservation is cached
-LOOK_BACK = 8
-"""First distance of looking back, in reservations of maximum length; doubled until sufficient."""
+LOOK_BACK = 8  # First distance, in longest reservations; doubled until enough
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +39,6 @@ class Reservations:
 
     @property
     def mean_messages(self) -> float:
-        """Mean number of messages sent with one resource."""
         return 0.5 * (self.least + self.most) / (1.0 - self.kept)
 
     def selected_at(self, draw: Draw, seq: int) -> int:
