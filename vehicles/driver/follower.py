@@ -46,17 +46,14 @@ from vehicles.preview.trajectory import Fit
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer
 
-REFIT_AFTER: Final = 50 * MILLISECOND
-"""Period (ns) of refits without new poses, so that a source that stopped sending is noticed."""
+REFIT_AFTER: Final = 50 * MILLISECOND  # Period (ns) of refits, so that a silent source is noticed
 JUST_BEGUN: Final = 3
 """Up to this number of samples beyond the initial bridge make no bend: their offset from its line
 may be noise of the sample at which the bridge ends."""
 
 ONE_SOURCE: Final = ("lead", "predecessor", "intermediate")
-KEEPING: Final = ("coast", "stop", "creep", "straight")
-"""Modes in which a follower keeps its last trajectory, if its policy chose them."""
-FADE_TIME: Final = 1.0
-"""Driving time (s) over which the curvature fades to zero beyond the last samples."""
+KEEPING: Final = ("coast", "stop", "creep", "straight")  # Keep the last trajectory
+FADE_TIME: Final = 1.0  # Driving time (s) over which the curvature fades beyond the samples
 SLOWEST_FADE: Final = 1.0  # The fade of slower cars is that of this speed (m/s)
 
 

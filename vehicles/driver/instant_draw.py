@@ -2,8 +2,7 @@
 
 from collections.abc import Callable
 
-Numbers = Callable[[str, int], float]
-"""Returns the number in (0, 1) of a purpose and a time (ns) after the start of the run."""
+Numbers = Callable[[str, int], float]  # By purpose and time (ns) after the start, in (0, 1)
 
 
 class InstantDraw:

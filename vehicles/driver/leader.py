@@ -37,9 +37,7 @@ from vehicles.geometry.sampled_path import SampledPath
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND, Cadence
 
-WAITING_SHARE: Final = 0.5
-"""Share of the set speed while waiting: slow enough for followers to catch up."""
-
+WAITING_SHARE: Final = 0.5  # Share of the set speed, so that followers catch up
 SLOWEST: Final = 1.0  # Below this speed (m/s) the pace changes as at this speed
 
 

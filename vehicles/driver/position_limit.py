@@ -7,20 +7,15 @@ from typing import Final
 from vehicles.driver.degradation.settings import DegradationSettings
 from vehicles.driver.speed import SpeedCommand
 
-LANE_MARGIN: Final = 0.82
-"""Distance (m) of a centred car from the edge of its lane: 1.86 m of width on 3.5 m."""
+LANE_MARGIN: Final = 0.82  # To the edge of a lane (m): a width of 1.86 m on 3.5 m
 HEADING_ERROR: Final = math.radians(1.0)
 REACTION_TIME: Final = 1.0
 """A car that is HEADING_ERROR (rad) off its lane's direction needs REACTION_TIME (s) to correct it
 before it leaves the lane. Autoware's localisation monitor warns at the same 1 degree."""
-WALKING_PACE: Final = 3.0
-"""Least limit (m/s), so that no car stops because its position is uncertain."""
-APPROACH: Final = 0.25
-"""Deceleration per excess speed (1/s); more would need more than comfortable jerk at the end."""
-NO_EFFECT: Final = 2.0
-"""From this acceleration (m/s²) on a limit that ends has no effect; see `GapLimits`."""
-MARGIN_RATE: Final = 0.5
-"""Rate of change (m/s) of the margin of the gap, so that the gap widens gently."""
+WALKING_PACE: Final = 3.0  # Least limit (m/s), so that no car stops for this
+APPROACH: Final = 0.25  # Deceleration per excess speed (1/s), within comfortable jerk
+NO_EFFECT: Final = 2.0  # A limit (m/s²) without effect; see `GapLimits`
+MARGIN_RATE: Final = 0.5  # Rate (m/s) of the margin, so that the gap widens gently
 
 
 def speed_limit(deviation: float) -> float:

@@ -20,12 +20,8 @@ from vehicles.schedule import SECOND
 PROFILE_CORRECTION: Final = 0.5  # Acceleration per speed error when following a profile (1/s)
 CORRECTION_MAX: Final = 2.0  # Limit (m/s²) of that correction, reached for example after a restart
 BEND_RATE: Final = 2.0  # Deceleration per excess speed in a bend (1/s)
-
-BRAKING_BEFORE: Final = 0.5
-"""Driving time (s) before a bend within which braking for the bend fades out."""
-
-BEND_TIMES = (0.0, 0.4, 0.8)
-"""Times ahead (s) at which a follower evaluates the curvature, up to the paper's preview."""
+BRAKING_BEFORE: Final = 0.5  # Driving time (s) before a bend in which braking fades out
+BEND_TIMES = (0.0, 0.4, 0.8)  # Times ahead (s) of the curvature, up to the paper's preview
 
 
 @dataclass(frozen=True, slots=True)

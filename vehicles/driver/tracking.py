@@ -15,14 +15,12 @@ from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.schedule import SECOND
 
-SPACING = 0.1
-"""Distance (m) between the stations at which the curvature of the path behind is stored."""
+SPACING = 0.1  # Distance (m) between stored curvatures of the path behind
 MIN_STORED = 256  # At least this number of curvatures is kept: 26 m
 REJOINING_LATERAL = 2.0  # Limit (m/s²) of the lateral acceleration during the return to a path
 REJOINING_ANGLE = 0.2  # Largest angle (rad) between the return and the path
 SHORTEST_RETURN = 10.0  # Shortest return to a path (m)
-SLOWEST_RETURN = 8.0
-"""Speed (m/s) for which returns of slower cars are planned, as they will accelerate."""
+SLOWEST_RETURN = 8.0  # Speed (m/s) for which slower cars plan, as they accelerate
 JUMP = 0.3  # A change of the lateral error by more than this (m) within a tick is a new path
 MOST_PLANS = 3
 """A return is planned again after this number of further jumps at most: more of them are noise of

@@ -37,12 +37,10 @@ JUMP_HEADING: Final = 0.1
 JUMP_TURNING: Final = 0.5  # The same for its heading (rad, rad/s)
 
 OUTAGE: Final = SECOND
-OUTAGE_FIXES: Final = 3
-"""Without a fix for this time (ns) and this number of fixes, dead reckoning is on its own."""
+OUTAGE_FIXES: Final = 3  # Without fixes for this long (ns, fixes) dead reckoning is on its own
 
 ACCELERATION: Final = 3.0
-YAW_ACCELERATION: Final = 1.0
-"""Assumed rates of change (m/s², rad/s²) of speed and yaw rate since the last reading."""
+YAW_ACCELERATION: Final = 1.0  # Assumed rates (m/s², rad/s²) since the last reading
 
 
 @dataclass(slots=True)

@@ -29,8 +29,7 @@ from vehicles.car.sensors.imu import InertialNoise, Motion
 from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.ego.own_track import OwnTrack, TrackModel
 
-JUMPS_ACCEPTED: Final = 3
-"""After this number of consecutive outliers that agree with one another the filter restarts."""
+JUMPS_ACCEPTED: Final = 3  # Consecutive outliers in agreement that restart the filter
 
 
 class PoseEstimator:

@@ -25,24 +25,18 @@ from vehicles.car.tyres import lateral_coefficients
 from vehicles.schedule import SECOND
 
 LADEN = 1.3  # Mass ratio of the second model; a full car of Section V-B has 1.25
-INERTIA_PER_MASS = 1.5
-"""Relative growth of the yaw inertia over that of the mass (Section V-B: 1.4 to 1.6)."""
+INERTIA_PER_MASS = 1.5  # Relative growth of the yaw inertia (Section V-B: 1.4 to 1.6)
 PRIOR = 0.3  # Initial standard deviation of the ratio
 DRIFT = 0.003  # Random walk of the ratio, per square root of a second
-BIAS_PRIOR, BIAS_DRIFT = 0.002, 5e-5
-"""Bias of the yaw rate (rad/s) and its random walk per square root of a second."""
-MIN_NOISE = 2e-4
-"""Noise (rad/s) assumed even of exact measurements, as the models are approximations."""
+BIAS_PRIOR, BIAS_DRIFT = 0.002, 5e-5  # Bias of the yaw rate (rad/s, and per √s)
+MIN_NOISE = 2e-4  # Noise (rad/s) of exact measurements, as models are approximate
 DELAY = 0.01  # Unmodelled delay (s); the change of the yaw rate within it counts as noise
-LINEAR_LIMIT = 4.0
-"""Above this lateral acceleration (m/s²) tyres are not linear, and measurements are ignored."""
+LINEAR_LIMIT = 4.0  # Lateral acceleration (m/s²) above which tyres are not linear
 MIN_RATIO, MAX_RATIO = 0.7, 1.6
 UPDATE_THRESHOLD = 0.002  # Change of the ratio that is passed on to controllers and filters
-LONGEST_STEP = 0.01
-"""Longest step (s) of the models: at 20 ms the trapezoidal rule biases the load by 5 %."""
+LONGEST_STEP = 0.01  # Longest step (s): at 20 ms the load is off by 5 %
 KINEMATIC_BELOW = 3.0  # Below this speed (m/s) the kinematic model is used
-MIN_LEARNING_SPEED = 8.0
-"""Below this speed (m/s) a load has no effect: K_sg v² is less than 1 % of the wheelbase."""
+MIN_LEARNING_SPEED = 8.0  # Below it (m/s) K_sg v² is less than 1 % of the wheelbase
 
 
 def with_load(p: VehicleParameters, ratio: float) -> VehicleParameters:

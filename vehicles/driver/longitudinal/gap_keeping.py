@@ -7,16 +7,9 @@ from vehicles.driver.longitudinal.controller import VehiclesAhead
 from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
 
 GAP_STIFFNESS: Final = 3.0  # k_p, acceleration per metre of spacing error (1/s²)
-
-DAMPING: Final = 4.0
-"""k_v + k_l, acceleration per m/s of speed difference to predecessor and lead (1/s)."""
-
-LEAD_SHARE: Final = 0.5
-"""Share of k_l in the damping at constant distance, and of the lead in the CACC feedforward."""
-
-LEAD_PULL_DISTANCE: Final = 0.5
-"""Limit (m) of the spacing error due to a lead that is faster than the predecessor."""
-
+DAMPING: Final = 4.0  # k_v + k_l, acceleration per difference of speed (1/s)
+LEAD_SHARE: Final = 0.5  # Of k_l in the damping, and of the lead in the CACC feedforward
+LEAD_PULL_DISTANCE: Final = 0.5  # Limit (m) of the spacing error due to a faster lead
 STABLE_HEADWAY: Final = 0.35  # From this headway (s) on the lead's speed is neither needed nor used
 CATCH_UP_DISTANCE: Final = 5.0  # Limit (m) of the spacing error
 

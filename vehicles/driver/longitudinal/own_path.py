@@ -8,12 +8,9 @@ from vehicles.preview.received.polyline import Polyline, step
 
 STEP: Final = 0.5  # Distance (m) between stored positions
 CAPACITY: Final = 8192
-DROPPED_AT_ONCE: Final = 2048
-"""Largest number of stored positions, and number of the oldest dropped at once."""
-BACK: Final = 2.0
-"""Largest distance (m) by which a vehicle behind may seem to move back between two poses."""
-REACH_RATIO: Final = 1.5
-"""Largest advance of a vehicle behind over the distance between its poses, without `BACK`."""
+DROPPED_AT_ONCE: Final = 2048  # Positions stored at most, and oldest dropped at once
+BACK: Final = 2.0  # A vehicle behind may seem to move back by this (m)
+REACH_RATIO: Final = 1.5  # Its advance over the distance between its poses
 
 
 class OwnPath:
