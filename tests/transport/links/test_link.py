@@ -1,5 +1,6 @@
 """Verdicts of a link: keyed by the message alone, with the requested losses and delays."""
 
+import itertools
 from dataclasses import dataclass
 from fractions import Fraction
 from math import sqrt
@@ -70,10 +71,23 @@ def test_keyed_uniform_is_uniform() -> None:
     assert 5.0 < chi_squared < 45.3  # 19 degrees of freedom, 0.1 % on either side
 
 
+def test_losses_in_a_row_are_as_frequent_as_independence_has_it() -> None:
+    n, ratio = 5000, 0.3
+    lost = [judge(LinkTable(loss_ratio=ratio), seq).outcome == "dropped" for seq in range(n)]
+    pairs = sum(a and b for a, b in itertools.pairwise(lost))
+    assert abs(pairs - n * ratio**2) < 5.0 * sqrt(n * ratio**2)
+
+
 @pytest.mark.parametrize(("ratio", "outcome"), [(0.0, "delivered"), (1.0, "dropped")])
 def test_no_loss_and_total_loss_are_exact(ratio: float, outcome: str) -> None:
     rule = LinkTable(loss_ratio=ratio)
     assert {judge(rule, seq).outcome for seq in range(2000)} == {outcome}
+
+
+def test_a_higher_loss_drops_the_same_messages_and_more() -> None:
+    few = {k for k in range(2000) if judge(LinkTable(loss_ratio=0.1), k).reason}
+    many = {k for k in range(2000) if judge(LinkTable(loss_ratio=0.2), k).reason}
+    assert few < many
 
 
 @given(

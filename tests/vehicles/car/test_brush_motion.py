@@ -74,6 +74,19 @@ def test_steady_cornering_matches_the_closed_form_of_the_brush_model(
     assert after.yaw_rate == pytest.approx(body.yaw_rate, abs=2e-6)
 
 
+@pytest.mark.parametrize("speed", [10.0, 20.0, 30.0])
+def test_small_accelerations_have_the_understeer_of_linear_tyres(speed: float) -> None:
+    """δ = L κ + K_sg v² κ of eq. (6), as the curvature goes to zero."""
+    off = []
+    for share in (1e-3, 1e-4):
+        body, steering = steady(speed, share)
+        curvature = body.yaw_rate / speed
+        gradient = (steering / curvature - CAR.wheelbase) / speed**2
+        off.append(abs(gradient / CAR.steer_gradient - 1.0))
+    assert off[1] < 1e-3
+    assert off[1] == pytest.approx(off[0] / 10.0, rel=0.2)
+
+
 def test_it_settles_at_the_closed_form() -> None:
     body, steering = steady(15.0, 0.7)
     settled = drive(replace(body, lateral_speed=0.0, yaw_rate=0.0), steer(steering), 3.0, car=CAR)[

@@ -35,6 +35,16 @@ def steady(car: VehicleParameters, speed: float) -> tuple[float, float]:
     return b - rear, length + front - rear
 
 
+@pytest.mark.parametrize("car", [CAR, FULL])
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_on_an_arc_it_is_steady_cornering(car: VehicleParameters, speed: float) -> None:
+    slip, steering = steady(car, speed)
+    motion = PathKeeping(car).motion(sampled(lambda _: -0.002), (0.0, 5.0), speed)
+    assert motion.curvature.at(0.0) == pytest.approx(-0.002, rel=1e-5)
+    assert motion.heading.at(0.0) == pytest.approx(0.002 * slip, rel=1e-5)
+    assert motion.steering.at(0.0) == pytest.approx(-0.002 * steering, rel=1e-5)
+
+
 @pytest.mark.parametrize("speed", [1.5, 4.0, 6.0])
 @pytest.mark.parametrize("radius", [-7.0, 12.0])
 def test_the_simulated_car_follows_a_tight_arc_at_large_slip(speed: float, radius: float) -> None:
@@ -140,3 +150,15 @@ def test_the_simulated_car_follows_the_road_without_feedback(
 def seen_from(place: float) -> Curvatures:
     """Curvatures by the distance from a point on the road."""
     return sampled(lambda distance: bends(place + distance))
+
+
+@given(speed=st.floats(0.0, 60.0), curvature=st.floats(-0.2, 0.2), at=st.floats(-30.0, 10.0))
+def test_it_is_finite_and_mirrored_for_the_other_turn(
+    speed: float, curvature: float, at: float
+) -> None:
+    def means(bend: float) -> list[float]:
+        motion = PathKeeping(CAR).motion(sampled(lambda s: bend * (s > at)), (-1.0, 6.0), speed)
+        return [along.mean(1.0, 2.0) for along in motion]
+
+    assert all(map(math.isfinite, means(curvature)))
+    assert means(curvature) == pytest.approx([-value for value in means(-curvature)])

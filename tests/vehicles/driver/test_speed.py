@@ -87,6 +87,12 @@ def acceleration(spacing: float, own: float, predecessor: float, lead: float) ->
     )
 
 
+def test_each_term_has_the_right_sign() -> None:
+    assert acceleration(8.5, 20.0, 20.0, 20.0) > 0.0 > acceleration(7.5, 20.0, 20.0, 20.0)
+    assert acceleration(8.0, 20.0, 20.5, 20.0) > 0.0 > acceleration(8.0, 20.0, 19.5, 20.0)
+    assert acceleration(8.0, 20.0, 20.0, 20.5) > 0.0 > acceleration(8.0, 20.0, 20.0, 19.5)
+
+
 @pytest.mark.parametrize("headway", [0.0, 0.1, 0.2, 0.25, STABLE_HEADWAY, 0.6, 1.0])
 @pytest.mark.parametrize("receives_lead", [True, False])
 def test_errors_never_grow_from_vehicle_to_vehicle_at_any_frequency(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vehicles.geometry.path_offsets import PathWalk, path_offsets
-from vehicles.geometry.sampled_path import Segment, path_from_segments
+from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 
 PATH = path_from_segments(
     (
@@ -35,6 +35,11 @@ def test_offsets_equal_those_of_single_projections() -> None:
         for (x, y), station in zip(points.T.tolist(), near.tolist(), strict=True)
     ]
     assert path_offsets(PATH, points, near) == pytest.approx(single, abs=1e-9)
+
+
+def test_an_offset_to_the_left_is_positive() -> None:
+    straight = SampledPath(*np.array([[0.0, 0.0, 0.0, 0.0, 0.0], [9.0, 9.0, 0.0, 0.0, 0.0]]).T)
+    assert path_offsets(straight, np.array([[4.0], [1.5]]), np.array([3.0])) == pytest.approx([1.5])
 
 
 @pytest.mark.parametrize(("start", "step"), [(0.0, 0.6), (0.0, 0.01), (30.0, 3.0), (0.0, 25.0)])

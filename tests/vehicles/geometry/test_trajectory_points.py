@@ -54,3 +54,10 @@ def test_a_clothoid_is_drawn_where_it_is() -> None:
     for k, (east, north, yaw) in enumerate(points_along(drawn, 1.0)):
         place = piece.at(float(k))
         assert (east, north, yaw) == pytest.approx((place.east, place.north, place.yaw))
+
+
+def test_a_left_bend_turns_left() -> None:
+    *_, (east, north, yaw) = points_along(one_piece(0.0, 0.0, 0.0, 0.1, 10.0), 1.0)
+    assert east > 0.0
+    assert north > 0.0
+    assert yaw == pytest.approx(1.0)

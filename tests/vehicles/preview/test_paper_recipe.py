@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from tests.made.vehicles.arc_courses import course, fit_errors, window, with_noise
+from tests.made.vehicles.arc_courses import course, fit_errors, point_at, window, with_noise
 from tests.made.vehicles.fusions import fit_two, fuse
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.paper_recipe import circle_of_least_squares, recipe_curve
@@ -148,3 +148,10 @@ def test_every_fusion_supports_the_recipe() -> None:
         made = fuse(fusion, lead, other, alpha=0.5, settings=PAPER)
         assert len(made) == count
         assert all(len(one.spline.pieces) == 1 for _, one in made)
+
+
+def test_beside_is_left() -> None:
+    """A point built to the left has a positive lateral error."""
+    path = course([(-1 / 50, 30.0)], (7.0, 8.0, 2.5))
+    fitted = fit(window(path, np.linspace(1.0, 24.0, 17), 0.0), None)
+    assert fitted.spline.project(*point_at(path, 3.0, 0.4)).lateral == pytest.approx(0.4, abs=1e-6)

@@ -132,6 +132,18 @@ def test_error_model_is_the_car_in_the_path_frame(speed_change: float) -> None:
     assert np.abs(body).max() > 1e-3
 
 
+def test_left_is_positive() -> None:
+    constant, inverse_speed = open_loop(CAR)
+    z = np.zeros(6)
+    z[4] = 0.01  # steered left
+    rates = (constant + inverse_speed / 20.0) @ z
+    assert rates[2] > 0.0
+    assert rates[3] > 0.0
+    z = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # left of the path: steer right
+    assert (closed_loop_at(CAR, NOMINAL_GAINS, 20.0) @ z)[5] < 0.0
+    assert curvature_input(CAR, 20.0)[5] > 0.0  # feedforward into a left bend
+
+
 @examples(8, 40)
 @given(CARS, CARS, SPEEDS)
 def test_steady_cornering_is_the_equilibrium(

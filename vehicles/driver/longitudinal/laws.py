@@ -35,6 +35,8 @@ class GapLaw:
 
 @dataclass(frozen=True)
 class AccSettings:
+    """Parameters of ACC."""
+
     gap_gain: Annotated[float, Setting("λ, gain of the gap error", "per_s", above=0)] = 0.1
 
 

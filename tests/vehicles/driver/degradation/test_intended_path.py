@@ -26,6 +26,7 @@ from vehicles.preview.trajectory import Fit
 from vehicles.schedule import MILLISECOND
 
 PERIOD = 50 * MILLISECOND
+HEADINGS = [0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi, 2.3, -0.7]
 ROADS = {"straight": 0.0, "left": 1 / 40, "right": -1 / 40}
 SETTINGS = FitSettings(position_noise=0.02)
 
@@ -64,6 +65,34 @@ def fit_of(window: Window, *, of_lead: bool = True) -> Fit:
 
 def moved(window: Window, by: float) -> Window:
     return window._replace(station=window.station - by)
+
+
+@pytest.mark.parametrize("heading", HEADINGS)
+@pytest.mark.parametrize("kind", ROADS)
+@pytest.mark.parametrize("offset", [0.4, -0.3])
+def test_samples_left_of_the_path_move_right(kind: str, heading: float, offset: float) -> None:
+    path = road(kind, heading)
+    fixes = [fix_beside(path, seq, offset) for seq in range(40)]
+    for share, left in ((1.0, 0.0), (0.25, 0.75), (0.0, 1.0)):
+        window = moved_back(fixes, [offset] * len(fixes), share)
+        for k, (east, north) in enumerate(zip(window.east, window.north, strict=True)):
+            foot = path.project(east, north, float(k))
+            assert foot.lateral == pytest.approx(left * offset, abs=1e-9)
+
+
+@pytest.mark.parametrize("of_lead", [True, False])
+@pytest.mark.parametrize("heading", HEADINGS)
+@pytest.mark.parametrize("kind", ROADS)
+def test_a_fix_left_of_the_samples_has_a_positive_offset(
+    kind: str, heading: float, of_lead: bool
+) -> None:
+    path = road(kind, heading)
+    fit = fit_of(
+        moved(window_of([fix_beside(path, k, 0.0) for k in range(30)]), 10.0), of_lead=of_lead
+    )
+    for offset in (0.5, 0.0, -0.35):
+        fix = fix_beside(path, 21, offset, spacing=0.5)
+        assert path_offset(fit, fix) == pytest.approx(offset, abs=2e-3)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -67,6 +67,15 @@ def test_a_straight_road_gives_no_information() -> None:
     assert estimator.deviation >= PRIOR
 
 
+def test_left_and_right_are_symmetric() -> None:
+    left, right = SlipEstimator(LINCOLN_MKZ, 0.0), SlipEstimator(LINCOLN_MKZ, 0.0)
+    for k in range(300):
+        for side, one in ((1.0, left), (-1.0, right)):
+            one.move(TICK, 25.0, side * bends(k * TICK))
+            one.correct(side * 0.9 * bends(k * TICK), 25.0)
+    assert left.ratio == pytest.approx(right.ratio, abs=1e-12)
+
+
 def test_shipped_controllers_accept_other_parameters() -> None:
     for law in (SlipCompensated(LINCOLN_MKZ), FeedforwardFeedback(LINCOLN_MKZ)):
         assert isinstance(law, ParameterUser)

@@ -102,6 +102,8 @@ class SpanOutage(Outage):
 
 
 class WindowOutage(SpanOutage):
+    """Outage in a time window."""
+
     kind: Literal["window"] = "window"
 
 
