@@ -118,10 +118,27 @@ def test_each_planted_wrong_has_its_test(wrong: str) -> None:
 
 
 ROOMS = {
-    "vehicles": 0,
-}  # fmt: skip
+    "scenarios": 10,
+    "scenarios/api": 880,
+    "scenarios/cli": 6_910,
+    "scenarios/definition": 16_020,
+    "scenarios/results": 9_840,
+    "scenarios/runs": 6_610,
+    "scenarios/studies": 13_150,
+    "transport": 1_140,
+    "transport/bus": 780,
+    "transport/links": 4_700,
+    "transport/log": 2_230,
+    "transport/picture": 2_800,
+    "vehicles": 600,
+    "vehicles/car": 3_880,
+    "vehicles/driver": 6_950,
+    "vehicles/geometry": 2_140,
+    "vehicles/preview": 2_390,
+    "vehicles/theory": 1_790,
+}
 """Ceiling of each room in lines. A feature raises it only in a commit that says so."""
-PRODUCT_MAX, TESTS_MAX, MODULES_MAX = 78_000, 64_000, 330
+PRODUCT_MAX, TESTS_MAX, MODULES_MAX = 82_800, 69_900, 617
 """Lines of the product and of the tests, and modules of the product, `__init__` included."""
 LOADED_MAX, CALLS_MAX = 333, 400
 """Own modules that a virtual run loads, and own Python calls of its busiest follower in a control

@@ -197,7 +197,7 @@ class McapFile:
         except EndOfFile:
             pass  # a truncated file ends within a record
         except Exception:  # noqa: BLE001 - the library, zstandard and struct raise their own
-            if self.truncated:
+            if self.truncated and self.bytes.tell() < len(self.bytes):
                 wrong.append((at, len(self.bytes)))
         if not self.truncated and not is_whole:
             wrong.append((at, len(self.bytes)))

@@ -750,7 +750,7 @@ def test_a_run_on_a_full_disk_fails_with_a_line_and_a_log(tmp_path: Path) -> Non
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert (summary["outcome"], summary["reason"]) == ("failed", line)
     log = LogReader(out / "run.mcap")
-    assert not log.truncated
+    assert log.truncated
     assert not log.damage
     assert log.counts["v1", "truth"] > 100
 
