@@ -173,7 +173,7 @@ COUNTED_RUN = """
 import json, os, sys
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.node.phases import Driving
-from scenarios.runs.virtual import run_unlogged
+from scenarios.runs.virtual.unlogged_run import run_unlogged
 
 root, calls = os.getcwd() + os.sep, {}
 

@@ -84,4 +84,4 @@ def test_a_run_on_a_full_disk_fails_with_a_readable_log(tmp_path: Path) -> None:
         assert not log.damage
         assert sum(log.counts.values()) > 100
     finally:
-        subprocess.run(["umount", str(disk)], check=True)
+        subprocess.run(["umount", "--lazy", str(disk)], check=True)
