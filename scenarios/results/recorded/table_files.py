@@ -6,9 +6,10 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import partial
+from html import escape
 from pathlib import Path
 from typing import Any, Literal, get_args
-from xml.sax.saxutils import escape, quoteattr
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -132,8 +133,8 @@ def gpx_of(vehicle: VehicleRecord, origin: Mapping[str, str]) -> bytes:
         '<?xml version="1.0" encoding="UTF-8"?>',
         f'<gpx version="1.1" creator={quoteattr("convoy")} '
         'xmlns="http://www.topografix.com/GPX/1/1">',
-        f"<metadata><desc>{escape(description)}</desc></metadata>",
-        f"<trk><name>{escape(vehicle.name)}</name><trkseg>",
+        f"<metadata><desc>{escape(description, quote=False)}</desc></metadata>",
+        f"<trk><name>{escape(vehicle.name, quote=False)}</name><trkseg>",
         *points,
         "</trkseg></trk>",
         "</gpx>",
