@@ -40,8 +40,8 @@ class GapLimits:
     before_bends: float = 2.5
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            _require_not_negative(field.name, getattr(self, field.name))
+        for each in fields(self):
+            _require_not_negative(each.name, getattr(self, each.name))
 
 
 def _require_not_negative(name: str, value: float) -> None:
