@@ -46,14 +46,13 @@ def review(
     from scenarios.cli.output import progress_of, wait_until_stopped
     from scenarios.results.log_summary import log_in
     from scenarios.results.pictures import review as reviewing
-    from scenarios.results.pictures.log_drawing import Excerpt
     from transport.picture.option import parse_rerun_option
 
     with clear_errors():
         option = parse_rerun_option(rerun)
         require("review", "viewer", "rerun")
         names = [name.strip() for name in vehicles.split(",") if name.strip()]
-        excerpt = Excerpt(from_s, to_s, names or None)
+        excerpt = reviewing.Excerpt(from_s, to_s, names or None)
         show = progress_of("% drawn")
         count = reviewing.review(
             log_in(log),

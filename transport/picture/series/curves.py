@@ -92,20 +92,6 @@ class Curves:
                 if variances:
                     variances.clear()
 
-    def send_all(
-        self,
-        quantity: str,
-        name: str,
-        at: Array,
-        values: Array,
-        *,
-        start: int,
-        width: Array | None = None,
-    ) -> None:
-        """Send all values of a curve, or of a band with its half-widths."""
-        variances = None if width is None else width * width
-        self._send(f"plots/{quantity}/{name}", at, values, variances, start)
-
     def _send(
         self, entity: str, at: Array, values: Array, variances: Array | None, start: int
     ) -> None:
@@ -150,16 +136,6 @@ class States:
         self._states[entity] = state
         self._set_time(at)
         self._recording.log(entity, rr.StateChange(state=state))
-
-    def show_all(self, panel: str, name: str, states: Array, at: Array, start: int) -> None:
-        """Show all states of an entity, in order, from the instants (ns) at which they change."""
-        changes = np.concatenate(([True], states[1:] != states[:-1]))[: len(states)]
-        if not len(states):
-            return
-        entity = f"{panel}/{name}"
-        self._log_style(entity, PANELS[panel])
-        shown = rr.StateChange.columns(state=states[changes].tolist())
-        self._recording.send_columns(entity, time_columns(at[changes], start), shown)
 
     def _log_style(self, entity: str, panel: Panel) -> None:
         names, colours = list(panel.states), list(panel.states.values())

@@ -1,4 +1,4 @@
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import hypot, isnan
 from pathlib import Path
@@ -13,9 +13,7 @@ from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.events.bodies import BodySize
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.metrics import Metrics
-from scenarios.results.pictures import lead_in
-from scenarios.results.pictures.log_drawing import Excerpt
-from scenarios.results.pictures.review import review
+from scenarios.results.pictures.review import Excerpt, review
 from scenarios.results.pictures.run_drawing import open_drawing, widest_spacing
 from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
@@ -25,14 +23,11 @@ from tests.made.transport import drive
 from tests.made.transport.recording import Table, columns
 from transport.convoy_pb2 import Deviation
 from transport.log.errors import LogError
-from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
 from transport.picture.blueprint import EVENTS
-from transport.picture.log_writer import LogRecordingWriter
 from transport.picture.option import parse_rerun_option
 from transport.picture.viewer_process import ViewerError
 from vehicles.messages import Message
-from vehicles.schedule import SECOND
 
 SCENARIO = """
 name = "circle"
@@ -207,19 +202,6 @@ def test_the_largest_value_drawn_is_the_table_s(drawn: Drawn) -> None:
             assert (row.true_gap_m_min is None) == (name == "v1")
 
 
-def test_a_scheduled_extreme_value_is_used_at_its_instant(drawn: Drawn) -> None:
-    for table in drawn.tables:
-        for row in drawn.summary.vehicles[1:]:
-            for quantity, at_s, value in (
-                ("cross_track", row.cross_track_error_max_at_s, row.cross_track_error_m_max),
-                ("true_gap", row.true_gap_min_at_s, row.true_gap_m_min),
-            ):
-                curve = table[f"/plots/{quantity}/{row.name}"]
-                rows = zip(curve["run_time"], curve["Scalars:scalars"], strict=True)
-                at = [ns / 1e9 for ns, one in rows if one and abs(one[0]) == value]
-                assert at_s in at
-
-
 def test_true_values_in_the_log_are_those_drawn(drawn: Drawn) -> None:
     """The log has them at 10 Hz for each follower, for plots without this project."""
     with (drawn.folder / "run.mcap").open("rb") as file:
@@ -255,19 +237,6 @@ def test_loss_shares_drawn_add_up_to_the_table_s(drawn: Drawn) -> None:
         for link in drawn.summary.links:
             shares = values(table, "loss", f"{link.sender}_to_{link.receiver}")
             assert min(shares) <= 100.0 * link.loss_ratio <= max(shares) or link.judged < 30
-
-
-def test_every_event_is_marked_at_its_instant(drawn: Drawn) -> None:
-    for table in drawn.tables:
-        expected: dict[str, list[int]] = {}
-        for event in drawn.summary.events:
-            expected.setdefault(event.kind, []).append(round(event.at_s * 1e9))
-        for kind in EVENTS:
-            marks = table.get(f"/world/events/{kind}", {}).get("run_time", [])
-            assert marks == sorted(expected.get(kind, []))
-            for plot in ("cross_track", "true_gap"):
-                plotted = table[f"/plots/{plot}/events/{kind}"]["run_time"]
-                assert [at for at in plotted if at >= 0] == marks
 
 
 def place_of(table: Table, vehicle: str, at: int) -> tuple[float, float]:
@@ -346,41 +315,6 @@ def test_the_view_leaves_room_for_the_widest_gap() -> None:
     assert widest_spacing(scenario_from_text(SCENARIO.replace("vehicles = 3", "vehicles = 1"))) > 0
 
 
-def test_the_review_of_a_run_has_the_rows_of_the_live_picture(drawn: Drawn) -> None:
-    """Entities, components and values; also of events, lost messages and links."""
-    live, again = map(without_start_time, drawn.tables)
-    assert set(live) == set(again)
-    for entity, table in live.items():
-        assert set(table) == set(again[entity]), entity
-        for name, rows in table.items():
-            assert rows == again[entity][name], (entity, name)
-
-
-def test_cars_are_sent_before_the_other_topics_are_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """So that a viewer soon shows a picture of a long run."""
-    write_log(tmp_path / "run.mcap", attached=None)
-    steps: list[set[str]] = []
-    read, send = LogReader.columns, LogRecordingWriter.send_positions
-
-    def note_read(reader: LogReader, topics: Iterable[str], **more: Any) -> Any:
-        steps.append(set(topics))
-        return read(reader, topics, **more)
-
-    def note_sent(writer: LogRecordingWriter) -> None:
-        steps.append({"sent"})
-        send(writer)
-
-    monkeypatch.setattr(LogReader, "columns", note_read)
-    monkeypatch.setattr(LogRecordingWriter, "send_positions", note_sent)
-    table = reviewed(tmp_path / "run.mcap")
-    sent = steps.index({"sent"})
-    assert not {"verdict", "trajectory", "command"} & set().union(*steps[:sent])
-    assert {"verdict", "trajectory", "command"} <= set().union(*steps[sent:])
-    assert "/world/cars/v3" in table
-
-
 def test_a_part_has_the_rows_of_the_whole_run(drawn: Drawn, tmp_path: Path) -> None:
     option = parse_rerun_option(f"save={tmp_path / 'part.rrd'}")
     review(drawn.folder / "run.mcap", option, wait=lambda _: None, excerpt=Excerpt(0.6, 1.4))
@@ -390,43 +324,6 @@ def test_a_part_has_the_rows_of_the_whole_run(drawn: Drawn, tmp_path: Path) -> N
         assert curve_of(table, entity) == expected
         assert len(expected) > 30
     assert all(0.6 <= at / 1e9 <= 1.4 for at in table["/world/cars/v3"]["run_time"] if at >= 0)
-
-
-HAIRPIN = (
-    SCENARIO.replace("duration_s = 2.0", "duration_s = 9.0")
-    .replace("{ length_m = 60.0, radius_m = 50.0", "{ length_m = 31.0, radius_m = 10.0")
-    .replace("{ length_m = 60.0 }", "{ length_m = 35.0 }")
-    .replace("}]", "}, { length_m = 60.0 }]")
-)
-"""The lead drives back beside its followers, and no event occurs."""
-
-
-def test_errors_of_a_part_need_only_the_poses_of_the_convoy_s_length_before(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    driven = scenario_from_text(HAIRPIN, overrides=["speed.set_mps=8", "events.lane_width_m=8"])
-    assert not run_virtual(driven, tmp_path, Stop()).events
-    whole = reviewed(tmp_path / "run.mcap")
-    spans: list[tuple[int, int]] = []
-    read = LogReader.columns
-
-    def note_read(reader: LogReader, topics: Iterable[str], **more: Any) -> Any:
-        spans.append(more["span_ns"])  # never the whole log
-        return read(reader, topics, **more)
-
-    monkeypatch.setattr(lead_in, "LEAD_IN_NS", (SECOND, 4 * SECOND))
-    option = parse_rerun_option(f"save={tmp_path / 'part.rrd'}")
-    monkeypatch.setattr(LogReader, "columns", note_read)
-    review(tmp_path / "run.mcap", option, wait=lambda _: None, excerpt=Excerpt(6.0, 8.5))
-    seconds = [(last - LogReader(tmp_path / "run.mcap").first_at) / 1e9 for last, _ in spans]
-    assert sorted(seconds) == pytest.approx([0.0, 2.0, 5.0, 6.0, 6.0], abs=0.1)
-    table = columns(tmp_path / "part.rrd")
-    for vehicle in ("v2", "v3"):
-        for name in ("cross_track", "true_gap"):
-            entity = f"/plots/{name}/{vehicle}"
-            expected = [row for row in curve_of(whole, entity) if 6.0 <= row[0] / 1e9 <= 8.5]
-            assert curve_of(table, entity) == expected
-            assert len(expected) > 100
 
 
 def curve_of(table: Table, entity: str) -> list[tuple[int, Any]]:
