@@ -77,8 +77,8 @@ Examples:
     "--html",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="Write tables, pictures and definitions into one HTML file instead, for any browser. An"
-    " existing file is replaced.",
+    help="Write tables and pictures into one HTML file instead, for any browser. An existing"
+    " file is replaced.",
 )
 @json_option("Print the summary as JSON.")
 @tables_option("all")

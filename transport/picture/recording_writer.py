@@ -196,7 +196,7 @@ class RecordingWriter:
         if self._last_pose_at:
             duration_s = (max(self._last_pose_at.values()) - start) / SECOND
             worst = max(self._largest_errors, key=self._largest_errors.__getitem__, default="")
-            extent = RunExtent(duration_s, self._curves.extents(), worst)
+            extent = RunExtent(duration_s, worst)
             self._recording.send_blueprint(self._layout(extent=extent))
 
     def _wait_for_start(self, now: int, message: Message) -> None:

@@ -41,7 +41,6 @@ class Curves:
         self._recording = recording
         self._curves: dict[str, tuple[list[int], list[float]]] = {}
         self._variances: dict[str, list[float]] = {}
-        self._extents: dict[str, tuple[float, float]] = {}
 
     def has(self, quantity: str, name: str) -> bool:
         return f"plots/{quantity}/{name}" in self._curves
@@ -95,25 +94,11 @@ class Curves:
     def _send(
         self, entity: str, at: Array, values: Array, variances: Array | None, start: int
     ) -> None:
-        width = 0.0
         if variances is None:
-            scalars = rr.Scalars.columns(scalars=values)
+            columns = rr.Scalars.columns(scalars=values)
         else:
-            scalars = rr.Measurements.columns(values=values, variances=variances)
-            width = math.sqrt(variances.max())
-        self._recording.send_columns(entity, time_columns(at, start), scalars)
-        low, high = self._extents.get(entity, (math.inf, -math.inf))
-        low, high = min(low, float(values.min()) - width), max(high, float(values.max()) + width)
-        self._extents[entity] = low, high
-
-    def extents(self) -> dict[str, tuple[float, float]]:
-        """Smallest and largest value of each plot, of all vehicles and of one."""
-        extents: dict[str, tuple[float, float]] = {}
-        for entity, (low, high) in self._extents.items():
-            for plot in {"/".join(entity.split("/")[:depth]) for depth in (2, 3)}:
-                least, most = extents.get(plot, (low, high))
-                extents[plot] = (min(least, low), max(most, high))
-        return extents
+            columns = rr.Measurements.columns(values=values, variances=variances)
+        self._recording.send_columns(entity, time_columns(at, start), columns)
 
 
 class States:
