@@ -10,11 +10,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
-from queue import Queue
-from threading import Thread
 
 import pytest
 import zenoh
@@ -120,81 +117,6 @@ def test_no_router() -> None:
     assert endpoint in str(caught.value)
 
 
-def test_wrong_credentials_are_not_a_missing_router(tmp_path: Path) -> None:
-    users = tmp_path / "users.txt"
-    users.write_text("v2:right\n")
-    known = f'transport/auth/usrpwd:{{user:"router",password:"x",dictionary_file:"{users}"}}'
-    endpoint = free_endpoint()
-    with open_router((endpoint,), cfg=(known,)):
-        for password, word in (("right", ""), ("wrong", "password of user .*v2"), ("", "password")):
-            own = (
-                (f'transport/auth/usrpwd:{{user:"v2",password:"{password}"}}',) if password else ()
-            )
-            options = ZenohOptions(connect=(endpoint,), connect_timeout_s=0.5, cfg=own)
-            if not word:
-                open_bus(options).close()
-                continue
-            with pytest.raises(BusError, match=word) as caught:
-                open_bus(options)
-            assert "is a router there" not in str(caught.value)
-            assert_one_clear_line(caught.value)
-
-
-class SlowCable:
-    """A TCP connection to `endpoint` that delays each direction by `delay_s`."""
-
-    def __init__(self, endpoint: str, delay_s: float) -> None:
-        self._target = ("127.0.0.1", int(endpoint.rpartition(":")[2]))
-        self._delay_s = delay_s
-        self._server = socket.create_server(("127.0.0.1", 0))
-        self.endpoint = f"tcp/127.0.0.1:{self._server.getsockname()[1]}"
-        Thread(target=self._accept, daemon=True).start()
-
-    def _accept(self) -> None:
-        with suppress(OSError):
-            while True:
-                near, _ = self._server.accept()
-                far = socket.create_connection(self._target)
-                for ends in ((near, far), (far, near)):
-                    Thread(target=self._carry, args=ends, daemon=True).start()
-
-    def _carry(self, source: socket.socket, sink: socket.socket) -> None:
-        pending: Queue[tuple[float, bytes]] = Queue()
-
-        def deliver() -> None:
-            with suppress(OSError):
-                while True:
-                    at, data = pending.get()
-                    time.sleep(max(0.0, at - time.monotonic()))
-                    sink.sendall(data)
-
-        Thread(target=deliver, daemon=True).start()
-        with suppress(OSError):
-            while data := source.recv(65536):
-                pending.put((time.monotonic() + self._delay_s, data))
-
-
-ROUND_TRIPS_S = (0.4, 1.0, 2.0)
-
-
-def test_processes_join_and_get_answers_over_long_round_trips(router: Router) -> None:
-    """They join at the same time, to save time."""
-    with join(router) as recorder, ThreadPoolExecutor() as pool:
-        recorder.answer("convoy/@clock/run", lambda payload: payload + b"!")
-        recorder.announce("recorder", "R", "print")
-
-        def joins(round_trip_s: float) -> tuple[bytes, set[str]]:
-            cable = SlowCable(router.endpoints[0], round_trip_s / 2.0)
-            answers: list[bytes] = []
-            with open_bus(ZenohOptions(connect=(cable.endpoint,), connect_timeout_s=10.0)) as bus:
-                members = {member.name for member in bus.members()}
-                bus.request("convoy/@clock/run", answers.append, 5.0, b"now")
-                assert until(lambda: bool(answers))
-            return answers[0], members
-
-        assert list(pool.map(joins, ROUND_TRIPS_S)) == 3 * [(b"now!", {"R"})]
-
-
 def test_a_client_waits_for_its_router() -> None:
     endpoint = free_endpoint()
     code = (
@@ -227,24 +149,8 @@ def test_wrong_options(options: ZenohOptions, word: str) -> None:
     assert_one_clear_line(caught.value)
 
 
-@pytest.mark.parametrize("text", ["{mode:", "{mode: 'driver'}", "{colour: 'red'}", "\x00\x01"])
-def test_a_wrong_file(tmp_path: Path, text: str) -> None:
-    file = tmp_path / "zenoh.json5"
-    file.write_text(text)
-    with pytest.raises(BusError, match=re.escape(str(file))) as caught:
-        open_bus(ZenohOptions(config=file))
-    assert_one_clear_line(caught.value)
-
-
 def setting(options: ZenohOptions, name: str) -> object:
     return json.loads(configuration(options, DEFAULTS).get_json(name))
-
-
-def test_members_of_other_networks_are_not_found() -> None:
-    assert setting(ZenohOptions(), "mode") == "client"
-    assert setting(ZenohOptions(), "scouting/multicast/enabled") is False
-    assert setting(ZenohOptions(mode="peer"), "scouting/multicast/enabled") is False
-    assert setting(ZenohOptions(), "transport/shared_memory/enabled") is False
 
 
 def test_the_file_goes_over_defaults_flags_over_the_file_settings_over_all(tmp_path: Path) -> None:
@@ -263,10 +169,6 @@ def test_the_file_goes_over_defaults_flags_over_the_file_settings_over_all(tmp_p
     assert setting(by_flags, "connect/endpoints") == ["tcp/a:1"]
     by_settings = ZenohOptions(connect=("tcp/a:1",), cfg=('connect/endpoints:["tcp/b:2"]',))
     assert setting(by_settings, "connect/endpoints") == ["tcp/b:2"]
-
-
-def test_pauses_of_five_seconds_disconnect_nobody() -> None:
-    assert setting(ZenohOptions(), "transport/link/tx/lease") == 10_000
 
 
 def test_runs_of_two_names_are_isolated(router: Router) -> None:
@@ -288,17 +190,6 @@ def test_runs_of_two_names_are_isolated(router: Router) -> None:
         assert until(lambda: ("one/convoy/v1/gps", b"1") in on_the_wire)
         assert received == [("convoy/v1/gps", b"1")]
         assert of_other == []
-
-
-def test_publications_of_a_named_run_arrive_before_closing(router: Router) -> None:
-    received = ReceivedMessages()
-    with join(router, "one") as receiver:
-        receiver.subscribe("convoy/**", received)
-        with join(router, "one") as sender:
-            for k in range(2000):
-                sender.publish("convoy/a/truth", b"%200d" % k)
-        assert until(lambda: len(received) == 2000)
-        assert [int(data) for _, data in received] == list(range(2000))
 
 
 def test_a_message_has_its_encoding_and_priority(router: Router) -> None:
@@ -357,22 +248,6 @@ def test_a_failing_handler_does_not_end_its_subscription(
     assert "handler at fault" in caplog.text
 
 
-def test_a_closed_bus_refuses_to_publish(router: Router) -> None:
-    bus = join(router)
-    bus.publish("convoy/a/log", b"x")
-    bus.close()
-    with pytest.raises(BusError, match="convoy/a/log"):
-        bus.publish("convoy/a/log", b"x")
-
-
-def test_an_exception_ends_the_process(router: Router) -> None:
-    lines = ("bus.subscribe('convoy/**', print)", "raise RuntimeError('on the way')")
-    with process(router, *lines) as child:
-        assert child.wait(5.0) == 1
-        assert child.stderr is not None
-        assert "on the way" in child.stderr.read()
-
-
 @pytest.mark.parametrize(
     ("how", "seconds"), [(signal.SIGKILL, 1.0), (signal.SIGSTOP, 15.0)], ids=["killed", "frozen"]
 )
@@ -387,35 +262,6 @@ def test_a_suspended_vehicle_is_reported(
         os.kill(child.pid, how)
         assert until(lambda: not alive["lead"], seconds)
         assert watcher.connected()
-
-
-def test_a_router_frozen_for_four_seconds_loses_nothing_and_nobody() -> None:
-    endpoint = free_endpoint()
-    code = (
-        "import sys, time; from transport.bus.zenoh_bus import *;"
-        "router = open_router((sys.argv[1],)); time.sleep(60)"
-    )
-    received, gone = ReceivedMessages(), list[str]()
-    options = ZenohOptions(connect=(endpoint,))
-    with subprocess.Popen([sys.executable, "-c", code, endpoint]) as router:
-        try:
-            with open_bus(options) as vehicle, open_bus(options) as recorder:
-                recorder.watch(lambda member, alive: None if alive else gone.append(member.name))
-                recorder.subscribe("convoy/**", received)
-                vehicle.announce("vehicle", "v1", "print")
-                connect(vehicle, received)
-                router.send_signal(signal.SIGSTOP)
-                for number in range(80):
-                    vehicle.publish("convoy/v1/gps", b"%d" % number)
-                    time.sleep(0.05)
-                router.send_signal(signal.SIGCONT)
-                last = ("convoy/v1/gps", b"79")
-                assert until(lambda: last in received)
-                assert [d for k, d in received if k == last[0]] == [b"%d" % n for n in range(80)]
-                assert gone == []
-        finally:
-            router.send_signal(signal.SIGCONT)
-            router.kill()
 
 
 def test_loss_of_the_router_is_no_failure_of_members() -> None:
@@ -446,68 +292,3 @@ def test_loss_of_the_router_is_no_failure_of_members() -> None:
             connect(vehicle, received)
             vehicle.publish("convoy/lead/log", b"again")
             assert until(lambda: ("convoy/lead/log", b"again") in received)
-
-
-def test_two_peers_need_no_router() -> None:
-    endpoint, received = free_endpoint(), ReceivedMessages()
-    with (
-        open_bus(ZenohOptions(mode="peer", listen=(endpoint,))) as first,
-        open_bus(ZenohOptions(mode="peer", connect=(endpoint,))) as other,
-    ):
-        first.subscribe("convoy/*/log", received)
-        connect(other, received)
-        other.publish("convoy/a/log", b"direct")
-        assert until(lambda: received == [("convoy/a/log", b"direct")])
-
-
-def test_each_session_has_its_own_name(router: Router) -> None:
-    with join(router) as first, join(router) as other:
-        assert len({first.zid, other.zid, router.zid}) == 3
-
-
-def test_a_router_joins_another_one(router: Router) -> None:
-    with open_router(("tcp/127.0.0.1:0",), connect=router.endpoints) as second:
-        received: list[bytes] = []
-        with join(router) as first, join(second) as other:
-            other.subscribe("convoy/**", lambda _, data: received.append(data))
-            deadline = time.monotonic() + 20.0
-            while not received and time.monotonic() < deadline:
-                first.publish("convoy/v1/gps", b"pose")
-                time.sleep(0.05)
-        assert received
-
-
-@pytest.mark.parametrize(
-    ("requested", "threads"), [("", {"app"}), ("(rx: (worker_threads: 2))", {"app", "rx", "tx"})]
-)
-def test_a_session_has_one_thread_for_its_tasks_by_default(
-    router: Router, monkeypatch: pytest.MonkeyPatch, requested: str, threads: set[str]
-) -> None:
-    monkeypatch.delenv("ZENOH_RUNTIME", raising=False)
-    if requested:
-        monkeypatch.setenv("ZENOH_RUNTIME", requested)
-    with process(router, "bus.publish('convoy/a/log', b'x')", "time.sleep(60)") as child:
-
-        def tasks() -> set[str]:
-            names = [path.read_text() for path in Path(f"/proc/{child.pid}/task").glob("*/comm")]
-            return {name.split("-")[0] for name in names} & {"app", "rx", "tx"}
-
-        assert until(lambda: tasks() == threads), tasks()
-
-
-@pytest.mark.parametrize("filter_", ["info", "trace", "", "=[["])
-def test_a_log_filter_of_the_environment_stops_no_session(filter_: str) -> None:
-    code = (
-        "from transport.bus.zenoh_bus import ZenohOptions, open_bus, open_router\n"
-        "with open_router(('tcp/127.0.0.1:0',)) as router:\n"
-        "    with open_bus(ZenohOptions(connect=router.endpoints)) as bus:\n"
-        "        bus.publish('convoy/a/log', b'')\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env={**os.environ, "RUST_LOG": filter_},
-        capture_output=True,
-        check=False,
-        timeout=30,
-    )
-    assert done.returncode == 0, done.stderr[-500:]
