@@ -5,15 +5,12 @@ from dataclasses import replace
 
 import pytest
 
-from scenarios.definition.channel.presets import presets
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import drills, library
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.channel.link_summary import LinkSummary, request_deviations
-from scenarios.results.channel.link_tally import LinkTally
+from scenarios.results.channel.link_summary import LinkSummary
 from scenarios.results.metrics import Metrics
-from scenarios.results.summarise import late_lines, transport_lines
 from scenarios.runs.observer import listeners_by_kind
 from scenarios.runs.virtual.drive import ObservedSink
 from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
@@ -113,11 +110,6 @@ def test_loss_is_the_share_of_sent_messages() -> None:
     assert row.burst_messages_max == 57
 
 
-def test_a_run_without_trouble_has_lost_nothing() -> None:
-    for row in accounts_of(MadeRun()).values():
-        assert (row.delivered, row.not_arrived, row.loss_ratio) == (POSES, {}, 0.0)
-
-
 def test_the_vehicle_that_was_cut_off_is_named() -> None:
     made = MadeRun()
     made.cut_off("v2", 60, 120)
@@ -134,14 +126,6 @@ def test_a_router_that_was_away_cut_everybody_off() -> None:
         made.cut_off(name, 60, 120)
     for row in accounts_of(made).values():
         assert row.not_arrived == {"router_away": 60}
-
-
-def test_poses_that_reach_the_recorder_late_show_a_router_that_was_away() -> None:
-    made = MadeRun()
-    made.lost = {(a, b, k) for a, b in LINKS for k in range(60, 100)}
-    made.transit = {(name, k): at(7.0) - at(k / 20) for name in NAMES for k in range(60, 110)}
-    for row in accounts_of(made).values():
-        assert row.not_arrived == {"router_away": 40}
 
 
 def test_messages_before_the_first_received_one_are_due_to_a_late_start() -> None:
@@ -173,31 +157,6 @@ def test_verdicts_missing_at_the_end_are_known_by_the_final_counters() -> None:
     made.unrecorded_verdicts = {("v1", "v2", k) for k in range(170, POSES)}
     row = accounts_of(made)["v1", "v2"]
     assert (row.unrecorded, row.in_flight, row.not_arrived) == (30, 0, {})
-
-
-def test_losses_next_to_missing_verdicts_stay_losses() -> None:
-    made = MadeRun()
-    made.unrecorded_verdicts = {("v1", "v2", k) for k in range(40, 45)}
-    made.lost = {("v1", "v2", k) for k in range(45, 55)}
-    row = accounts_of(made)["v1", "v2"]
-    assert (row.unrecorded, row.not_arrived) == (5, {"unknown": 10})
-
-
-def test_messages_due_after_the_end_are_in_flight() -> None:
-    slow = [
-        (when, replace(one, visible_at_ns=one.sent_at_ns + 400 * MS))
-        if isinstance(one, LinkVerdict)
-        else (when, one)
-        for when, one in MadeRun().recorded()
-        if not (isinstance(one, LinkVerdict) and one.pose_seq >= POSES - 8)
-    ]
-    metrics = metrics_of(
-        (when, replace(one, received=0)) if isinstance(one, Health) else (when, one)
-        for when, one in slow
-    )
-    for row in metrics.link_summaries(SECONDS * SECOND):
-        assert (row.in_flight, row.not_arrived) == (8, {})
-        assert_balanced(row)
 
 
 def with_last_look(made: MadeRun, waiting: str, delay: int) -> Iterator[Recorded]:
@@ -255,33 +214,6 @@ def test_a_vehicle_that_was_cut_off_for_good_is_named() -> None:
     assert any("v2 cut off" in line for line in lines)
 
 
-def test_a_vehicle_whose_records_lag_at_the_end_was_cut_off() -> None:
-    """Its last poses arrive 2.5 s late, and nothing that it recorded after 7 s."""
-    made = MadeRun()
-    made.transit = {("v2", k): 2500 * MS for k in range(40, POSES)}
-    made.decided["v2"] = range(50 * 7)
-    made.lost = {("v1", "v2", k) for k in range(140, POSES)}
-    recorded = [
-        (when, one)
-        for when, one in made.recorded()
-        if when <= at(SECONDS) and not (isinstance(one, Health) and one.vehicle == "v2")
-    ]
-    metrics = metrics_of([*recorded, (at(7.0), health("v2", seconds=7.0))])
-    rows = {(row.sender, row.receiver): row for row in metrics.link_summaries(SECONDS * SECOND)}
-    assert set(rows["v1", "v2"].not_arrived) == {"cut_off"}
-    assert rows["v1", "v2"].not_arrived["cut_off"] + rows["v1", "v2"].in_flight == 60
-
-
-def test_a_vehicle_of_which_nothing_was_recorded_was_cut_off() -> None:
-    made = MadeRun()
-    made.cut_off("v2", 0, POSES)
-    metrics = metrics_of((when, one) for when, one in made.recorded() if one.vehicle != "v2")
-    rows = {(row.sender, row.receiver): row for row in metrics.link_summaries(SECONDS * SECOND)}
-    for link in (("v1", "v2"), ("v2", "v3")):
-        assert rows[link].not_arrived == {"cut_off": POSES}
-    assert any("v2 cut off" in line for line in metrics.channel_warnings(SECONDS * SECOND))
-
-
 def test_a_vehicle_whose_poses_came_very_late_is_named() -> None:
     made = MadeRun()
     made.transit = {("v2", k): 1500 * MS for k in range(40, 60)}
@@ -310,32 +242,6 @@ def test_the_delay_of_the_real_transport_and_the_share_above_the_floor_are_figur
     assert slow.transport_ms_mean == pytest.approx((566 + 3) / 2)
     assert (slow.transport_ms_max, slow.transport_above_floor_ratio) == (566.0, 0.5)
     assert (quick.transport_ms_p95, quick.transport_above_floor_ratio) == (3.0, 0.0)
-
-
-def test_a_slow_network_is_not_blamed_on_the_machine() -> None:
-    made = MadeRun()
-    made.transit = {("v1", k): 566 * MS for k in range(POSES)}
-    metrics = metrics_of(made.recorded())
-    links, vehicles = metrics.link_summaries(), metrics.vehicle_summaries()
-    (line,) = transport_lines(links, vehicles)
-    assert line.startswith("the network was slow: 100 % of the poses of v1")
-    assert list(late_lines(vehicles)) == []
-    late = [replace(row, late_ticks=row.ticks) for row in vehicles]
-    assert list(transport_lines(links, late)) == []
-    (busy,) = late_lines(late)
-    assert "the machine is too slow" in busy
-    (mixed,) = late_lines([replace(row, late_ticks_by_network=row.ticks) for row in late])
-    assert "machine" not in mixed
-    assert "blocked by the network" in mixed
-
-
-def test_late_messages_do_not_hide_a_mean_delay_that_deviates() -> None:
-    tally = LinkTally()
-    for seq in range(200):
-        tally.add(verdict("v1", "v2", seq, received_after_ms=566.0))
-    (line,) = request_deviations(("v1", "v2"), LinkTable(), tally)
-    assert "566.000 ms" in line
-    assert "200 of 200 were late" in line
 
 
 # ---- Virtual runs
@@ -405,11 +311,6 @@ def test_the_account_of_shipped_scenarios_balances(name: str) -> None:
     except ScenarioError:  # its limits are about later instants
         scenario = load_scenario(name)
     assert_all_arrive(scenario)
-
-
-@pytest.mark.parametrize("preset", presets())
-def test_the_account_of_presets_balances(preset: str) -> None:
-    assert_all_arrive(load_scenario("lane_change", ["duration_s=5", f'links.preset="{preset}"']))
 
 
 def test_the_account_balances_with_software_that_does_not_run() -> None:

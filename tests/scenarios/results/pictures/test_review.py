@@ -3,18 +3,16 @@ from dataclasses import dataclass
 from math import hypot, isnan
 from pathlib import Path
 from statistics import fmean
-from typing import Any, get_args
+from typing import Any
 
 import pytest
 from mcap.reader import make_reader
-from rerun.chunk import RrdReader
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.events.bodies import BodySize
-from scenarios.results.events.encounters import EventKind
 from scenarios.results.metrics import Metrics
 from scenarios.results.pictures.review import Excerpt, review
-from scenarios.results.pictures.run_drawing import open_drawing, widest_spacing
+from scenarios.results.pictures.run_drawing import open_drawing
 from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.stop import Stop
@@ -22,11 +20,9 @@ from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.transport import drive
 from tests.made.transport.recording import Table, columns
 from transport.convoy_pb2 import Deviation
-from transport.log.errors import LogError
 from transport.log.writer import LogWriter
 from transport.picture.blueprint import EVENTS
 from transport.picture.option import parse_rerun_option
-from transport.picture.viewer_process import ViewerError
 from vehicles.messages import Message
 
 SCENARIO = """
@@ -89,14 +85,6 @@ def test_a_reviewed_log_is_drawn_as_the_run_was(tmp_path: Path) -> None:
     assert len(again["/world/cars/v3"]["run_time"]) == 50
 
 
-def test_the_picture_has_the_title_of_the_run(tmp_path: Path) -> None:
-    """So that runs with different settings can be distinguished in the viewer."""
-    requested = scenario_from_text(SCENARIO, overrides=["convoy.gap_m=3"], seed=7)
-    write_log(tmp_path / "run.mcap", attached=requested.text.encode())
-    reported = str(reviewed(tmp_path / "run.mcap")["/__properties"])
-    assert f"circle ({requested.fingerprint}), seed 7, α 0.5, loss 0 %, convoy.gap_m=3" in reported
-
-
 @pytest.mark.parametrize("attached", [None, b'name = "written by a later version"\nx = 1\n'])
 def test_without_a_scenario_only_the_road_is_missing(
     tmp_path: Path, attached: bytes | None
@@ -110,20 +98,6 @@ def test_without_a_scenario_only_the_road_is_missing(
     assert {entity: rows for entity, rows in whole.items() if entity not in road} == rest
     assert len(warnings) == (attached is not None)
     assert all("the road is left out" in line for line in warnings)
-
-
-def test_runs_of_one_scenario_and_seed_are_two_recordings(tmp_path: Path) -> None:
-    """A viewer merges recordings of one identifier."""
-    recordings = []
-    for folder in ("first", "second"):
-        log = tmp_path / folder / "run.mcap"
-        log.parent.mkdir()
-        write_log(log, attached=scenario().text.encode())
-        reviewed(log)
-        (store,) = RrdReader(str(log.with_suffix(".rrd"))).recordings()
-        assert folder in store.recording_id
-        recordings.append(store.recording_id)
-    assert recordings[0] != recordings[1]
 
 
 def values(table: Table, quantity: str, vehicle: str) -> list[float]:
@@ -231,14 +205,6 @@ def test_true_values_in_the_log_are_those_drawn(drawn: Drawn) -> None:
             assert len(known) > 0.8 * min(len(at) / 5, len(results))
 
 
-def test_loss_shares_drawn_add_up_to_the_table_s(drawn: Drawn) -> None:
-    """The table has the mean of all messages, the picture that of each half second."""
-    for table in drawn.tables:
-        for link in drawn.summary.links:
-            shares = values(table, "loss", f"{link.sender}_to_{link.receiver}")
-            assert min(shares) <= 100.0 * link.loss_ratio <= max(shares) or link.judged < 30
-
-
 def place_of(table: Table, vehicle: str, at: int) -> tuple[float, float]:
     """Where a vehicle is drawn next to an instant (ns)."""
     car = table[f"/world/cars/{vehicle}"]
@@ -259,10 +225,6 @@ def test_an_event_is_marked_where_it_happened(drawn: Drawn) -> None:
                 east, north = (fmean(place[axis] for place in places) for axis in (0, 1))
                 marked = marks["Points2D:positions"][number][0]
                 assert hypot(marked[0] - east, marked[1] - north) < 1.0
-
-
-def test_events_of_every_kind_are_there_to_be_marked() -> None:
-    assert set(EVENTS) == set(get_args(EventKind))
 
 
 def test_cars_are_drawn_as_large_as_they_collide(drawn: Drawn) -> None:
@@ -299,22 +261,6 @@ def test_served_pictures_wait_until_they_are_stopped(tmp_path: Path) -> None:
     assert requested[0].startswith("http://127.0.0.1:")
 
 
-def test_a_log_without_vehicles_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    with LogWriter(path) as log:
-        start = next(message for _, message in recorded())
-        log.write(0, start)
-    with pytest.raises(LogError, match="no vehicle's messages"):
-        review(path, parse_rerun_option("off"), wait=lambda _: None)
-
-
-def test_the_view_leaves_room_for_the_widest_gap() -> None:
-    assert widest_spacing(scenario()) == pytest.approx(7.0 + 4.93)
-    keeping = 'followers = "gap"\ngap = { standstill_m = 3.0, headway_s = 0.5 }\n'
-    assert widest_spacing(scenario(keeping)) == pytest.approx(3.0 + 4.93 + 0.5 * 10.0, abs=0.2)
-    assert widest_spacing(scenario_from_text(SCENARIO.replace("vehicles = 3", "vehicles = 1"))) > 0
-
-
 def test_a_part_has_the_rows_of_the_whole_run(drawn: Drawn, tmp_path: Path) -> None:
     option = parse_rerun_option(f"save={tmp_path / 'part.rrd'}")
     review(drawn.folder / "run.mcap", option, wait=lambda _: None, excerpt=Excerpt(0.6, 1.4))
@@ -330,11 +276,3 @@ def curve_of(table: Table, entity: str) -> list[tuple[int, Any]]:
     rows = table[entity]
     curve = zip(rows["run_time"], rows["Scalars:scalars"], strict=True)
     return [(at, value) for at, value in curve if value]
-
-
-def test_an_instant_needs_a_viewer(tmp_path: Path) -> None:
-    write_log(tmp_path / "run.mcap", attached=None)
-    option = parse_rerun_option(f"save={tmp_path / 'run.rrd'}")
-    with pytest.raises(ViewerError, match="use --spawn or --connect URL"):
-        review(tmp_path / "run.mcap", option, wait=lambda _: None, at_s=1.0)
-    assert not (tmp_path / "run.rrd").exists()
