@@ -14,7 +14,6 @@ from scenarios.results.channel.account import FATE_WORDS, Fate, MissingVerdict
 from scenarios.results.log_summary import scenario_in
 from scenarios.results.recorded.link_outcomes import (
     ACCOUNTED,
-    ACCOUNTED_FIELDS,
     missing_verdicts,
 )
 from scenarios.results.vehicles.reaction import NOT_RELIED_ON
@@ -307,7 +306,7 @@ class RecordedKnowledge:
     def _without(self) -> Mapping[str, Mapping[int, MissingVerdict]]:
         """Messages without a verdict by sender and number, by the accounts of the links."""
         topics = [TOPIC_OF[kind].name for kind in ACCOUNTED]
-        columns = self._reader.columns(topics, fields=ACCOUNTED_FIELDS)
+        columns = self._reader.columns(topics)
         by_topic: dict[str, dict[str, Columns]] = {}
         for (name, topic), rows in columns.items():
             by_topic.setdefault(topic, {})[name] = rows

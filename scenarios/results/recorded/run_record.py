@@ -32,9 +32,6 @@ from transport.topics import RUN_SENDER, TOPICS
 from vehicles.schedule import SECOND
 
 ORIGIN_SCHEMA = "convoy.export/1"
-ALONE = {"start", "truth", "trajectory"}
-"""Topics that are read alone: short, usual or large ones. The others are read together, since each
-reading costs time."""
 Key = TypeVar("Key")
 Entry = TypeVar("Entry")
 
@@ -190,10 +187,8 @@ class RunRecord:
     def columns_of(self, topic: str) -> Mapping[str, Columns]:
         """Messages of a topic by vehicle."""
         if topic not in self._columns:
-            together = [topic] if topic in ALONE else [name for name in TOPICS if name not in ALONE]
-            self._columns |= {name: {} for name in together}
-            for (vehicle, name), columns in self._reader.columns(together).items():
-                self._columns[name][vehicle] = columns
+            read = self._reader.columns([topic])
+            self._columns[topic] = {vehicle: columns for (vehicle, _), columns in read.items()}
         return self._columns[topic]
 
     def seconds(self, at_ns: NDArray[np.int64]) -> NDArray[np.float64]:

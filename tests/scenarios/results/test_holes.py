@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.holes import (
-    EdgeInstants,
+    RecordedSeries,
     RecordHole,
     expected_poses,
     hole_lines,
@@ -17,7 +17,6 @@ from scenarios.results.holes import (
 from scenarios.results.metrics import Metrics
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from tests.made.scenarios.messages import START, gps, health, start, truth
-from transport.message_numbers import MessageNumbers
 from vehicles.messages import GpsPose, Message
 from vehicles.schedule import SECOND, instants, nanoseconds
 
@@ -100,10 +99,9 @@ def test_without_a_schedule_a_hole_lies_between_the_poses_beside_it(
 ) -> None:
     """In whatever order they came; what was sent last may be missing without a trace."""
     sent_at = [START + sum(gaps[: k + 1]) * SECOND // 1000 for k in range(25)]
-    numbers, edges = MessageNumbers(), EdgeInstants()
+    series = RecordedSeries()
     for number in order[:kept]:
-        numbers.add(number)
-        edges.add(number, sent_at[number])
+        series.add(number, sent_at[number])
     known = sorted(order[:kept])
     expected = [
         RecordHole(
@@ -115,4 +113,4 @@ def test_without_a_schedule_a_hole_lies_between_the_poses_beside_it(
         for one, other in zip([-1, *known], known, strict=False)
         if other - one > 1
     ]
-    assert list(edges.holes("v1", numbers, START)) == expected
+    assert list(series.unscheduled_holes("v1", START)) == expected
