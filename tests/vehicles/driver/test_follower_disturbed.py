@@ -2,7 +2,6 @@ import math
 from collections.abc import Container, Sequence
 from dataclasses import replace
 from functools import cache
-from random import Random
 
 import pytest
 from hypothesis import given
@@ -23,12 +22,10 @@ from tests.made.vehicles.exact_drives import (
 )
 from tests.made.vehicles.followers import (
     BEND,
-    STRAIGHT,
     admitted,
     follower,
     lateral,
     lead_of,
-    modes,
     predecessor_of,
 )
 from tests.made.vehicles.fusions import FUSIONS
@@ -39,8 +36,8 @@ from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
 from vehicles.driver.speed import GapKeeping
 from vehicles.geometry.geodesy import heading_from_yaw
 from vehicles.messages import GpsPose
-from vehicles.received_pose import ReceivedPose, receive
-from vehicles.schedule import SECOND, instant
+from vehicles.received_pose import ReceivedPose
+from vehicles.schedule import instant
 
 
 @cache
@@ -82,19 +79,6 @@ def test_a_received_jump_hardly_moves_the_car(far: float, sender: str) -> None:
     assert max(abs(step.decision.actuation.steering) for step in steps) < 0.1
 
 
-def test_sources_with_poor_receivers_are_followed_within_their_noise() -> None:
-    random, usually = Random(1), received_from(lead_of(STRAIGHT), predecessor_of(STRAIGHT))
-    steps = drive(
-        follower(),
-        on(STRAIGHT, 0.0, 10.0),
-        9.0,
-        lambda now: [
-            displaced(pose, random.gauss(0.0, 0.3), random.gauss(0.0, 0.3)) for pose in usually(now)
-        ],
-    )
-    assert max(map(abs, lateral(STRAIGHT, steps))) < 0.5
-
-
 def displaced(pose: ReceivedPose, to_east: float, to_north: float) -> ReceivedPose:
     return replace(pose, east=pose.east + to_east, north=pose.north + to_north)
 
@@ -114,24 +98,6 @@ def test_a_jump_of_the_own_fix_hardly_moves_the_car() -> None:
     steps = drive(follower(), on(BEND, 0.0, 10.0), 7.0, sources, fix=jumping)
     for step, undisturbed in zip(steps, usual(), strict=True):
         assert apart(step.body, undisturbed.body) < 0.03
-
-
-def test_messages_out_of_order_hardly_move_the_car() -> None:
-    """Pairs arrive swapped, up to 100 ms late, which has no effect 15 m ahead."""
-    sources = [lead_of(BEND), predecessor_of(BEND)]
-
-    def receive_at(now: int) -> list[ReceivedPose]:
-        if (now - START) % (SECOND // 10):
-            return []
-        return [
-            receive(message, PLANE, now)
-            for source in sources
-            for message in reversed(list(source.messages_by(now)))
-        ]
-
-    steps = drive(follower(), on(BEND, 0.0, 10.0), 7.0, receive_at)
-    assert max(map(abs, lateral(BEND, steps))) < 0.05
-    assert modes(steps)[-1][0] == "composite"
 
 
 @pytest.mark.parametrize(

@@ -11,12 +11,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from scenarios.results.events.bodies import (
-    ROUNDING_M,
     BodySize,
     CarBody,
     body_of,
-    certainly_apart,
-    certainly_within,
     corners,
     overlap,
     separation,
@@ -123,30 +120,3 @@ def test_a_body_moves_as_its_centre_does() -> None:
     now, then = body_of(pose, size), body_of(moved, size)
     assert (then.east - now.east) / span == pytest.approx(now.speed_east, abs=1e-4)
     assert (then.north - now.north) / span == pytest.approx(now.speed_north, abs=1e-4)
-
-
-@given(one=bodies, other=bodies)
-@examples(44, 400)
-def test_bodies_are_never_nearer_than_their_shadows(one: CarBody, other: CarBody) -> None:
-    assert not certainly_apart(one, other, separation(one, other).distance)
-
-
-@given(ahead=bodies, behind=bodies)
-@examples(44, 400)
-def test_bodies_are_never_further_apart_than_rear_and_front(
-    ahead: CarBody, behind: CarBody
-) -> None:
-    assert not certainly_within(ahead, behind, separation(ahead, behind).distance)
-
-
-@given(yaw=st.floats(-math.pi, math.pi), gap=st.floats(0.0, 50.0), aside=st.floats(-1.8, 1.8))
-def test_the_shadows_of_one_behind_the_other_are_as_far_apart_as_they(
-    yaw: float, gap: float, aside: float
-) -> None:
-    distance = gap + 4.93
-    east = distance * math.cos(yaw) - aside * math.sin(yaw)
-    north = distance * math.sin(yaw) + aside * math.cos(yaw)
-    ahead, behind = placed(0.0, 0.0, yaw), placed(east, north, yaw)
-    assert certainly_apart(ahead, behind, gap - 2.0 * ROUNDING_M)
-    assert not certainly_apart(ahead, behind, gap)
-    assert certainly_within(behind, ahead, math.hypot(gap, aside) + 2.0 * ROUNDING_M)
