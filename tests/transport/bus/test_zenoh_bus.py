@@ -10,8 +10,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from queue import Queue
+from threading import Thread
 
 import pytest
 import zenoh
@@ -115,6 +118,81 @@ def test_no_router() -> None:
     assert 0.2 < time.monotonic() - began < 2.0
     assert_one_clear_line(caught.value)
     assert endpoint in str(caught.value)
+
+
+def test_wrong_credentials_are_not_a_missing_router(tmp_path: Path) -> None:
+    users = tmp_path / "users.txt"
+    users.write_text("v2:right\n")
+    known = f'transport/auth/usrpwd:{{user:"router",password:"x",dictionary_file:"{users}"}}'
+    endpoint = free_endpoint()
+    with open_router((endpoint,), cfg=(known,)):
+        for password, word in (("right", ""), ("wrong", "password of user .*v2"), ("", "password")):
+            own = (
+                (f'transport/auth/usrpwd:{{user:"v2",password:"{password}"}}',) if password else ()
+            )
+            options = ZenohOptions(connect=(endpoint,), connect_timeout_s=0.5, cfg=own)
+            if not word:
+                open_bus(options).close()
+                continue
+            with pytest.raises(BusError, match=word) as caught:
+                open_bus(options)
+            assert "is a router there" not in str(caught.value)
+            assert_one_clear_line(caught.value)
+
+
+class SlowCable:
+    """A TCP connection to `endpoint` that delays each direction by `delay_s`."""
+
+    def __init__(self, endpoint: str, delay_s: float) -> None:
+        self._target = ("127.0.0.1", int(endpoint.rpartition(":")[2]))
+        self._delay_s = delay_s
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.endpoint = f"tcp/127.0.0.1:{self._server.getsockname()[1]}"
+        Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self) -> None:
+        with suppress(OSError):
+            while True:
+                near, _ = self._server.accept()
+                far = socket.create_connection(self._target)
+                for ends in ((near, far), (far, near)):
+                    Thread(target=self._carry, args=ends, daemon=True).start()
+
+    def _carry(self, source: socket.socket, sink: socket.socket) -> None:
+        pending: Queue[tuple[float, bytes]] = Queue()
+
+        def deliver() -> None:
+            with suppress(OSError):
+                while True:
+                    at, data = pending.get()
+                    time.sleep(max(0.0, at - time.monotonic()))
+                    sink.sendall(data)
+
+        Thread(target=deliver, daemon=True).start()
+        with suppress(OSError):
+            while data := source.recv(65536):
+                pending.put((time.monotonic() + self._delay_s, data))
+
+
+ROUND_TRIPS_S = (0.4, 1.0, 2.0)
+
+
+def test_processes_join_and_get_answers_over_long_round_trips(router: Router) -> None:
+    """They join at the same time, to save time."""
+    with join(router) as recorder, ThreadPoolExecutor() as pool:
+        recorder.answer("convoy/@clock/run", lambda payload: payload + b"!")
+        recorder.announce("recorder", "R", "print")
+
+        def joins(round_trip_s: float) -> tuple[bytes, set[str]]:
+            cable = SlowCable(router.endpoints[0], round_trip_s / 2.0)
+            answers: list[bytes] = []
+            with open_bus(ZenohOptions(connect=(cable.endpoint,), connect_timeout_s=10.0)) as bus:
+                members = {member.name for member in bus.members()}
+                bus.request("convoy/@clock/run", answers.append, 5.0, b"now")
+                assert until(lambda: bool(answers))
+            return answers[0], members
+
+        assert list(pool.map(joins, ROUND_TRIPS_S)) == 3 * [(b"now!", {"R"})]
 
 
 def test_a_client_waits_for_its_router() -> None:
@@ -262,6 +340,35 @@ def test_a_suspended_vehicle_is_reported(
         os.kill(child.pid, how)
         assert until(lambda: not alive["lead"], seconds)
         assert watcher.connected()
+
+
+def test_a_router_frozen_for_four_seconds_loses_nothing_and_nobody() -> None:
+    endpoint = free_endpoint()
+    code = (
+        "import sys, time; from transport.bus.zenoh_bus import *;"
+        "router = open_router((sys.argv[1],)); time.sleep(60)"
+    )
+    received, gone = ReceivedMessages(), list[str]()
+    options = ZenohOptions(connect=(endpoint,))
+    with subprocess.Popen([sys.executable, "-c", code, endpoint]) as router:
+        try:
+            with open_bus(options) as vehicle, open_bus(options) as recorder:
+                recorder.watch(lambda member, alive: None if alive else gone.append(member.name))
+                recorder.subscribe("convoy/**", received)
+                vehicle.announce("vehicle", "v1", "print")
+                connect(vehicle, received)
+                router.send_signal(signal.SIGSTOP)
+                for number in range(80):
+                    vehicle.publish("convoy/v1/gps", b"%d" % number)
+                    time.sleep(0.05)
+                router.send_signal(signal.SIGCONT)
+                last = ("convoy/v1/gps", b"79")
+                assert until(lambda: last in received)
+                assert [d for k, d in received if k == last[0]] == [b"%d" % n for n in range(80)]
+                assert gone == []
+        finally:
+            router.send_signal(signal.SIGCONT)
+            router.kill()
 
 
 def test_loss_of_the_router_is_no_failure_of_members() -> None:

@@ -168,6 +168,13 @@ def test_the_time_of_arrival_changes_nothing_while_it_is_in_time(random: Random,
     assert {v.outcome for v in at_once[1]} == {"delivered", "dropped"}
 
 
+@given(order=st.permutations(range(12)))
+def test_deliveries_do_not_depend_on_the_order_of_arrival(order: list[int]) -> None:
+    inbox = make_inbox({"lead": LinkTable(loss_ratio=0.3)})
+    send(inbox, *(pose(k) for k in order))
+    assert [p.seq for p in taken(inbox, START + SECOND)] == [1, 3, 4, 6, 7, 11]
+
+
 def test_a_repeated_message_is_received_once() -> None:
     inbox = make_inbox()
     send(inbox, pose(0), pose(0))

@@ -15,6 +15,7 @@ from transport.log.mcap_file import repair
 from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
 from transport.topics import TOPIC_OF, key, valid_at
+from vehicles.schedule import SECOND
 
 
 def test_own_bytes_stand_untouched_under_the_key(tmp_path: Path) -> None:
@@ -87,6 +88,59 @@ def test_a_log_that_is_there_already_is_not_overwritten(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="exists"):
         LogWriter(path)
     assert path.read_bytes() == b"precious"
+
+
+@pytest.mark.parametrize("put_another", [False, True])
+def test_a_log_that_was_removed_is_missed_at_the_next_flush(
+    tmp_path: Path, *, put_another: bool
+) -> None:
+    path = tmp_path / "run.mcap"
+    log = LogWriter(path)
+    put(log, drive.START, drive.truth("v1", 0))
+    path.unlink()
+    if put_another:
+        path.write_bytes(b"another")
+    with pytest.raises(LogError, match=f"{path}: cannot write the log: "):
+        log.flush()
+    put(log, drive.START, drive.truth("v1", 1))  # no effect
+    log.attach("x", "text/plain", b"")
+    log.close()
+
+
+def cut(path: Path, size: int) -> None:
+    with path.open("r+b") as file:
+        file.truncate(size)
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.5, 0.99])
+@pytest.mark.parametrize("writes", [False, True])
+def test_a_log_that_is_truncated_while_it_is_written_is_an_error(
+    tmp_path: Path, kept: float, *, writes: bool
+) -> None:
+    path = tmp_path / "run.mcap"
+    log = LogWriter(path)
+    put_and_flush(log, 2 * TICKS)
+    log.flush()
+    put(log, drive.START + 50 * SECOND, drive.truth("v1", 0))
+    cut(path, round(kept * path.stat().st_size))
+    if writes:  # past the end: a hole of zeros
+        with path.open("ab") as file:
+            file.truncate(1_000_000)
+    with pytest.raises(LogError, match=f"{path}: cannot write the log: "):
+        log.close()
+    assert log.broken
+
+
+def test_a_message_that_is_not_in_the_completed_file_is_missed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = LogWriter(tmp_path / "run.mcap")
+    put_and_flush(log, TICKS)
+    with monkeypatch.context() as patch:
+        patch.setattr("mcap.writer.Writer.add_message", lambda *_: None)
+        put(log, drive.START + 99 * SECOND, drive.truth("v1", 0))
+    with pytest.raises(LogError, match=r"it holds \d+ of \d+ messages"):
+        log.close()
 
 
 def put_and_flush(log: LogWriter, ticks: int) -> None:

@@ -26,6 +26,7 @@ from tests.made.vehicles.followers import (
     follower,
     lateral,
     lead_of,
+    modes,
     predecessor_of,
 )
 from tests.made.vehicles.fusions import FUSIONS
@@ -36,8 +37,8 @@ from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
 from vehicles.driver.speed import GapKeeping
 from vehicles.geometry.geodesy import heading_from_yaw
 from vehicles.messages import GpsPose
-from vehicles.received_pose import ReceivedPose
-from vehicles.schedule import instant
+from vehicles.received_pose import ReceivedPose, receive
+from vehicles.schedule import SECOND, instant
 
 
 @cache
@@ -98,6 +99,24 @@ def test_a_jump_of_the_own_fix_hardly_moves_the_car() -> None:
     steps = drive(follower(), on(BEND, 0.0, 10.0), 7.0, sources, fix=jumping)
     for step, undisturbed in zip(steps, usual(), strict=True):
         assert apart(step.body, undisturbed.body) < 0.03
+
+
+def test_messages_out_of_order_hardly_move_the_car() -> None:
+    """Pairs arrive swapped, up to 100 ms late, which has no effect 15 m ahead."""
+    sources = [lead_of(BEND), predecessor_of(BEND)]
+
+    def receive_at(now: int) -> list[ReceivedPose]:
+        if (now - START) % (SECOND // 10):
+            return []
+        return [
+            receive(message, PLANE, now)
+            for source in sources
+            for message in reversed(list(source.messages_by(now)))
+        ]
+
+    steps = drive(follower(), on(BEND, 0.0, 10.0), 7.0, receive_at)
+    assert max(map(abs, lateral(BEND, steps))) < 0.05
+    assert modes(steps)[-1][0] == "composite"
 
 
 @pytest.mark.parametrize(

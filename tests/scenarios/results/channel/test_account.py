@@ -9,8 +9,10 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import drills, library
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.channel.link_summary import LinkSummary
+from scenarios.results.channel.link_summary import LinkSummary, request_deviations
+from scenarios.results.channel.link_tally import LinkTally
 from scenarios.results.metrics import Metrics
+from scenarios.results.summarise import late_lines, transport_lines
 from scenarios.runs.observer import listeners_by_kind
 from scenarios.runs.virtual.drive import ObservedSink
 from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
@@ -242,6 +244,32 @@ def test_the_delay_of_the_real_transport_and_the_share_above_the_floor_are_figur
     assert slow.transport_ms_mean == pytest.approx((566 + 3) / 2)
     assert (slow.transport_ms_max, slow.transport_above_floor_ratio) == (566.0, 0.5)
     assert (quick.transport_ms_p95, quick.transport_above_floor_ratio) == (3.0, 0.0)
+
+
+def test_a_slow_network_is_not_blamed_on_the_machine() -> None:
+    made = MadeRun()
+    made.transit = {("v1", k): 566 * MS for k in range(POSES)}
+    metrics = metrics_of(made.recorded())
+    links, vehicles = metrics.link_summaries(), metrics.vehicle_summaries()
+    (line,) = transport_lines(links, vehicles)
+    assert line.startswith("the network was slow: 100 % of the poses of v1")
+    assert list(late_lines(vehicles)) == []
+    late = [replace(row, late_ticks=row.ticks) for row in vehicles]
+    assert list(transport_lines(links, late)) == []
+    (busy,) = late_lines(late)
+    assert "the machine is too slow" in busy
+    (mixed,) = late_lines([replace(row, late_ticks_by_network=row.ticks) for row in late])
+    assert "machine" not in mixed
+    assert "blocked by the network" in mixed
+
+
+def test_late_messages_do_not_hide_a_mean_delay_that_deviates() -> None:
+    tally = LinkTally()
+    for seq in range(200):
+        tally.add(verdict("v1", "v2", seq, received_after_ms=566.0))
+    (line,) = request_deviations(("v1", "v2"), LinkTable(), tally)
+    assert "566.000 ms" in line
+    assert "200 of 200 were late" in line
 
 
 # ---- Virtual runs

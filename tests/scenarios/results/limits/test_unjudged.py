@@ -10,7 +10,7 @@ from scenarios.results.summarise import summarise
 from scenarios.results.summary import RunIdentity, RunSummary, from_json, to_json
 from scenarios.runs.limit_watch import LimitWatch
 from tests.made.scenarios.messages import STRAIGHT, gps, health, start, tracking, truth
-from vehicles.messages import Message, Tracking, TruePose
+from vehicles.messages import GpsPose, Message, Tracking, TruePose
 from vehicles.schedule import SECOND
 
 NAMES = ("v1", "v2", "v3", "v4")
@@ -120,6 +120,19 @@ def test_a_vehicle_that_is_silent_at_the_end_is_not_judged() -> None:
 
     summary = run_of(scenario_with("friction_ratio_max = 0.9"), until_6_s)
     assert [one.vehicle for one in summary.limits if not one.judged] == ["v3"]
+
+
+def test_the_last_second_is_a_hole_too() -> None:
+    """A router lost at 9.3 s: neither final counters nor the last poses are recorded."""
+
+    def until_9_3_s(one: Message) -> bool:
+        rate = 20 if isinstance(one, GpsPose) else 50
+        return getattr(one, "seq", 0) < 9.3 * rate and not _is_final(one)
+
+    summary = run_of(scenario_with(), until_9_3_s)
+    assert {(hole.vehicle, hole.poses) for hole in summary.holes} == {(name, 14) for name in NAMES}
+    limited = run_of(scenario_with("friction_ratio_max = 0.9"), until_9_3_s)
+    assert limited.outcome == "failed"
 
 
 def _is_final(one: Message) -> bool:
