@@ -13,9 +13,9 @@ from tests.made.transport.links import inbox as inbox_of
 from tests.made.transport.links import link as link_of
 from tests.made.transport.links import taken
 from transport.clock import ticks
-from transport.codec import RefusedMessageError, encode
+from transport.codec import encode
 from transport.links.gate import LONGEST_POSE_BYTES
-from transport.links.inbox import QUEUE, Inbox, IncomingLink
+from transport.links.inbox import QUEUE, Inbox
 from transport.links.laws.effect import (
     UNKNOWN_POSITION,
     TransmissionContext,
@@ -301,12 +301,3 @@ def test_messages_sent_while_not_receiving_are_discarded() -> None:
     assert [message.seq for message in box.verdicts()] == [0, 1, 2, 3]
     assert not box.rejected
     assert box.late == 0
-
-
-def verdict(link: IncomingLink, seq: int) -> str:
-    """Reason with which a number is refused, empty if it is accepted."""
-    try:
-        link.register(seq)
-    except RefusedMessageError as refusal:
-        return refusal.reason
-    return ""
