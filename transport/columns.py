@@ -34,10 +34,6 @@ class Lists(NamedTuple):
         offsets = np.concatenate(([0], np.cumsum(lengths)))
         return Lists(offsets, self.values[ranges(self.offsets[rows], lengths, 1)])
 
-    def nth(self, number: int) -> Array:
-        """Value at place `number` of each list; all lists must be long enough."""
-        return self.values[self.offsets[:-1] + number]
-
 
 @dataclass(frozen=True, slots=True)
 class Columns:

@@ -284,10 +284,3 @@ def panels_of(message: type[Message]) -> Iterator[Panel]:
         topic = TOPICS.get(panel.topic)
         if topic and topic.message is message:
             yield panel
-
-
-def drawn_fields(message: type[Message]) -> set[str]:
-    """Fields of messages of one type that panels show."""
-    series = [series for panel in panels_of(message) for series in panel.series]
-    fields = {name for one in series for name in (one.field, one.flag, one.deviation) if name}
-    return fields | {"other_sources"} if any(one.each_other for one in series) else fields

@@ -46,14 +46,13 @@ def review(
     from scenarios.cli.output import progress_of, wait_until_stopped
     from scenarios.results.log_summary import log_in
     from scenarios.results.pictures import review as reviewing
-    from scenarios.results.pictures.log_drawing import Excerpt
     from transport.picture.option import parse_rerun_option
 
     with clear_errors():
         option = parse_rerun_option(rerun)
         require("review", "viewer", "rerun")
         names = [name.strip() for name in vehicles.split(",") if name.strip()]
-        excerpt = Excerpt(from_s, to_s, names or None)
+        excerpt = reviewing.Excerpt(from_s, to_s, names or None)
         show = progress_of("% drawn")
         count = reviewing.review(
             log_in(log),
@@ -78,8 +77,8 @@ Examples:
     "--html",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="Write tables, pictures and definitions into one HTML file instead, for any browser. An"
-    " existing file is replaced.",
+    help="Write tables and pictures into one HTML file instead, for any browser. An existing"
+    " file is replaced.",
 )
 @json_option("Print the summary as JSON.")
 @tables_option("all")

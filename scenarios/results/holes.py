@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import ceil
 from typing import Literal
 
-from transport.message_numbers import MAX_RANGES, MessageNumbers
+from transport.message_numbers import MAX_RANGES
 from vehicles.schedule import SECOND, instant
 
 HoleKind = Literal["pose", "true pose"]
@@ -68,7 +68,7 @@ class RecordedSeries:
     """Messages of one kind of a vehicle: their last instant, and the holes between them."""
 
     def __init__(self) -> None:
-        self._next = 0
+        self._next = self.received = 0
         self.last_at: int | None = None
         self._holes: list[_NumberHole] = []
 
@@ -79,6 +79,7 @@ class RecordedSeries:
 
     def add(self, number: int, at: int) -> None:
         """Take the number of a message and its instant (ns)."""
+        self.received += 1
         if number == self._next:  # the usual case
             self._next += 1
             self.last_at = at
@@ -107,25 +108,45 @@ class RecordedSeries:
         if expected > self._next:
             yield self._next, expected - 1
 
+    def spans(self, expected: int, begin: int, end: int) -> Iterator[tuple[int, int, int]]:
+        """Yield the instants (ns) of the messages around each hole, and the number missing.
+
+        A hole at the begin or, up to `expected` numbers, at the end reaches to `begin` or `end`.
+        """
+        for hole in self._holes:
+            before = hole.from_at if hole.first else begin
+            yield before, hole.to_at, hole.last - hole.first + 1
+        if expected > self._next:
+            yield begin if self.last_at is None else self.last_at, end, expected - self._next
+
+    def unscheduled_holes(self, vehicle: str, start_at: int) -> Iterator[RecordHole]:
+        """Yield the holes of a vehicle without a schedule in a run from `start_at` (ns)."""
+        for before, after, count in self.spans(0, start_at, start_at):
+            yield RecordHole(
+                vehicle=vehicle,
+                from_s=(before - start_at) / SECOND,
+                to_s=(after - start_at) / SECOND,
+                poses=count,
+            )
+
     def seen_before(self, at: int, start_at: int) -> int | None:
         """Instant (ns) before the hole that ends at `at` or later, None if it lies in no hole."""
-        for hole in self._holes:
-            begin = hole.from_at if hole.first else start_at
-            if begin < at <= hole.to_at:
+        for begin, end, _ in self.spans(0, start_at, start_at):
+            if begin < at <= end:
                 return begin
         return None
 
     def unseen(self, vehicle: str, kind: RecordKind, start_at: int) -> Iterator[UnseenSpan]:
         """Yield the holes in a run from `start_at` (ns), without its end."""
-        for hole in self._holes:
-            begin = hole.from_at if hole.first else start_at
-            count = hole.last - hole.first + 1
-            span = (hole.to_at - begin) / SECOND
+        for hole, (begin, end, count) in zip(
+            self._holes, self.spans(0, start_at, start_at), strict=True
+        ):
+            span = (end - begin) / SECOND
             yield UnseenSpan(
                 vehicle=vehicle,
                 kind=kind,
                 from_s=(begin - start_at) / SECOND,
-                to_s=(hole.to_at - start_at) / SECOND,
+                to_s=(end - start_at) / SECOND,
                 missing_s=span * count / (count + 1) if hole.first else span,
             )
 
@@ -145,40 +166,6 @@ def hole_lines(holes: Sequence[RecordHole], most: int) -> Iterator[str]:
         yield f"not recorded: {len(alike) - most} more holes, see the summary"
 
 
-class EdgeInstants:
-    """Instants of messages next to a hole, for a vehicle without a schedule."""
-
-    def __init__(self) -> None:
-        self._newest: tuple[int, int] | None = None
-        self._at: dict[int, int] = {}
-
-    def add(self, number: int, at: int) -> None:
-        """Take the number of a message and its instant of sending (ns)."""
-        if self._newest is None:
-            self._at[number] = at
-        elif number != self._newest[0] + 1:
-            self._at[number] = at
-            self._at[self._newest[0]] = self._newest[1]
-        if self._newest is None or number > self._newest[0]:
-            self._newest = number, at
-
-    def instant(self, number: int, otherwise: int) -> int:
-        """Instant (ns) of a message next to a hole, or `otherwise`."""
-        if self._newest is not None and number == self._newest[0]:
-            return self._newest[1]
-        return self._at.get(number, otherwise)
-
-    def holes(self, vehicle: str, numbers: MessageNumbers, start_at: int) -> Iterator[RecordHole]:
-        """Yield the holes in `numbers` of a run from `start_at` (ns), none at its end."""
-        for first, last in numbers.missing(0):
-            yield RecordHole(
-                vehicle=vehicle,
-                from_s=(self._at.get(first - 1, start_at) - start_at) / SECOND,
-                to_s=(self._at.get(last + 1, start_at) - start_at) / SECOND,
-                poses=last - first + 1,
-            )
-
-
 def expected_poses(ran_ns: int, rate_hz: float) -> int:
     """Count the instants of a schedule of `rate_hz` in the first `ran_ns` (ns)."""
     count = max(ceil(ran_ns * rate_hz / SECOND), 0)
@@ -191,7 +178,7 @@ def expected_poses(ran_ns: int, rate_hz: float) -> int:
 
 def holes_of(
     vehicle: str,
-    numbers: MessageNumbers | RecordedSeries,
+    numbers: RecordedSeries,
     rate_hz: float,
     expected: int,
     kind: HoleKind = "pose",

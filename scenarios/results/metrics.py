@@ -1,6 +1,6 @@
 """Gathers the figures of a run: live, in virtual time, or from a log."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from operator import attrgetter
@@ -36,7 +36,6 @@ from scenarios.results.vehicles.vehicle_figures import (
     VehicleFigures,
     VehicleSummary,
 )
-from transport.columns import Columns
 from transport.topics import TOPIC_OF
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.tyres import linear_range
@@ -174,25 +173,6 @@ class Metrics:
             self.stream.listen(at, message)
             self.deadlines.begin(message.start_at_ns)
             self._links.begin(message.start_at_ns)
-
-    def add_for_accounts(self, columns: Columns, messages: Iterable[Message]) -> None:
-        """Take the poses, decisions or verdicts of a vehicle for the accounts of the links only.
-
-        They are `columns` of a log, and the same as `messages`. The other figures lack them.
-        """
-        figures = self.vehicles.get(columns.vehicle)
-        if figures is None or not len(columns):
-            return
-        figures.last_at = max(figures.last_at, int(columns.at_ns.max()))
-        if columns.topic == "gps":
-            poses = columns["seq"], columns["sent_at_ns"], columns.logged_at_ns
-            self._links.sent[columns.vehicle].add_all(*poses)
-        elif columns.topic == "tracking":
-            self._links.add_decisions(columns.vehicle, columns["seq"], columns.at_ns)
-        else:
-            for message in messages:
-                if isinstance(message, LinkVerdict):
-                    self._links.add_verdict(message)
 
     def _add_text(self, text: LogText) -> None:
         if text.ends_vehicle and text.vehicle in self.vehicles:

@@ -200,11 +200,6 @@ class FigureStream:
             for take in self._on_road_error:
                 take(RoadError(pose.vehicle, pose.true_at_ns, offset))
 
-    def add_place(self, follower: str, at: int, east: float, north: float) -> None:
-        """Take only the place (m) of a follower's true pose: enough for its true error."""
-        if feet := self._path.add_point(follower, at, east, north):
-            self._pass_errors(feet)
-
     def _pass_errors(self, feet: Iterable[CrossTrack]) -> None:
         for foot in feet:
             if foot.vehicle in self.sizes:

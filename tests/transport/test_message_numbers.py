@@ -20,16 +20,6 @@ def test_holes_are_the_numbers_that_are_not_there(numbers: list[int], expected: 
     assert all(first - 1 not in missing and last + 1 not in missing for first, last in holes)
 
 
-@given(numbers=st.lists(st.integers(0, 60)))
-def test_a_number_is_new_once(numbers: list[int]) -> None:
-    known, seen = MessageNumbers(), set[int]()
-    for number in numbers:
-        assert known.add(number) == (number not in seen)
-        seen.add(number)
-        assert known.newest == max(seen)
-    assert known.count == len(numbers)
-
-
 @given(numbers=st.lists(st.integers(0, 60), unique=True))
 def test_of_scattered_numbers_only_some_ranges_are_kept(numbers: list[int]) -> None:
     known, least = MessageNumbers(), MessageNumbers(most_ranges=5)
@@ -40,14 +30,6 @@ def test_of_scattered_numbers_only_some_ranges_are_kept(numbers: list[int]) -> N
     assert [n for n in range(61) if n in known] == sorted(numbers)
     assert {n for n in range(61) if n in least} <= set(numbers)
     assert len(list(least.missing(0))) <= 5
-
-
-def test_numbers_in_turn_are_one_range() -> None:
-    known = MessageNumbers(most_ranges=1)
-    for number in range(1000):
-        known.add(number)
-    assert all(number in known for number in (0, 500, 999))
-    assert 1000 not in known
 
 
 def test_memory_is_bounded_by_the_window() -> None:

@@ -19,11 +19,6 @@ def test_a_reason_is_one_word_with_a_meaning(word: str) -> None:
     assert len(REASONS[word].meaning) > 10
 
 
-def test_reasons_that_count_as_lost_or_late() -> None:
-    assert {word for word in REASONS if counts_as_loss(word)} == {*get_args(DropReason)} - {"rate"}
-    assert {word for word in REASONS if counts_as_late(word)} == {"past"}
-
-
 def test_a_word_of_a_later_version_counts_as_lost() -> None:
     assert counts_as_loss("tunnel")
     assert not counts_as_late("tunnel")

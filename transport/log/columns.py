@@ -102,20 +102,6 @@ def read_columns(
     return {key: _joined(key, parts.pop(key)) for key in list(parts)}
 
 
-def read_places(
-    file: McapFile, channels: Set[int], span: tuple[int, int] | None
-) -> tuple[Integers, Integers]:
-    """Places in the log and instants of recording (ns) of the messages of some channels."""
-    is_chosen = np.isin(np.arange(CHANNELS), list(channels))
-    rows = [
-        (batch.order[chosen], batch.logged_at[chosen])
-        for batch in _batches(file, channels, span)
-        for chosen in [is_chosen[batch.channels]]
-    ]
-    order, logged_at = zip(*rows, strict=True)
-    return np.concatenate(order), np.concatenate(logged_at)
-
-
 class _Batch(NamedTuple):
     """Bytes of several chunks; place in the log, channel and instant of recording by message."""
 

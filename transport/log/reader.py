@@ -5,8 +5,8 @@ from functools import cached_property
 from pathlib import Path
 
 from transport.codec import RefusedMessageError, decode
-from transport.columns import DEVIATION, Columns, Integers
-from transport.log.columns import Selection, read_columns, read_places
+from transport.columns import DEVIATION, Columns
+from transport.log.columns import Selection, read_columns
 from transport.log.errors import LogError
 from transport.log.mcap_file import EXTENTS, REPAIRED, THINNED_NAME, McapFile
 from transport.topics import TOPICS, Topic, key
@@ -105,33 +105,6 @@ class LogReader:
         wanted = {topic: (fields or {}).get(topic) for topic in topics}
         return read_columns(self.file, self._channels, Selection(wanted, vehicles, span_ns))
 
-    def places(
-        self, topics: Collection[str], span_ns: tuple[int, int] | None = None
-    ) -> tuple[Integers, Integers]:
-        """Places in the log, as in `Columns.order`, and instants of recording (ns) of messages."""
-        numbers = {number for number, (_, topic) in self._channels.items() if topic in topics}
-        return read_places(self.file, numbers, span_ns)
-
-    def recorded_span(
-        self, topics: Collection[str], vehicles: Collection[str], span_ns: tuple[int, int]
-    ) -> tuple[int, int] | None:
-        """Instants of recording (ns) between which messages with an instant in `span_ns` are.
-
-        All messages of these topics and vehicles with any instant in the span were recorded then.
-        None if the log does not state it: it is incomplete, damaged, or of an earlier version.
-        """
-        held = [
-            extent
-            for number, (vehicle, topic) in self._channels.items()
-            if vehicle in vehicles and topic in topics and self._counts.get(number, 0)
-            for extent in [self.file.extents.get(f"/convoy/{vehicle}/{topic}")]
-        ]
-        known = [extent for extent in held if extent is not None]
-        if not known or len(known) < len(held):
-            return None
-        first = span_ns[0] - max(extent.latest for extent in known)
-        return first, span_ns[1] - min(extent.earliest for extent in known)
-
     @cached_property
     def missing(self) -> dict[tuple[str, str], tuple[int, int]]:
         """Numbers of missing messages and of all, by (vehicle, topic), where some are missing.
@@ -196,7 +169,7 @@ class LogReader:
     def metadata(self) -> dict[str, dict[str, str]]:
         """Named text values of the log."""
         values = self.file.metadata()
-        values.pop(EXTENTS, None)  # see `recorded_span`
+        values.pop(EXTENTS, None)
         return values
 
     def attachments(self) -> dict[str, bytes]:

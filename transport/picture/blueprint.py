@@ -19,8 +19,8 @@ Entities are named by quantity first and vehicle last, because a view contains w
     legend                             colours of vehicles, curves and marks
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import rerun as rr
@@ -29,7 +29,6 @@ from rerun.blueprint import encodings
 
 from transport.colours import Colour
 from transport.panels import PANELS, ROWS, Panel, Row
-from transport.picture.axes import WIDEST_LABEL_PX, ValueAxis, whole_run
 from transport.picture.detail import Detail
 
 Shape = Literal["Asterisk", "Circle", "Cross", "Diamond", "Down", "Plus", "Right", "Square", "Up"]
@@ -62,14 +61,9 @@ MARKS = {"change": ((0x00, 0x3C, 0xFF), "Circle", 5.0), **EVENTS}
 
 @dataclass(frozen=True, slots=True)
 class RunExtent:
-    """Extent of a run, as far as it is known when a layout is built.
-
-    `values` are the smallest and the largest value of each plot by its entity; `worst` is the
-    vehicle whose own plots come first. Of a live run only the configured duration is known.
-    """
+    """Duration of a run (s), and the vehicle whose own plots come first; as far as known."""
 
     duration_s: float | None = None
-    values: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     worst: str = ""
 
 
@@ -266,15 +260,11 @@ def _tabs(row: Row, vehicles: Sequence[str], detail: Detail, extent: RunExtent) 
 
 def _plot(panel: Panel, vehicle: str, extent: RunExtent) -> rrb.TimeSeriesView:
     """Plot of all vehicles, or of one. The legend view replaces its legend, which covers data."""
-    origin = f"plots/{panel.name}/{vehicle}".rstrip("/")
-    values = extent.values.get(origin)
-    axis = ValueAxis.around(*values) if values else None
     return rrb.TimeSeriesView(
         name=panel.heading(vehicle),
-        origin=origin,
+        origin=f"plots/{panel.name}/{vehicle}".rstrip("/"),
         plot_legend=rrb.PlotLegend(visible=False),
-        axis_x=whole_run(extent.duration_s, axis.labels_px if axis else WIDEST_LABEL_PX),
-        axis_y=rrb.ScalarAxis(range=(axis.low, axis.high)) if axis else None,
+        axis_x=_whole_run(extent.duration_s),
     )
 
 
@@ -286,5 +276,15 @@ def _states(panels: Sequence[Panel], lead: str, extent: RunExtent) -> rrb.StateT
         name=" and ".join([first, *(title.lower() for title in others)]),
         origin=panels[0].name if len(panels) == 1 else "/",
         contents=[*shown, *hidden],
-        time_view=whole_run(extent.duration_s, 0.0),
+        time_view=_whole_run(extent.duration_s),
     )
+
+
+def _whole_run(duration_s: float | None) -> rrb.TimeAxis:
+    """Time axis of the whole run; of all data if no duration is known."""
+    if duration_s is None:
+        start, end = rr.TimeRangeBoundary.infinite(), rr.TimeRangeBoundary.infinite()
+    else:
+        start = rr.TimeRangeBoundary.absolute(seconds=0.0)
+        end = rr.TimeRangeBoundary.absolute(seconds=duration_s)
+    return rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))

@@ -156,10 +156,6 @@ class RecordingWriter:
         draw = self._draw.get(type(message))
         if draw:
             draw(message)
-        self._send_due(now, message)
-
-    def _send_due(self, now: int, message: Message) -> None:
-        """Send what is due at `now` (ns)."""
         if self._moving_timer.is_due(now):
             self._moving.send(self._start or 0)
         if self._batch.is_due(now) or isinstance(message, RunEnd):
@@ -200,7 +196,7 @@ class RecordingWriter:
         if self._last_pose_at:
             duration_s = (max(self._last_pose_at.values()) - start) / SECOND
             worst = max(self._largest_errors, key=self._largest_errors.__getitem__, default="")
-            extent = RunExtent(duration_s, self._curves.extents(), worst)
+            extent = RunExtent(duration_s, worst)
             self._recording.send_blueprint(self._layout(extent=extent))
 
     def _wait_for_start(self, now: int, message: Message) -> None:
@@ -215,7 +211,9 @@ class RecordingWriter:
     def _true_pose(self, truth: TruePose) -> None:
         vehicle, at = truth.vehicle, truth.true_at_ns
         self._last_pose_at[vehicle] = at
-        self._draw_values(truth)
+        self._draw_series(truth)
+        if vehicle in self.detail and self._is_due(vehicle, "links", at, SLOW_CURVE_NS):
+            self._series.show_links(vehicle, self._place(vehicle), at)
         if not self._is_due(vehicle, "car", at, self._car_ns):
             return
         self._set_time(at)
@@ -230,13 +228,6 @@ class RecordingWriter:
         if self._is_due(vehicle, "driven", at, self._driven_ns):
             self._moving.add_line(f"world/driven/{vehicle}", at, driven.copy())
             del driven[:-1]
-
-    def _draw_values(self, truth: TruePose) -> None:
-        """Draw the curves of a true pose, and the states of the links up to its instant."""
-        vehicle, at = truth.vehicle, truth.true_at_ns
-        self._draw_series(truth)
-        if vehicle in self.detail and self._is_due(vehicle, "links", at, SLOW_CURVE_NS):
-            self._series.show_links(vehicle, self._place(vehicle), at)
 
     def _move_along(self, truth: TruePose) -> None:
         """Move the view to this vehicle, zoomed out to contain the others."""

@@ -11,10 +11,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlsplit
 
-import numpy as np
-
 from transport.closing import Closing
-from transport.columns import Array, Columns, Integers
 from transport.picture import viewer_process
 from transport.picture.option import (
     DATA_PORT,
@@ -150,7 +147,7 @@ class RerunView(OpenRecording):
     usual spacing; `cars` are their lengths and widths (m), and the distances of their middles ahead
     of their poses; `path` is the
     lead's, as east and north in metres; `lane_m` is the width of its lane; `title` is the name of
-    the recording. The view of a log (`of_log`) is drawn by columns. Raises ViewerError if the
+    the recording. Raises ViewerError if the
     picture cannot be shown. `destination` describes to the user where it is shown; `enabled` is
     False without a picture.
     """
@@ -168,17 +165,15 @@ class RerunView(OpenRecording):
         duration_s: float | None = None,
         title: str = "",
         convoy: Sequence[str] = (),
-        of_log: bool = False,
     ) -> None:
         super().__init__(option, recording_id, title)
         self._writer: Any = None
         if not self.enabled:
             return
-        from transport.picture.log_writer import LogRecordingWriter  # noqa: PLC0415
         from transport.picture.recording_writer import RecordingWriter  # noqa: PLC0415
         from transport.picture.shapes import CarShape  # noqa: PLC0415
 
-        self._writer = (LogRecordingWriter if of_log else RecordingWriter)(
+        self._writer = RecordingWriter(
             self.recording,
             vehicles,
             spacing_m=spacing_m,
@@ -203,39 +198,6 @@ class RerunView(OpenRecording):
     def gap(self, vehicle: str, at: int, gap: float) -> None:
         if self._writer is not None:
             self._writer.gap(vehicle, at, gap)
-
-    def begin(self, start: int) -> None:
-        if self._writer is not None:
-            self._writer.begin(start)
-
-    def moving_rows(self, at: Integers) -> Integers:
-        """Numbers of the true poses of a log, at instants `at` (ns) of a vehicle, to draw."""
-        return np.arange(len(at)) if self._writer is None else self._writer.moving_rows(at)
-
-    def mark_furthest(self, newest_at: int, errors: Mapping[str, float]) -> None:
-        """Mark the vehicle of a log furthest off, by the errors (m) known at a pose (ns)."""
-        if self._writer is not None:
-            self._writer.mark_furthest(newest_at, errors)
-
-    def send_positions(self) -> None:
-        """Send the positions that were drawn of a log, so that a viewer shows them."""
-        if self._writer is not None:
-            self._writer.send_positions()
-
-    def draw_columns(self, columns: Mapping[tuple[str, str], Columns]) -> None:
-        """Draw the messages of a log by (vehicle, topic), except what `draw` draws."""
-        if self._writer is not None:
-            self._writer.draw_columns(columns)
-
-    def errors(self, vehicle: str, at: Integers, errors: Array) -> None:
-        """Draw the true errors (m) of a vehicle of a log at instants `at` (ns)."""
-        if self._writer is not None:
-            self._writer.errors(vehicle, at, errors)
-
-    def gaps(self, vehicle: str, at: Integers, gaps: Array) -> None:
-        """Draw the true gaps (m) of a vehicle of a log at instants `at` (ns)."""
-        if self._writer is not None:
-            self._writer.gaps(vehicle, at, gaps)
 
     def mark(
         self, kind: str, at: int, place: tuple[float, float], vehicles: tuple[str, ...]

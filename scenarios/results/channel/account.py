@@ -265,7 +265,7 @@ class Accounts:
         if any(begin <= latest and at < end for begin, end in reception.down):
             return True
         if reception.decided_at is None:
-            return not reception.verdicts.count
+            return not reception.verdicts.received
         allowed = SECOND if self._is_physical else reception.longest_step_ns
         return self._end_at - reception.decided_at > allowed and reception.decided_at <= latest
 

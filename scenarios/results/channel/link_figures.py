@@ -16,7 +16,6 @@ from scenarios.results.channel.link_summary import (
 from scenarios.results.channel.link_tally import AlarmTally, LinkTally
 from scenarios.results.channel.transport_records import (
     AWAY_NS,
-    Instants,
     ReceiverRecord,
     SentPoses,
 )
@@ -59,10 +58,6 @@ class LinkFigures:
     def add_decision(self, tracking: Tracking) -> None:
         """Take a decision of any vehicle, which shows that its software runs."""
         self._receivers[tracking.vehicle].add_tracking(tracking)
-
-    def add_decisions(self, vehicle: str, numbers: Instants, at: Instants) -> None:
-        """Take the decisions of a vehicle by their numbers and instants (ns)."""
-        self._receivers[vehicle].add_decisions(numbers, at)
 
     def add_tracking(self, tracking: Tracking, at: int) -> None:
         """Take the ages of a follower's data at instant `at` (ns)."""

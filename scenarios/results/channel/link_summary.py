@@ -39,15 +39,9 @@ OF_VEHICLES = {"transmitter_off", "receiver_off"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlarmSummary:
-    """False alarms of a link; `counted` is None where the receiver reports no status of the source.
+    """False alarms of a link; `counted` is None if the receiver reports no status of the source."""
 
-    The other fields are those of earlier summaries, which compared the count with a prediction.
-    """
-
-    predicted: float | None = None
     counted: int | None = None
-    low: float | None = None
-    high: float | None = None
 
 
 NO_ALARMS = AlarmSummary()
@@ -153,8 +147,7 @@ class LinkSummary:
     """Largest of the same."""
     false_alarms: AlarmSummary = NO_ALARMS
     """False alarms, at which the receiver considered the sender lost although it sent. `counted` is
-    their number (null if the receiver does not report it). Only older summaries have `predicted`,
-    `low` and `high`."""
+    their number (null if the receiver does not report it)."""
     safe_time_ratio: Mapping[str, float]
     """Share of the steering commands whose data is no older than KEY milliseconds."""
 

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.results.channel.link_tally import LONGEST_NS, MOST_NUMBERS, RESOLUTION_NS
-from scenarios.results.holes import EdgeInstants
-from transport.message_numbers import MAX_RANGES, MessageNumbers
+from scenarios.results.holes import RecordedSeries
 from vehicles.messages import LinkVerdict, Tracking
 from vehicles.schedule import SECOND
 
@@ -54,16 +53,6 @@ class SentPoses:
                 self.delays[delay // RESOLUTION_NS] += 1
             if delay > AWAY_NS:
                 self._held.add(number)
-
-    def add_all(self, numbers: Instants, sent_at: Instants, recorded_at: Instants) -> None:
-        """Take the recorded poses of a log in its order."""
-        begin = len(self)
-        delays = recorded_at - sent_at
-        if delays.any() or (numbers != np.arange(begin, begin + len(numbers))).any():
-            for row in zip(numbers.tolist(), sent_at.tolist(), recorded_at.tolist(), strict=True):
-                self.add(*row)
-        else:  # as in virtual time
-            self._sent_at.extend(sent_at.tolist())
 
     def instants(self, count: int) -> Instants:
         """Instants (ns) of sending of the first `count` messages; interpolated where not recorded.
@@ -113,8 +102,7 @@ class ReceiverRecord:
         self.decided_at: int | None = None
         self.down: list[tuple[int, int]] = []
         """Spans (ns) between two decisions in which its software did not run."""
-        self.verdicts = MessageNumbers(MAX_RANGES)
-        self._edges = EdgeInstants()
+        self.verdicts = RecordedSeries()
 
     def begin(self, start_at: int) -> None:
         """Set the start of the run (ns), at which the first decision is due."""
@@ -122,8 +110,7 @@ class ReceiverRecord:
             self.decided_at = start_at
 
     def add_verdict(self, verdict: LinkVerdict) -> None:
-        self.verdicts.add(verdict.seq)
-        self._edges.add(verdict.seq, verdict.received_at_ns)
+        self.verdicts.add(verdict.seq, verdict.received_at_ns)
 
     def add_tracking(self, tracking: Tracking) -> None:
         at, before = tracking.decided_at_ns, self.decided_at
@@ -133,21 +120,6 @@ class ReceiverRecord:
         self._next_decision = tracking.seq + 1
         self.decided_at = at
 
-    def add_decisions(self, numbers: Instants, at: Instants) -> None:
-        """Take decisions by their numbers and instants (ns), in the order of the log."""
-        if not len(numbers):
-            return
-        first = int(at[0]) if self.decided_at is None else self.decided_at
-        before = np.concatenate(([first], at[:-1]))
-        is_next = numbers == np.concatenate(([self._next_decision], numbers[:-1] + 1))
-        down = is_next & (at - before > self.longest_step_ns)
-        self.down += zip(before[down].tolist(), at[down].tolist(), strict=True)
-        self._next_decision, self.decided_at = int(numbers[-1]) + 1, int(at[-1])
-
     def holes(self, count: int) -> list[tuple[int, int, int]]:
         """Spans (ns) with missing verdicts, each with their number, of `count` in all."""
-        at = self._edges.instant
-        return [
-            (at(first - 1, 0), at(last + 1, FOREVER), last - first + 1)
-            for first, last in self.verdicts.missing(count)
-        ]
+        return list(self.verdicts.spans(count, 0, FOREVER))

@@ -2,14 +2,11 @@
 
 from dataclasses import dataclass
 from math import cos, hypot, inf, sin
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from vehicles.car.outline import Outline
 from vehicles.car.parameters import VehicleParameters
 from vehicles.messages import TruePose
-
-ROUNDING_M: Final = 1e-6
-"""Margin for rounding of distances."""
 
 
 class BodySize(NamedTuple):
@@ -87,49 +84,6 @@ def overlap(body: Outline, other: Outline) -> bool:
         if across >= here.half_width + there.half_length * sine + there.half_width * cosine:
             return False
     return True
-
-
-def certainly_apart(body: Outline, other: Outline, distance: float) -> bool:
-    """Whether two bodies are certainly further apart than `distance` (m).
-
-    Their projections on the normals of their sides are at most as far apart. A fraction of the cost
-    of `separation`.
-    """
-    to_east, to_north = other.east - body.east, other.north - body.north
-    ux, uy, vx, vy = body.along_east, body.along_north, other.along_east, other.along_north
-    half_length, half_width = body.half_length, body.half_width
-    other_length, other_width = other.half_length, other.half_width
-    cosine, sine = abs(ux * vx + uy * vy), abs(ux * vy - uy * vx)
-    enough = distance + ROUNDING_M
-    return (
-        abs(to_east * ux + to_north * uy)
-        - (half_length + other_length * cosine + other_width * sine)
-        > enough
-        or abs(to_east * vx + to_north * vy)
-        - (other_length + half_length * cosine + half_width * sine)
-        > enough
-        or abs(to_north * ux - to_east * uy)
-        - (half_width + other_length * sine + other_width * cosine)
-        > enough
-        or abs(to_north * vx - to_east * vy)
-        - (other_width + half_length * sine + half_width * cosine)
-        > enough
-    )
-
-
-def certainly_within(ahead: Outline, behind: Outline, distance: float) -> bool:
-    """Whether two bodies are certainly at most `distance` (m) apart.
-
-    The middle of the rear of the body ahead and of the front of the one behind belong to them. A
-    fraction of the cost of `separation`, and its value for bodies in line.
-    """
-    to_east = (ahead.east - ahead.half_length * ahead.along_east) - (
-        behind.east + behind.half_length * behind.along_east
-    )
-    to_north = (ahead.north - ahead.half_length * ahead.along_north) - (
-        behind.north + behind.half_length * behind.along_north
-    )
-    return hypot(to_east, to_north) + ROUNDING_M < distance
 
 
 def separation(body: CarBody, other: CarBody) -> Separation:

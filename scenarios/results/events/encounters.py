@@ -14,8 +14,6 @@ from scenarios.results.events.bodies import (
     BodySize,
     CarBody,
     Separation,
-    certainly_apart,
-    certainly_within,
     separation,
 )
 from vehicles.messages import TruePose
@@ -162,8 +160,6 @@ class Encounters:
 
     def _follow(self, at: int, pair: _Pair, ahead: CarBody, behind: CarBody) -> Iterable[Episode]:
         pair.gap.note_bodies(ahead, behind, at)
-        if self._is_usual(pair, ahead, behind):
-            return ()
         return self._look(at, pair.names, ahead, behind, pair.gap)
 
     def _look(
@@ -191,19 +187,6 @@ class Encounters:
         if gap is not None:
             gap.add(apart.distance, at)
             yield from self._keep_apart(at, names, apart, place)
-
-    def _is_usual(self, pair: _Pair, ahead: CarBody, behind: CarBody) -> bool:
-        """Whether neighbours are certainly not near, nor nearer or further than ever before."""
-        name, other = pair.names
-        if (self._near and pair.names in self._near) or other in self._touching[name]:
-            return False
-        faster_east = ahead.speed_east - behind.speed_east
-        faster_north = ahead.speed_north - behind.speed_north
-        closing = abs(faster_east) + abs(faster_north)  # at most
-        nearest = max(pair.gap.min_m, self._near_gap, self._near_time * closing, 0.0)
-        return certainly_apart(ahead, behind, nearest) and certainly_within(
-            ahead, behind, pair.gap.max_m
-        )
 
     def _keep_apart(
         self, at: int, pair: tuple[str, str], apart: Separation, place: tuple[float, float]

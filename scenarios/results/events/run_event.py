@@ -118,10 +118,6 @@ class EventLog:
         self._reported = len(self._episodes)
         return [self._event(episode) for episode in new]
 
-    def episodes(self, first: int) -> list[Episode]:
-        """Events in the order in which they were found, from number `first` on."""
-        return self._episodes[first:]
-
     def events(self) -> tuple[RunEvent, ...]:
         """All events so far in order of time."""
         events = [self._event(episode) for episode in self._episodes]

@@ -14,7 +14,6 @@ from scenarios.results.channel.account import FATE_WORDS, Fate, MissingVerdict
 from scenarios.results.log_summary import scenario_in
 from scenarios.results.recorded.link_outcomes import (
     ACCOUNTED,
-    ACCOUNTED_FIELDS,
     missing_verdicts,
 )
 from scenarios.results.vehicles.reaction import NOT_RELIED_ON
@@ -196,35 +195,14 @@ FIELDS = {
     ),
 }
 """Fields that are read, by topic, in the order of the tuples above."""
-READ_NS = (4 * SECOND, 16 * SECOND, 64 * SECOND, FOREVER)
-"""Times before the requested instant that are read in turn until the answer is certain. If it
-depends on later messages, the whole log is read."""
 
 
-class _NotEnoughError(Exception):
-    """The messages read do not determine the answer; earlier ones are needed."""
-
-
-class _AccountNeededError(Exception):
-    """A message lacks a verdict: the account of its link is needed, from the whole log."""
-
-
-class _Excerpt:
-    """All messages of a vehicle and its senders with an instant from `since` to `until` (ns).
-
-    Poses and verdicts are by sender and number. A `whole` log has all messages.
-    """
+class _Messages:
+    """Messages of a vehicle and its senders; poses and verdicts are by sender and number."""
 
     def __init__(
-        self,
-        columns: Mapping[tuple[str, str], Columns],
-        vehicle: str,
-        senders: Sequence[str],
-        *,
-        since: int,
-        whole: bool,
+        self, columns: Mapping[tuple[str, str], Columns], vehicle: str, senders: Sequence[str]
     ) -> None:
-        self.since, self.whole = since, whole
         self.decisions = _rows(columns.get((vehicle, "tracking")))
         places = _rows(columns.get((vehicle, "truth")))
         self.places = {at: (east, north) for at, east, north in places}
@@ -237,32 +215,13 @@ class _Excerpt:
             if sender in self.verdicts:
                 self.verdicts[sender][number] = RecordedVerdict(number, *rest)
 
-    def require(self, is_enough: bool) -> None:
-        """Raise _NotEnoughError for earlier messages, unless there are none."""
-        if not is_enough and self.since > -FOREVER:
-            raise _NotEnoughError
-
     def decision(self, requested: int) -> tuple[int, str, str, Sequence[str]] | None:
         """Instant, mode, reason and statuses of the last decision until an instant."""
         made = bisect_right(self.decisions, requested, key=lambda decision: decision[0])
-        self.require(bool(made) and self.decisions[made - 1][0] >= self.since)
         if not made:
             return None
         at, mode, reason, *statuses = self.decisions[made - 1]
         return at, mode, reason, statuses
-
-    def has_verdicts(self, sender: str, newest: int, now: int) -> bool:
-        """Whether every message due by `now` (ns), up to one sent later, has its verdict.
-
-        These are the messages after the `newest` received one and those of the last second. Then
-        the account of the link is not needed.
-        """
-        poses, verdicts = self.poses[sender], self.verdicts[sender]
-        before = max([n for n, pose in poses.items() if pose.sent_at <= now - SECOND], default=-1)
-        after = min([n for n, pose in poses.items() if pose.sent_at > now], default=None)
-        if after is None or not (before in poses or 0 in poses):
-            return False
-        return all(number in verdicts for number in range(min(before, newest) + 1, after))
 
 
 def _rows(columns: Columns | None) -> list[Any]:
@@ -274,10 +233,7 @@ def _rows(columns: Columns | None) -> list[Any]:
 
 
 class RecordedKnowledge:
-    """Explains what a vehicle knew at instants of a log.
-
-    It reads the messages around an instant, and earlier ones only if the answer depends on them.
-    """
+    """Explains what a vehicle knew at instants of a log."""
 
     def __init__(self, log: Path, vehicle: str) -> None:
         """Open a log; raises LogError for a vehicle that is not in it."""
@@ -293,49 +249,16 @@ class RecordedKnowledge:
         starts = [rows for rows in reader.columns(["start"]).values() if len(rows)]
         self.start_at = int(starts[-1].at_ns[-1]) if starts else 0
 
-    def at(self, at_s: float, *, whole: bool = False) -> Explanation:
-        """Explain the instant `at_s` (s) after the start; raises LogError.
-
-        With `whole` the whole log is read, which gives the same answer.
-        """
-        requested = self.start_at + round(at_s * SECOND) if isfinite(at_s) else -FOREVER
-        for before in () if whole else READ_NS:
-            excerpt = self._read(requested, before)
-            if excerpt is None or requested > self._reader.last_at:
-                break
-            try:
-                return self._explanation(excerpt, requested)
-            except _NotEnoughError:
-                continue
-            except _AccountNeededError:
-                break
-        return self._explanation(self._whole, requested)
-
-    def _read(self, requested: int, before: int) -> _Excerpt | None:
-        """Read from `before` (ns) a requested instant to one second after it.
-
-        None if the log does not state when such messages were recorded.
-        """
-        span = requested - before, requested + SECOND
-        recorded = self._reader.recorded_span(FIELDS, [self.vehicle, *self.senders], span)
-        if recorded is None:
-            return None
-        since = span[0] if recorded[0] > self._reader.first_at else -FOREVER
-        return self._excerpt(since, recorded)
-
     @cached_property
-    def _whole(self) -> _Excerpt:
-        return self._excerpt(-FOREVER, None)
+    def _messages(self) -> _Messages:
+        names = [self.vehicle, *self.senders]
+        columns = self._reader.columns(FIELDS, fields=FIELDS, vehicles=names)
+        return _Messages(columns, self.vehicle, self.senders)
 
-    def _excerpt(self, since: int, recorded: tuple[int, int] | None) -> _Excerpt:
-        columns = self._reader.columns(
-            FIELDS, fields=FIELDS, vehicles=[self.vehicle, *self.senders], span_ns=recorded
-        )
-        whole = recorded is None
-        return _Excerpt(columns, self.vehicle, self.senders, since=since, whole=whole)
-
-    def _explanation(self, excerpt: _Excerpt, requested: int) -> Explanation:
-        decision = excerpt.decision(requested)
+    def at(self, at_s: float) -> Explanation:
+        """Explain the instant `at_s` (s) after the start; raises LogError."""
+        requested = self.start_at + round(at_s * SECOND) if isfinite(at_s) else -FOREVER
+        decision = self._messages.decision(requested)
         if decision is None or requested > self._reader.last_at:
             raise self._error(requested)
         now, mode, reason, recorded = decision
@@ -348,8 +271,7 @@ class RecordedKnowledge:
             steered_along=self._steered_along(mode, statuses),
             log_faults=self._reader.faults,
             sources=tuple(
-                self._known(excerpt, sender, now, statuses.get(sender, ""))
-                for sender in self.senders
+                self._known(sender, now, statuses.get(sender, "")) for sender in self.senders
             ),
         )
 
@@ -370,7 +292,7 @@ class RecordedKnowledge:
         return tuple(kept) if mode in {"composite", "intermediate"} and kept else lateral
 
     def _error(self, requested: int) -> LogError:
-        decisions = self._whole.decisions
+        decisions = self._messages.decisions
         if not decisions:
             return LogError(f"{self.log}: no decisions of {self.vehicle}")
         first, last = (self._seconds(decisions[row][0]) for row in (0, -1))
@@ -384,7 +306,7 @@ class RecordedKnowledge:
     def _without(self) -> Mapping[str, Mapping[int, MissingVerdict]]:
         """Messages without a verdict by sender and number, by the accounts of the links."""
         topics = [TOPIC_OF[kind].name for kind in ACCOUNTED]
-        columns = self._reader.columns(topics, fields=ACCOUNTED_FIELDS)
+        columns = self._reader.columns(topics)
         by_topic: dict[str, dict[str, Columns]] = {}
         for (name, topic), rows in columns.items():
             by_topic.setdefault(topic, {})[name] = rows
@@ -396,8 +318,8 @@ class RecordedKnowledge:
             for sender in self.senders
         }
 
-    def _known(self, excerpt: _Excerpt, sender: str, now: int, status: str) -> KnownSource:
-        poses, verdicts = excerpt.poses[sender], excerpt.verdicts[sender]
+    def _known(self, sender: str, now: int, status: str) -> KnownSource:
+        poses, verdicts = self._messages.poses[sender], self._messages.verdicts[sender]
         received = [
             verdict
             for verdict in verdicts.values()
@@ -405,15 +327,7 @@ class RecordedKnowledge:
         ]
         newest = max(received, key=lambda verdict: verdict.measured_at, default=None)
         since = newest.number if newest else -1
-        excerpt.require(
-            newest is not None
-            and min(newest.sent_at, newest.measured_at, now - SECOND) >= excerpt.since
-        )
-        without: Mapping[int, MissingVerdict] = {}
-        if not excerpt.has_verdicts(sender, since, now):
-            if not excerpt.whole:
-                raise _AccountNeededError
-            without = self._without[sender]
+        without = self._without[sender]
         sent_by_now = sorted(number for number, pose in poses.items() if pose.sent_at <= now)
         missing = [
             self._missing(sender, poses[number], verdicts.get(number), without.get(number))
@@ -427,7 +341,7 @@ class RecordedKnowledge:
             measured_at_s=self._seconds(newest.measured_at) if newest else None,
             received_at_s=self._seconds(newest.received_at) if newest else None,
             age_s=self._age(newest, now) if newest else None,
-            path_left_m=self._path_left(excerpt, sender, received, now),
+            path_left_m=self._path_left(sender, received, now),
             received_ratio=_received(verdicts.values(), without.values(), now),
             missing=tuple(missing),
             status=status,
@@ -463,26 +377,20 @@ class RecordedKnowledge:
         )
 
     def _path_left(
-        self, excerpt: _Excerpt, sender: str, received: Sequence[RecordedVerdict], now: int
+        self, sender: str, received: Sequence[RecordedVerdict], now: int
     ) -> float | None:
         """Distance (m) along the received positions of `sender` that lies ahead of the vehicle."""
-        here = excerpt.places.get(now)
+        here = self._messages.places.get(now)
         if here is None or not received:
             return None
         plane = LocalPlane(self.scenario.origin)
-        sent, numbers = excerpt.poses[sender], {verdict.number for verdict in received}
-        known = [
-            pose
-            for number, pose in sent.items()
-            if number in numbers and pose.measured_at >= excerpt.since
-        ]
+        sent, numbers = self._messages.poses[sender], {verdict.number for verdict in received}
+        known = [pose for number, pose in sent.items() if number in numbers]
         poses = sorted(known, key=lambda pose: pose.measured_at)
         places = [
             plane.to_plane(pose.latitude_deg, pose.longitude_deg, pose.altitude_m) for pose in poses
         ]
-        length, has_passed = remaining_path_length(places, here)
-        excerpt.require(has_passed)
-        return length
+        return remaining_path_length(places, here)
 
 
 def explain(log: Path, vehicle: str, at_s: float) -> Explanation:
@@ -508,15 +416,14 @@ def _received(
 
 def remaining_path_length(
     places: Sequence[tuple[float, float]], here: tuple[float, float]
-) -> tuple[float, bool]:
+) -> float:
     """Length (m) of a polyline of `places` from the foot of `here` on it to its end.
 
     The foot is the nearest point of the last stretch that passes by: from the end backwards, the
-    first at which the distance grows again within MOST_OFF_PATH_M. Also returns whether the
-    polyline passes by, so that earlier places do not matter.
+    first at which the distance grows again within MOST_OFF_PATH_M.
     """
     if not places:
-        return 0.0, False
+        return 0.0
     best, best_length, length_so_far = _distance(places[-1], here), 0.0, 0.0
     for after, before in zip(reversed(places), reversed(places[:-1]), strict=False):
         length = _distance(before, after)
@@ -526,9 +433,9 @@ def remaining_path_length(
         if distance <= best:
             best, best_length = distance, length_so_far + share * length
         elif best < MOST_OFF_PATH_M and distance > best + MOST_OFF_PATH_M:
-            return best_length, True
+            return best_length
         length_so_far += length
-    return best_length, False
+    return best_length
 
 
 def _distance(start: tuple[float, float], other: tuple[float, float]) -> float:

@@ -1,14 +1,15 @@
 """Draws a live run with its events and true gaps."""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from zlib import crc32
 
 from scenarios.definition.scenario import Scenario
+from scenarios.results.events.encounters import Episode
 from scenarios.results.metrics import Metrics
-from scenarios.results.stream import sizes_of
+from scenarios.results.stream import FigureStream, sizes_of
 from transport.closing import Closing
 from transport.picture.option import RerunOption
 from transport.picture.view import RerunView
@@ -18,6 +19,7 @@ from vehicles.messages import Message, TruePose
 DEFAULT_SPACING_M = 15.0
 MAX_PENDING_ERRORS = 10_000
 """Largest number of true errors that wait to be drawn."""
+ALWAYS = -(2**62), 2**62
 
 
 class RunDrawing(Closing):
@@ -26,20 +28,28 @@ class RunDrawing(Closing):
     `destination` describes to the user where it is shown.
     """
 
-    def __init__(self, view: RerunView, metrics: Metrics) -> None:
-        """Draw into `view` with the figures of `metrics`, which are gathered elsewhere."""
+    def __init__(
+        self,
+        view: RerunView,
+        stream: FigureStream,
+        *,
+        span: tuple[int, int] = ALWAYS,
+        shows: Callable[[str], bool] = lambda _: True,
+    ) -> None:
+        """Draw into `view` with the figures of `stream`, which receives the messages elsewhere.
+
+        Only figures with an instant in `span` (ns), of vehicles that it `shows`, are drawn.
+        """
         self.destination = view.destination
-        self._view = view
-        self._events = metrics.events
-        self._marked = 0
-        names = list(metrics.vehicles)
-        self._follower_of = dict(pairwise(names))
+        self._view, self._stream = view, stream
+        self._span, self._shows = span, shows
         self._pending_errors: deque[CrossTrack] = deque(maxlen=MAX_PENDING_ERRORS)
-        self._gaps = metrics.stream.gaps
-        self._stream = metrics.stream
+        self._pending_events: list[Episode] = []
         if view.enabled:
-            self._stream.on_error(self._pending_errors.append)
-        self._drawn_at = {name: 0 for name in names if view.has_curves(name)}
+            stream.on_error(self._pending_errors.append)
+            stream.on_event(self._pending_events.append)
+        self._follower_of = dict(pairwise(stream.sizes))
+        self._drawn_at = {name: 0 for name in stream.sizes if view.has_curves(name)}
 
     def draw(self, now: int, message: Message) -> None:
         if not self._view.enabled:
@@ -48,28 +58,39 @@ class RunDrawing(Closing):
         if isinstance(message, TruePose):
             while self._pending_errors:
                 foot = self._pending_errors.popleft()
-                self._view.error(foot.vehicle, foot.at_ns, foot.lateral)
+                if self._is_within(foot.at_ns) and self._shows(foot.vehicle):
+                    self._view.error(foot.vehicle, foot.at_ns, foot.lateral)
             for name in (message.vehicle, self._follower_of.get(message.vehicle, "")):
                 if name in self._drawn_at:
                     self._draw_gap(name)
             self._draw_marks()
 
+    def _is_within(self, at: int) -> bool:
+        return self._span[0] <= at <= self._span[1]
+
     def _draw_gap(self, name: str) -> None:
-        gap = self._gaps.get(name)
-        if gap is not None and gap.now_at_ns > self._drawn_at[name]:
+        gap = self._stream.gaps.get(name)
+        if gap is None or not self._is_within(gap.now_at_ns):
+            return
+        if gap.now_at_ns > self._drawn_at[name]:
             self._drawn_at[name] = gap.now_at_ns
             self._view.gap(name, gap.now_at_ns, gap.now_m)
 
     def _draw_marks(self) -> None:
-        for event in self._events.episodes(self._marked):
-            self._view.mark(event.kind, event.at_ns, event.place, event.vehicles)
-            self._marked += 1
+        for event in self._pending_events:
+            if self._is_within(event.at_ns) and any(map(self._shows, event.vehicles)):
+                self._view.mark(event.kind, event.at_ns, event.place, event.vehicles)
+        self._pending_events.clear()
 
-    def close(self) -> None:
-        """Draw events that are still open, and end the picture."""
+    def finish(self) -> None:
+        """Draw events that are still open."""
         if self._view.enabled:
             self._stream.finish()
             self._draw_marks()
+
+    def close(self) -> None:
+        """Draw events that are still open, and end the picture."""
+        self.finish()
         self._view.close()
 
 
@@ -80,7 +101,7 @@ def open_drawing(
 
     Raises ViewerError.
     """
-    return RunDrawing(open_view(option, scenario, log), metrics)
+    return RunDrawing(open_view(option, scenario, log), metrics.stream)
 
 
 def open_view(
@@ -89,9 +110,8 @@ def open_view(
     log: Path,
     *,
     vehicles: Sequence[str] | None = None,
-    of_log: bool = False,
 ) -> RerunView:
-    """Open the view of a run of `scenario`, live or of its log; raises ViewerError.
+    """Open the view of a run of `scenario`; raises ViewerError.
 
     It shows `vehicles`, lead first, by default all.
     """
@@ -107,7 +127,6 @@ def open_view(
         lane_m=scenario.tables.events.lane_width_m,
         duration_s=scenario.duration_s,
         title=scenario.title,
-        of_log=of_log,
     )
 
 

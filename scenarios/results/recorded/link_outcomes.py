@@ -29,10 +29,6 @@ ACCOUNTED: tuple[type[Message], ...] = (
     *(Tracking, Health, Change, LogText),
 )
 """Messages by which those without a verdict are accounted for."""
-BY_COLUMNS = {GpsPose, LinkVerdict, Tracking}
-"""The frequent ones of them."""
-ACCOUNTED_FIELDS = {"gps": ("seq", "sent_at_ns"), "tracking": ("seq", "decided_at_ns")}
-"""Fields that are needed for the accounts, by topic; all of the other topics."""
 
 
 class LinkOutcomes(NamedTuple):
@@ -62,9 +58,6 @@ def missing_verdicts(
     for kind in ACCOUNTED:
         for columns in columns_of(TOPIC_OF[kind].name).values():
             messages = messages_of(columns, kind)
-            if kind in BY_COLUMNS:
-                metrics.add_for_accounts(columns, messages)
-                continue
             for at, message in zip(columns.logged_at_ns.tolist(), messages, strict=True):
                 metrics.listen(at, message)
     ran_ns = max(last_at - (metrics.start_at or last_at), 0)

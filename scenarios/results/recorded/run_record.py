@@ -22,8 +22,7 @@ from scenarios.results.recorded.data_table import (
 )
 from scenarios.results.recorded.link_outcomes import LinkOutcomes, link_outcomes, missing_verdicts
 from scenarios.results.recorded.tidy_tables import joined, vehicle_rows
-from scenarios.results.recorded.true_figures import PathErrors, path_errors, true_gaps
-from scenarios.results.stream import sizes_of
+from scenarios.results.recorded.true_figures import TrueFigures, true_figures
 from scenarios.results.summarise import METADATA_NAME
 from scenarios.results.summary import RunSummary
 from transport.columns import Columns
@@ -33,9 +32,6 @@ from transport.topics import RUN_SENDER, TOPICS
 from vehicles.schedule import SECOND
 
 ORIGIN_SCHEMA = "convoy.export/1"
-ALONE = {"start", "truth", "trajectory"}
-"""Topics that are read alone: short, usual or large ones. The others are read together, since each
-reading costs time."""
 Key = TypeVar("Key")
 Entry = TypeVar("Entry")
 
@@ -191,10 +187,8 @@ class RunRecord:
     def columns_of(self, topic: str) -> Mapping[str, Columns]:
         """Messages of a topic by vehicle."""
         if topic not in self._columns:
-            together = [topic] if topic in ALONE else [name for name in TOPICS if name not in ALONE]
-            self._columns |= {name: {} for name in together}
-            for (vehicle, name), columns in self._reader.columns(together).items():
-                self._columns[name][vehicle] = columns
+            read = self._reader.columns([topic])
+            self._columns[topic] = {vehicle: columns for (vehicle, _), columns in read.items()}
         return self._columns[topic]
 
     def seconds(self, at_ns: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -218,27 +212,19 @@ class RunRecord:
         return times | {name: fields[name] for name in order if name in fields}
 
     @cached_property
-    def _path_errors(self) -> Mapping[str, PathErrors]:
+    def _true_figures(self) -> Mapping[str, TrueFigures]:
         scenario = self.known_scenario
-        return {} if scenario is None else path_errors(scenario, self.columns_of("truth"))
-
-    def _gaps(self, vehicle: str) -> NDArray[np.float64]:
-        truth, names = self.columns_of("truth"), list(self.vehicle_names)
-        ahead = truth.get(names[names.index(vehicle) - 1]) if vehicle != names[0] else None
-        if self.known_scenario is None or ahead is None:
-            return np.full(len(truth[vehicle]), np.nan)
-        return true_gaps(sizes_of(self.known_scenario), ahead, truth[vehicle])
+        return {} if scenario is None else true_figures(scenario, self.columns_of("truth"))
 
     def true_table(self, vehicle: str) -> DataTable:
         """True poses of a vehicle with its error, station and gap."""
         columns = self._columns_of(vehicle, "truth")
-        unknown = np.full(len(columns), np.nan)
-        none = PathErrors(unknown, unknown)
-        figures: dict[str, Values | Compute] = {
-            "error_m": lambda: self._path_errors.get(vehicle, none).error_m,
-            "station_m": lambda: self._path_errors.get(vehicle, none).station_m,
-            "gap_m": lambda: self._gaps(vehicle),
-        }
+
+        def column(number: int) -> Compute:
+            unknown = TrueFigures.unknown(len(columns))
+            return lambda: self._true_figures.get(vehicle, unknown)[number]
+
+        figures = {name: column(number) for number, name in enumerate(TrueFigures._fields)}
         return DataTable({**self._with_times(columns), **figures})
 
     @cached_property

@@ -13,7 +13,6 @@ from scenarios.results.report.markup import Markup, element, join
 from scenarios.results.report.plots import ReportDetail, RunPlots, TimeMark, colour_code
 from scenarios.results.report.tables import (
     MOST_EVENTS,
-    all_figures,
     event_table,
     event_text,
     limit_table,
@@ -27,11 +26,9 @@ from transport.colours import colour_of
 
 MOST_BYTES = 500_000
 DETAILS = (
-    ReportDetail(points=16_000, vehicles=40, strips=24, rows=60, all_figures=True),
-    ReportDetail(points=8_000, vehicles=24, strips=24, rows=60, all_figures=True),
-    ReportDetail(points=12_000, vehicles=40, strips=24, rows=60, all_figures=False),
-    ReportDetail(points=4_000, vehicles=16, strips=12, rows=40, all_figures=False),
-    ReportDetail(points=1_000, vehicles=6, strips=6, rows=20, all_figures=False),
+    ReportDetail(points=16_000, vehicles=40, strips=24, rows=60),
+    ReportDetail(points=4_000, vehicles=16, strips=12, rows=40),
+    ReportDetail(points=1_000, vehicles=6, strips=6, rows=20),
 )
 """Tried in turn until the page is small enough."""
 MOST_WARNINGS, MOST_CHANGES = 50, 200
@@ -58,8 +55,6 @@ def report_page(record: RunRecord, summary: RunSummary) -> str:
     """The page as text; less detailed if it would exceed `MOST_BYTES`."""
     page = ""
     for detail in DETAILS:
-        if detail.all_figures and len(summary.vehicles) > detail.vehicles:
-            continue  # it would be too large
         page = _page(record, summary, detail)
         if len(page.encode()) < MOST_BYTES:
             break
@@ -155,11 +150,8 @@ def _sections(record: RunRecord, summary: RunSummary, detail: ReportDetail) -> I
     yield from _pictures(record, summary, detail)
     yield from _section("Links", link_table(summary, rows))
     yield from _section("Limits", limit_table(summary))
-    if detail.all_figures:
-        yield from _section("All figures", all_figures(summary))
-    else:
-        text = "All figures are in summary.json; `convoy reference fields` defines them."
-        yield from _section("All figures", element("p", text))
+    text = "All figures are in summary.json; `convoy reference fields` defines them."
+    yield from _section("All figures", element("p", text))
 
 
 def _pictures(record: RunRecord, summary: RunSummary, detail: ReportDetail) -> Iterator[Markup]:

@@ -56,15 +56,13 @@ def colour_code(colour: Colour) -> str:
 class ReportDetail(NamedTuple):
     """How much a report shows.
 
-    Points of all curves, vehicles with curves, links with strips, rows of a table, and whether
-    all figures are listed.
+    Points of all curves, vehicles with curves, links with strips, and rows of a table.
     """
 
     points: int
     vehicles: int
     strips: int
     rows: int
-    all_figures: bool
 
 
 class RunPlots:
@@ -120,7 +118,7 @@ class RunPlots:
         own = [self._own_error(name) for name in self._names]
         title = PANELS["tracking"].title
         yield from self._plot(title, LEFT_POSITIVE, "own_m", list(filter(None, own)), self._time)
-        yield _figure("Modes", "of each vehicle, defined below", self._modes())
+        yield _figure("Modes", "of each vehicle", self._modes())
         if losses := self._losses():
             yield _figure("Messages lost", "of each link, stronger for a larger share", losses)
 

@@ -1,27 +1,23 @@
-"""Tables of a report: figures by vehicle and link, events, and the definition of each figure."""
+"""Tables of a report: figures by vehicle and link, events and limits."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any
 
 from scenarios.results.channel.link_summary import LinkSummary
 from scenarios.results.events.run_event import RunEvent
-from scenarios.results.report.markup import Markup, element, join
-from scenarios.results.summary import RunSummary, documented_fields
+from scenarios.results.report.markup import Markup, element
+from scenarios.results.summary import RunSummary
 from scenarios.results.vehicles.string_errors import string_errors
 from scenarios.results.vehicles.string_figures import (
     STRING_SIGNALS,
     StringFigures,
     StringSignal,
 )
-from scenarios.results.vehicles.vehicle_figures import VehicleSummary
-from vehicles.messages import MODES
 
 Cell = tuple[str, Callable[[Any], Any], float, str]
 """Heading, value of a row, factor and format."""
-MOST_DETAILED, MOST_EVENTS = 24, 200
-"""Links with all figures (those that lost most), and rows of events."""
+MOST_EVENTS = 200
 
 VEHICLE_CELLS: Sequence[Cell] = (
     ("largest error, cm", lambda row: row.cross_track_error_m_max, 100.0, ".1f"),
@@ -202,93 +198,3 @@ def limit_table(summary: RunSummary) -> Markup | None:
         for row in summary.limits
     ]
     return table(("limit", "allowed", "value", "result"), rows, "figures")
-
-
-# ---- All figures with their definitions
-
-
-def all_figures(summary: RunSummary) -> Markup:
-    """Every figure of the summary by vehicle and by link, with its definition."""
-    docs = documented_fields()
-    detailed = _worst(summary.links, MOST_DETAILED)
-    left_out = len(summary.links) - len(detailed)
-    note = f" (the {len(detailed)} that lost most; the others are in summary.json)"
-    return join(
-        _details(
-            "All figures of the vehicles, with definitions",
-            _transposed([row.name for row in summary.vehicles], summary.vehicles, docs, "vehicles"),
-        ),
-        _details(
-            "All figures of the links, with definitions" + (note if left_out else ""),
-            _transposed([link_name(row) for row in detailed], detailed, docs, "links"),
-        )
-        if detailed
-        else None,
-        _details(
-            "Modes",
-            table(
-                ("mode", "meaning"),
-                [[name_cell(mode), element("td", text)] for mode, text in MODES.items()],
-            ),
-        ),
-        _details("Definitions of the other fields of summary.json", _definitions(docs)),
-    )
-
-
-def _details(title: str, content: Markup) -> Markup:
-    return element("details", element("summary", title), content)
-
-
-def _transposed(
-    names: Sequence[str],
-    rows: Sequence[VehicleSummary] | Sequence[LinkSummary],
-    docs: Mapping[str, Mapping[str, str]],
-    kind: str,
-) -> Markup:
-    """Make a row for each field, and a column for each vehicle or link."""
-    values = [dict(_flattened(row)) for row in rows]
-    known = dict.fromkeys(name for of_row in values for name in of_row)
-    body = []
-    for name in known:
-        doc = _doc(name, docs, kind)
-        cells = [_any_cell(of_row.get(name)) for of_row in values]
-        body.append([element("th", name, scope="row"), *cells, element("td", doc, class_="doc")])
-    return table(["figure", *names, "definition"], body, "all")
-
-
-def _flattened(row: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the numbers of a summary's entry by dotted names."""
-    entries = (
-        [(one.name, getattr(row, one.name)) for one in fields(row)]
-        if is_dataclass(row)
-        else list(row.items())
-    )
-    for name, value in entries:
-        if prefix + name == "requested":  # settings, not figures
-            continue
-        if is_dataclass(value) or isinstance(value, Mapping):
-            yield from _flattened(value, f"{prefix}{name}.")
-        elif value is None or isinstance(value, int | float):
-            yield prefix + name, value
-
-
-def _doc(name: str, docs: Mapping[str, Mapping[str, str]], kind: str) -> str:
-    head, _, rest = name.partition(".")
-    nested = docs.get(f"{kind}[].{head}", {})
-    return nested.get(rest) or docs[f"{kind}[]"].get(head, "")
-
-
-def _any_cell(value: Any) -> Markup:
-    if isinstance(value, bool):
-        return element("td", "yes" if value else "no", class_="n", data_value=repr(value))
-    return number(value, form="d" if isinstance(value, int) else ".4g")
-
-
-def _definitions(docs: Mapping[str, Mapping[str, str]]) -> Markup:
-    rows = [
-        [name_cell(f"{group}.{name}" if group != "summary.json" else name), element("td", doc)]
-        for group, entries in docs.items()
-        if not group.startswith(("vehicles[]", "links[]"))
-        for name, doc in entries.items()
-    ]
-    return table(("field", "definition"), rows, "all")

@@ -12,7 +12,6 @@ from typing import Literal, NamedTuple
 
 from scenarios.results.events.encounters import TrueGap
 from scenarios.results.holes import (
-    EdgeInstants,
     RecordedSeries,
     RecordHole,
     UnseenSpan,
@@ -22,7 +21,6 @@ from scenarios.results.holes import (
 from scenarios.results.vehicles.accumulators import Extremes, SelfEstimateErrors, TyreFigures
 from scenarios.results.vehicles.reaction import NO_REACTION, Reaction, ReactionSummary
 from scenarios.results.vehicles.string_figures import NO_STRING, StringFigures
-from transport.message_numbers import MessageNumbers
 from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import GpsPose, Health, Tracking, TruePose
 from vehicles.schedule import SECOND
@@ -154,10 +152,9 @@ class VehicleFigures:
         self.is_lead = is_lead
         self.rate_hz = rate_hz
         self._control_rate_hz = control_rate_hz
-        self.numbers = MessageNumbers()
-        self.truth, self.decisions = RecordedSeries(), RecordedSeries()
+        self.sent, self.truth = RecordedSeries(), RecordedSeries()
+        self.decisions = RecordedSeries()
         self.ends_early = False
-        self.edges = EdgeInstants()
         self._first_sent_at: int | None = None
         self.last_at = 0
         self.distance = self.speed = 0.0
@@ -177,7 +174,7 @@ class VehicleFigures:
 
     @property
     def poses(self) -> int:
-        return self.numbers.count
+        return self.sent.received
 
     def add_truth(self, pose: TruePose) -> None:
         self.distance, self.speed = pose.distance_m, pose.speed_mps
@@ -210,13 +207,11 @@ class VehicleFigures:
             self.lateral_deviation_max = tracking.lateral_deviation_m
 
     def add_pose(self, pose: GpsPose) -> None:
-        self.numbers.add(pose.seq)
+        self.sent.add(pose.seq, pose.sent_at_ns)
         if pose.position_accuracy_m > self._accuracy_max:  # noqa: PLR1730 - NaN
             self._accuracy_max = pose.position_accuracy_m
         if self._first_sent_at is None:
             self._first_sent_at = pose.sent_at_ns
-        if self.rate_hz is None:
-            self.edges.add(pose.seq, pose.sent_at_ns)
 
     @property
     def position_deviation(self) -> float:
@@ -242,9 +237,9 @@ class VehicleFigures:
         schedule of sending only gaps in the numbers are known.
         """
         if self.rate_hz is None:
-            return list(self.edges.holes(self.name, self.numbers, span.start_at or 0))
+            return list(self.sent.unscheduled_holes(self.name, span.start_at or 0))
         expected = self.scheduled_poses(span)
-        return list(holes_of(self.name, self.numbers, self.rate_hz, expected))
+        return list(holes_of(self.name, self.sent, self.rate_hz, expected))
 
     def scheduled_poses(self, span: RunSpan, was_cut_off: bool = False) -> int:
         """Count the poses due until its end or that of the run; 0 if that is unknown.
@@ -306,7 +301,7 @@ class VehicleFigures:
         """Holes in the record of its true poses outside of `holes`."""
         slack_s = 1.0 / (self.rate_hz or USUAL_RATE_HZ)
         rate_hz = self._control_rate_hz
-        is_without_truths = bool(self.numbers.count) and not self.truth.count  # as some logs
+        is_without_truths = bool(self.poses) and not self.truth.count  # as some logs
         expected = 0 if is_without_truths else self._scheduled(span, rate_hz)
         missing = holes_of(self.name, self.truth, rate_hz, expected, "true pose")
         for hole in missing:

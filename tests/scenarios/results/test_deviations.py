@@ -48,11 +48,3 @@ def test_without_a_vehicle_ahead_the_error_is_passed_on_alone() -> None:
     late_results = found([step for step in steps(100) if step[0] == "gap"])
     assert (late_results[0].at_ns, late_results[0].gap) == (0, 20.0)
     assert all(isnan(one.gap) for one in results)
-
-
-def test_nothing_is_reported_twice() -> None:
-    deviations = Deviations(["v2"])
-    deviations.add_error("v2", 0, 0.1)
-    deviations.add_gap("v2", 0, 5.0)
-    assert deviations.take_new() == [TrueDeviation("v2", 0, 0.1, 5.0)]
-    assert deviations.take_new() == []

@@ -9,16 +9,14 @@ from hypothesis import strategies as st
 
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.holes import (
-    EdgeInstants,
+    RecordedSeries,
     RecordHole,
     expected_poses,
     hole_lines,
 )
 from scenarios.results.metrics import Metrics
-from scenarios.results.summarise import silent_links
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
-from tests.made.scenarios.messages import START, at, gps, health, start, truth
-from transport.message_numbers import MessageNumbers
+from tests.made.scenarios.messages import START, gps, health, start, truth
 from vehicles.messages import GpsPose, Message
 from vehicles.schedule import SECOND, instants, nanoseconds
 
@@ -51,18 +49,6 @@ def test_a_hole_is_named_by_instants_number_and_vehicle() -> None:
     assert (row.missing_poses, row.silent_from_s) == (95, None)
 
 
-def test_equal_holes_are_one_line() -> None:
-    def hole(vehicle: str, begin: float) -> RecordHole:
-        return RecordHole(vehicle=vehicle, from_s=begin, to_s=begin, poses=1)
-
-    holes = [hole("v1", 1.0), hole("v2", 1.0), hole("v1", 2.0), hole("v1", 3.0)]
-    assert list(hole_lines(holes, 2)) == [
-        "not recorded: 1 pose each of v1, v2, 1.00 s after the start",
-        "not recorded: 1 pose of v1, 2.00 s after the start",
-        "not recorded: 1 more holes, see the summary",
-    ]
-
-
 def test_the_tail_is_a_hole_of_a_vehicle_that_stayed_to_the_end() -> None:
     row, holes = run_of([*poses(8.0), health("v1", seconds=10.0, final=True)], 10.0)
     assert holes == [RecordHole(vehicle="v1", from_s=8.0, to_s=9.95, poses=40)]
@@ -72,25 +58,6 @@ def test_the_tail_is_a_hole_of_a_vehicle_that_stayed_to_the_end() -> None:
 def test_a_vehicle_that_left_early_is_reported_and_has_no_hole() -> None:
     row, holes = run_of([*poses(4.0), health("v1", seconds=4.0, final=True)], 10.0)
     assert (row.missing_poses, row.silent_from_s, row.finished, holes) == (0, 4.0, True, [])
-
-
-def test_a_run_that_is_stopped_lost_nothing_by_that() -> None:
-    """Final counters of a vehicle stopped between two poses come after the next one was due."""
-    metrics = Metrics(("v1",), {}, duration_ns=nanoseconds(10.0))
-    messages: list[Message] = [start(), *poses(4.0), health("v1", seconds=4.09, final=True)]
-    for message in messages:
-        metrics.listen(0, message)
-    assert metrics.holes(nanoseconds(4.2)) == ()
-
-
-def test_a_failed_vehicle_without_final_counters_has_no_hole() -> None:
-    row, holes = run_of(poses(4.0), 10.0)
-    assert (row.missing_poses, row.silent_from_s, row.finished, holes) == (0, 3.95, False, [])
-
-
-def test_messages_in_transit_at_a_stop_are_no_silence() -> None:
-    row, _ = run_of(poses(4.0), 4.4)
-    assert (row.missing_poses, row.silent_from_s) == (0, None)
 
 
 def bend(seq: int, behind: float, vehicle: str) -> Message:
@@ -122,13 +89,6 @@ def test_true_poses_that_are_missing_alone_are_named_too() -> None:
     ]
 
 
-def test_true_poses_that_are_missing_with_the_poses_are_not_named_twice() -> None:
-    kept = [truth("v1", seq, 0.6 * seq, 0.0) for seq in range(500) if not 100 <= seq < 338]
-    sent = [one for one in poses(10.0) if not 40 <= one.seq < 135]
-    _, holes = run_of([*sent, *kept, health("v1", seconds=10.0, final=True)], 10.0)
-    assert holes == [RecordHole(vehicle="v1", from_s=2.0, to_s=6.7, poses=95)]
-
-
 @given(
     order=st.permutations(range(25)), kept=st.integers(0, 25), gaps=st.lists(
         st.integers(1, 2000), min_size=25, max_size=25
@@ -139,10 +99,9 @@ def test_without_a_schedule_a_hole_lies_between_the_poses_beside_it(
 ) -> None:
     """In whatever order they came; what was sent last may be missing without a trace."""
     sent_at = [START + sum(gaps[: k + 1]) * SECOND // 1000 for k in range(25)]
-    numbers, edges = MessageNumbers(), EdgeInstants()
+    series = RecordedSeries()
     for number in order[:kept]:
-        numbers.add(number)
-        edges.add(number, sent_at[number])
+        series.add(number, sent_at[number])
     known = sorted(order[:kept])
     expected = [
         RecordHole(
@@ -154,38 +113,4 @@ def test_without_a_schedule_a_hole_lies_between_the_poses_beside_it(
         for one, other in zip([-1, *known], known, strict=False)
         if other - one > 1
     ]
-    assert list(edges.holes("v1", numbers, START)) == expected
-
-
-def irregular(seqs: Sequence[int]) -> list[GpsPose]:
-    """Of a vehicle that sends by the square of the number, tenths of a second."""
-    return [gps("v1", n, sent_at_ns=at(n * n / 10), measured_at_ns=at(n * n / 10)) for n in seqs]
-
-
-def unscheduled(*messages: Message) -> Metrics:
-    metrics = Metrics(
-        ("v1", "v2"), {("v1", "v2"): LinkTable()}, rates_hz={"v1": None, "v2": 20.0},
-        duration_ns=nanoseconds(10.0),
-    )  # fmt: skip
-    for message in (start(), *messages):
-        metrics.listen(0, message)
-    return metrics
-
-
-def test_a_vehicle_without_a_schedule_has_no_hole_at_its_end() -> None:
-    reported = health("v1", seconds=10.0, final=True)
-    whole = unscheduled(*irregular(range(6)), reported)
-    assert whole.holes(nanoseconds(10.0)) == ()
-    torn = unscheduled(*irregular([0, 1, 2, 5]), reported)
-    lost = RecordHole(vehicle="v1", from_s=0.4, to_s=2.5, poses=2)
-    assert torn.holes(nanoseconds(10.0)) == (lost,)
-    assert torn.vehicle_summaries(nanoseconds(10.0))[0].missing_poses == 2
-
-
-def test_a_link_is_silent_if_poses_were_sent_long_ago_and_none_was_delivered() -> None:
-    """Sent once, or rarely: what counts is the time since the first of them."""
-    listening = [gps("v2", seq) for seq in range(60)]
-    reported = health("v1", seconds=3.0)
-    assert silent_links(unscheduled(*irregular([1]), *listening, reported)).startswith("v1 → v2")
-    assert silent_links(unscheduled(*irregular([5]), *listening, reported)) == ""
-    assert silent_links(unscheduled(*listening, reported)) == ""
+    assert list(series.unscheduled_holes("v1", START)) == expected

@@ -1,4 +1,3 @@
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,8 +14,8 @@ from scenarios.results.metrics import Metrics
 from scenarios.results.vehicles.accumulators import Extremes
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from tests.made.examples import examples
-from tests.made.scenarios.messages import gps, health, start, text, tracking, truth, verdict
-from vehicles.messages import Change, Message, TruePose
+from tests.made.scenarios.messages import gps, health, tracking, truth, verdict
+from vehicles.messages import Message, TruePose
 
 CONVOY = ("v1", "v2", "v3")
 ASKED = {
@@ -62,20 +61,6 @@ def test_extremes_are_those_of_the_values(values: list[float]) -> None:
     assert extremes.rms == pytest.approx(math.sqrt(squares.mean()) if values else 0.0)
 
 
-def test_a_run_without_messages_has_a_summary_too() -> None:
-    found = figures_of()
-    assert [row.name for row in found.vehicles] == list(CONVOY)
-    assert [row.role for row in found.vehicles] == ["lead", "follower", "follower"]
-    for row in found.vehicles:
-        assert (row.poses, row.missing_poses, row.ticks) == (0, 0, 0)
-        assert not row.finished
-        assert row.estimated_gap_m_min is None
-        assert row.cross_track_error_m_max is None
-        assert row.cross_track_error_m_rms is None
-    for link in found.links:
-        assert (link.sent, link.judged, link.loss_ratio) == (0, 0, 0.0)
-
-
 def cornering(seq: int, across: float, front: float, rear: float, share: float) -> TruePose:
     return replace(
         truth("v2", seq, float(seq), 0.0), lateral_acceleration_mps2=across, front_slip_rad=front,
@@ -95,21 +80,6 @@ def test_tyre_figures_are_summarised() -> None:
     untold = vehicle("v3", *poses)
     assert untold.lateral_acceleration_mps2_max is None
     assert untold.sliding_s is None
-
-
-def test_leaving_the_linear_range_is_reported_once_with_the_first_instant() -> None:
-    metrics = Metrics(CONVOY, ASKED, linear_slips=dict.fromkeys(CONVOY, (0.015, 0.012)))
-    metrics.listen(0, start())
-    metrics.listen(0, cornering(0, 3.0, -0.0149, -0.0119, 0.4))
-    assert metrics.take_new() == []
-    metrics.listen(0, cornering(1, -5.0, 0.01, 0.0121, 0.6))
-    (line,) = metrics.take_new()
-    assert line.startswith("v2: tyres")
-    for figure in ("0.0150 rad", "0.0120 rad", "0.02 s"):
-        assert figure in line
-    metrics.listen(0, cornering(2, -6.0, 0.05, 0.05, 0.7))
-    assert metrics.take_new() == []
-    assert list(metrics.out_of_linear.values()) == [line]
 
 
 def test_tracking_errors_are_summed_up() -> None:
@@ -142,15 +112,6 @@ def test_modes_are_counted_and_the_extreme_gaps_kept() -> None:
     assert alone.estimated_gap_m_min is alone.estimated_gap_m_max is None
 
 
-def test_the_largest_deviation_of_the_own_position_is_kept() -> None:
-    deviations = (math.nan, 0.05, 0.08, math.nan, 0.02)
-    row = vehicle(
-        "v2", *(tracking("v2", k, lateral_deviation_m=d) for k, d in enumerate(deviations))
-    )
-    assert row.lateral_deviation_m_max == 0.08
-    assert vehicle("v2", tracking("v2", 0)).lateral_deviation_m_max is None
-
-
 def lead_and_follower(aside: float) -> Sequence[Message]:
     """The lead drives 60 m east, v2 15 m behind and `aside` to its left."""
     return [
@@ -169,18 +130,6 @@ def test_true_cross_track_error_is_the_distance_from_the_lead_s_path() -> None:
         assert row.cross_track_error_m_max == pytest.approx(0.25)
         assert row.cross_track_error_m_rms == pytest.approx(0.25)
         assert row.distance_m == pytest.approx(59.4)
-
-
-def test_there_are_no_gains_where_the_noise_of_positions_is_unknown() -> None:
-    poses = [
-        truth(name, seq, 0.6 * seq - 15.0 * place, 0.2 * place, distance=0.6 * seq)
-        for seq in range(200)
-        for place, name in enumerate(CONVOY)
-    ]
-    unknown, known = (vehicle("v3", *others, *poses) for others in ((), [gps("v2", 0)]))
-    assert unknown.string.lateral_error_m_rms == known.string.lateral_error_m_rms
-    assert unknown.string.lateral_gain_l2 is None
-    assert known.string.lateral_gain_l2 == pytest.approx(2.0)
 
 
 def askew(yaw: float, distance: float = 0.0, road_yaw: float | None = None) -> VehicleSummary:
@@ -205,26 +154,6 @@ def test_before_the_lead_s_first_pose_the_road_counts_not_where_the_lead_faced(y
     unknown = askew(yaw).cross_track_error_m_max
     assert unknown is not None
     assert unknown > 1.0
-
-
-def test_a_lead_first_recorded_later_faces_along_the_road_there() -> None:
-    """The road at the start may have gone elsewhere."""
-    found = askew(0.0, distance=80.0, road_yaw=1.5)
-    assert found.cross_track_error_m_max == pytest.approx(0.25)
-
-
-def test_a_follower_that_was_nowhere_beside_the_lead_s_path_has_no_distance_from_it() -> None:
-    lead = [message for message in lead_and_follower(0.0) if message.vehicle == "v1"]
-    beyond = [truth("v2", seq, 100.0 + seq, 0.5) for seq in range(20)]
-    for found in (vehicle("v2", *lead), vehicle("v2", *lead, *beyond), vehicle("v2", *beyond)):
-        assert found.cross_track_error_m_max is None
-        assert found.cross_track_error_m_rms is None
-
-
-def test_the_lead_has_no_distance_from_itself() -> None:
-    row = vehicle("v1", *lead_and_follower(0.25))
-    assert row.cross_track_error_m_max is None
-    assert row.cross_track_error_m_rms is None
 
 
 @pytest.mark.parametrize(
@@ -264,17 +193,6 @@ def test_health_is_the_last_one_and_memory_the_largest() -> None:
     assert not vehicle("v3", health("v3", 0)).finished
 
 
-def test_numbers_without_a_sum_end_no_summary() -> None:
-    row = vehicle("v3", *(health("v3", seq, cpu_ratio=1e308) for seq in range(4)))
-    assert row.cpu_ratio == math.inf
-
-
-def test_strangers_and_the_conductor_count_for_nothing() -> None:
-    assert figures_of(start(), text("run", 0, "so far"), gps("v9", 0), health("run")) == (
-        figures_of(start())
-    )
-
-
 def test_figures_of_a_link_follow_from_its_verdicts() -> None:
     row = link(
         "v2",
@@ -298,28 +216,6 @@ def test_figures_of_a_link_follow_from_its_verdicts() -> None:
     assert row.latency_ms_max == pytest.approx(100.0)
 
 
-def test_messages_above_a_link_s_rate_are_not_lost() -> None:
-    row = link(
-        "v1",
-        "v2",
-        verdict("v1", "v2", 0),
-        verdict("v1", "v2", 1, dropped="rate"),
-        verdict("v1", "v2", 2, dropped="loss"),
-        verdict("v1", "v2", 3, dropped="rate"),
-    )
-    assert row.dropped == {"loss": 1, "rate": 2}
-    assert row.loss_ratio == pytest.approx(1 / 2)
-    held_back = link("v1", "v2", verdict("v1", "v2", 0, dropped="rate"))
-    assert held_back.loss_ratio == 0.0
-
-
-def test_links_are_ordered_by_receiver_then_sender_from_the_lead_on() -> None:
-    requested = [("v3", "v4"), ("v2", "v3"), ("v1", "v4"), ("v1", "v2"), ("v1", "v3")]
-    metrics = Metrics((*CONVOY, "v4"), dict.fromkeys(requested, LinkTable()))
-    order = [(row.sender, row.receiver) for row in metrics.link_summaries()]
-    assert order == [("v1", "v2"), ("v1", "v3"), ("v2", "v3"), ("v1", "v4"), ("v3", "v4")]
-
-
 @given(random=st.randoms(use_true_random=False))
 @settings(max_examples=30)
 def test_only_the_order_within_a_kind_matters(random: Any) -> None:
@@ -337,30 +233,3 @@ def test_only_the_order_within_a_kind_matters(random: Any) -> None:
     while any(kinds):
         mixed.append(random.choice([kind for kind in kinds if kind]).pop(0))
     assert figures_of(*mixed) == expected
-
-
-@pytest.mark.parametrize(
-    ("vehicle", "entry", "changed"),
-    [
-        ("v3", {"kind": "cut"}, {("v1", "v3"), ("v2", "v3")}),
-        ("v3", {"kind": "link", "sender": "predecessor", "loss_ratio": 0.1}, {("v2", "v3")}),
-        ("v2", {"kind": "heal"}, {("v1", "v2")}),
-        ("v3", {"kind": "cut", "receiver": "v2"}, set()),
-        ("v3", {"kind": "stall", "vehicle": "v3", "for_s": 1.0}, set()),
-        ("v3", {"kind": "of a later version"}, set()),
-        ("v9", {"kind": "cut"}, set()),
-    ],
-)
-def test_links_that_were_changed_are_named_and_not_judged(
-    vehicle: str, entry: dict[str, object], changed: set[tuple[str, str]]
-) -> None:
-    metrics = Metrics(CONVOY, ASKED)
-    table = json.dumps({"at_s": 1.0, **entry})
-    change = Change(
-        vehicle=vehicle, seq=0, effective_at_ns=0, kind="cut", by_hand=True, table=table
-    )
-    metrics.listen(0, change)
-    assert {pair for pair, one in metrics.links.items() if one.changed} == changed
-    reported = " ".join(metrics.channel_warnings())
-    assert all(f"{sender} → {receiver}" in reported for sender, receiver in changed)
-    assert bool(reported) == bool(changed)

@@ -3,8 +3,6 @@
 from dataclasses import replace
 from typing import Any
 
-import pytest
-
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.holes import RecordHole
 from scenarios.results.metrics import Metrics
@@ -75,24 +73,6 @@ def test_the_worst_incident_comes_first() -> None:
     assert line(errors, events=(collided, collided)).startswith("2 collisions, first v2 and v3 at")
 
 
-@pytest.mark.parametrize(
-    ("events", "begin"),
-    [
-        (STOPS, "2 of 4 vehicles braked without a reliable source, first v3 at 7.50 s"),
-        ((event("path_lost", 1.0, "v2"),), "1 of 4 vehicles lost its path"),
-        ((event("slide", 1.0, "v2"),), "1 of 4 vehicles slid"),
-        ((event("distrust", 1.0, "v1", "v2"),), "sources distrusted: v1"),
-        (
-            (event("near_miss", 1.5, "v1", "v2", gap_m_min=0.25),),
-            "1 near miss, closest 0.25 m, v1 and v2 at 1.50 s",
-        ),
-    ],
-)
-def test_every_kind_of_event_is_named(events: tuple[RunEvent, ...], begin: str) -> None:
-    found = line(events=events)
-    assert found == f"{begin}; worst error 6.2 cm (v4); 0 collisions; limits: none set"
-
-
 def test_the_blind_distance_stands_with_the_stops() -> None:
     lead, second, *others = vehicles(0.02, 0.05, 0.062)
     blind = replace(second, reaction=ReactionSummary(stops=1, blind_m=72.94))
@@ -117,19 +97,3 @@ def test_a_failure_begins_with_its_reason() -> None:
         "FAILED: stopped by SIGINT; 2 more reasons; ran 35.0 s; 3 of 4 vehicles left the lane, "
         "worst v2 2.80 m at 8.18 s; 0 collisions"
     )
-
-
-def test_a_run_that_did_not_start_has_only_its_reason() -> None:
-    assert line((None, None, None), reason="not present in time: v3", ran_s=0.0) == (
-        "FAILED: not present in time: v3; ran 0.0 of 35.0 s"
-    )
-
-
-def test_a_run_that_goes_on_is_running() -> None:
-    assert line(outcome="running", ran_s=12.3) == (
-        "RUNNING: 12.3 of 35.0 s; worst error 6.2 cm (v4); no events"
-    )
-
-
-def test_a_line_that_is_there_stays() -> None:
-    assert line(outcome_line="as it was") == "as it was"

@@ -1,14 +1,11 @@
 """Errors against the road beside those against the path that the lead drove."""
 
-import json
-import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
-from scenarios.results.summary import from_json, to_json
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
 from scenarios.runs.virtual.unlogged_run import run_unlogged
 from tests.made.scenarios.rough_drives import truth
@@ -35,14 +32,6 @@ def test_a_wobbling_lead_differs_from_a_convoy_that_follows_badly() -> None:
     assert min(second.road_error_m_max or 0.0, third.road_error_m_max or 0.0) > 0.06
     assert second.road_error_m_max == pytest.approx(second.cross_track_error_m_max, abs=0.03)
     assert second.road_error_max_at_s is not None
-
-
-def test_an_offset_start_is_an_error_of_the_road() -> None:
-    shifted = ["vehicle.v1.lateral_offset_m=0.5", "duration_s=1", "convoy.vehicles=2"]
-    lead, follower = summaries(load_scenario("lane_change", shifted))
-    assert lead.road_error_m_max == pytest.approx(0.5, abs=0.01)
-    assert lead.cross_track_error_m_max is None
-    assert (follower.road_error_m_max or 1.0) < 0.4
 
 
 def two_drives(folder: Path) -> Scenario:
@@ -88,14 +77,3 @@ def test_a_broken_limit_of_the_road_names_the_vehicle_and_the_instant() -> None:
     assert summary.outcome == "failed"
     broken = {limit.vehicle: limit.value for limit in summary.limits if limit.broken}
     assert broken["v1"] == pytest.approx(0.5, abs=0.01)
-
-
-def test_a_summary_of_an_earlier_version_has_no_error_of_the_road() -> None:
-    made = run_unlogged(load_scenario("lane_change", ["duration_s=0.5"]))
-    values = json.loads(to_json(made))
-    for row in values["vehicles"]:
-        for name in ("max", "rms"):
-            assert math.isfinite(row.pop(f"road_error_m_{name}"))
-        del row["road_error_max_at_s"]
-    (lead, *_) = from_json(json.dumps(values)).vehicles
-    assert lead.road_error_m_max is None

@@ -10,7 +10,6 @@ import pytest
 
 from scenarios.cli.summary_tables import FIGURES
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.events.encounters import EventKind
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import scenario_in, summary_of
@@ -76,13 +75,6 @@ def test_a_run_is_known_by_scenario_seed_clock_and_versions(scenario: Scenario) 
     assert RunIdentity.of_values(what) == RunIdentity.of_values(identity.values()) == identity
 
 
-def test_each_link_has_its_requested_settings(scenario: Scenario) -> None:
-    requested = scenario.links
-    assert list(requested) == [("v1", "v2"), ("v1", "v3"), ("v2", "v3")]
-    assert requested["v1", "v2"] == requested["v2", "v3"] == LinkTable(latency_ms=30.0)
-    assert requested["v1", "v3"] == LinkTable(latency_ms=30.0, loss_ratio=0.25)
-
-
 def test_a_summary_survives_a_round_trip_through_json(scenario: Scenario, tmp_path: Path) -> None:
     run = written(scenario, tmp_path)
     run.end(at(5.0), "")
@@ -113,20 +105,6 @@ def test_a_summary_is_json_whatever_was_measured(
     assert math.isnan(from_json(text).vehicles[0].distance_m)
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"outcome": "completed"}', '{"vehicles": 7}'])
-def test_an_invalid_summary_is_refused(text: str) -> None:
-    with pytest.raises(ValueError, match=r"Expecting|summary"):
-        from_json(text)
-
-
-def test_the_summary_of_a_complete_log_is_the_attached_one(
-    scenario: Scenario, tmp_path: Path
-) -> None:
-    run = written(scenario, tmp_path)
-    run.end(at(5.0), "")
-    assert run.close(at(5.0)) == summary_of(tmp_path / LOG_NAME)
-
-
 def test_the_summary_of_an_incomplete_log_is_computed_from_its_messages(
     scenario: Scenario, tmp_path: Path
 ) -> None:
@@ -154,17 +132,6 @@ def test_the_summary_of_an_incomplete_log_is_computed_from_its_messages(
     assert replace(repaired, log_faults=found.log_faults) == found
     broken.end(at(2.0), "")
     broken.close(at(2.0))
-
-
-def test_a_log_that_breaks_off_before_the_start_ran_for_no_time(
-    scenario: Scenario, tmp_path: Path
-) -> None:
-    run = RunLog(scenario, tmp_path, clock="wall", run_id="today")
-    run.recorder.log(at(0.0), "waiting")
-    run.recorder.accept("convoy/v1/health", encode(health("v1")), at(30.0))
-    run.flush()
-    assert summary_of(tmp_path / LOG_NAME).ran_s == 0.0
-    run.close(at(30.0))
 
 
 def test_a_log_without_its_scenario_is_refused_in_one_line(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.definition.scenario import library, load_scenario, scenario_from_text
+from scenarios.definition.scenario import load_scenario
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.summarise import METADATA_NAME
 from scenarios.results.summary import RunIdentity, from_json
@@ -70,10 +70,6 @@ def test_the_title_has_the_loss_of_all_laws(settings: tuple[str, ...], loss: str
     assert title.startswith(f"lane_change, seed 1, α 0.5, {loss}, {SHORT}"), title
 
 
-def test_without_overrides_a_virtual_run_is_known_by_name_and_seed() -> None:
-    assert load_scenario("lane_change").virtual_run_id == "lane_change-1"
-
-
 def test_files_of_one_name_are_distinguished(tmp_path: Path) -> None:
     """Also those that have taken the name of a shipped scenario."""
     files = []
@@ -88,10 +84,3 @@ def test_files_of_one_name_are_distinguished(tmp_path: Path) -> None:
     assert mine[0].title.startswith(f"lane_change ({mine[0].fingerprint}), seed 1")
     again = load_scenario(Path(shutil.copy(files[0], tmp_path / "moved.toml")))
     assert again.title == mine[0].title  # by its content, not by its place
-
-
-@pytest.mark.parametrize("name", library())
-def test_a_shipped_scenario_needs_no_fingerprint_also_when_read_from_a_log(name: str) -> None:
-    scenario = load_scenario(name, ["duration_s=2"], seed=3)
-    assert scenario.fingerprint == scenario_from_text(scenario.text).fingerprint == ""
-    assert scenario_from_text(scenario.text).title == scenario.title

@@ -27,21 +27,6 @@ def test_a_digest_does_not_depend_on_the_folder(tmp_path: Path) -> None:
     assert digest_of(one) == digest_of(other)
 
 
-@pytest.mark.parametrize(
-    "files",
-    [
-        {"a_py": "x = 2\n", "b__c_toml": "y = 2\n"},
-        {"a_py": "x = 1\n", "b__d_toml": "y = 2\n"},
-        {"a_py": "x = 1\n"},
-        FILES | {"more_csv": ""},
-    ],
-)
-def test_other_content_or_names_change_the_digest(files: dict[str, str], tmp_path: Path) -> None:
-    assert digest_of(package(tmp_path / "one", **files)) != digest_of(
-        package(tmp_path / "other", **FILES)
-    )
-
-
 def digest_here(folder: Path, monkeypatch: pytest.MonkeyPatch, **files: str) -> dict[str, str]:
     """Digests of the controller `laws.own.Mine` of a process that imports from `folder`."""
     package(folder, **files)

@@ -94,23 +94,6 @@ def test_only_subscribed_keys_are_received(join: Join) -> None:
     assert "other/a/gps" not in {key for key, _ in all_received}
 
 
-def test_urgent_messages_arrive_too(join: Join) -> None:
-    sender, receiver, received = join(), join(), ReceivedMessages()
-    receiver.subscribe("convoy/*/gps", received)
-    connect(sender, received, "convoy/x/gps")
-    sender.publish("convoy/lead/gps", b"now", urgent=True)
-    assert until(lambda: received == [("convoy/lead/gps", b"now")])
-
-
-def test_two_subscriptions_are_both_served(join: Join) -> None:
-    sender, receiver, first, other = join(), join(), ReceivedMessages(), ReceivedMessages()
-    receiver.subscribe("convoy/*/log", first)
-    receiver.subscribe("convoy/lead/log", other)
-    connect(sender, first)
-    sender.publish("convoy/lead/log", b"1")
-    assert until(lambda: len(first) == len(other) == 1)
-
-
 def test_a_late_watcher_gets_the_members_alive(join: Join) -> None:
     vehicle, watcher = join(), join()
     alive: dict[Member, bool] = {}
@@ -159,35 +142,6 @@ def test_a_question_is_answered_as_long_as_someone_does(join: Join) -> None:
     assert other.query("convoy/@clock/v2", 0.2) is None
     first.close()
     assert until(lambda: other.query("convoy/@clock/v1", 0.2) is None)
-
-
-def test_an_answer_belongs_to_its_query(join: Join) -> None:
-    first, other = join(), join()
-    first.answer("convoy/@control/v1", lambda question: question[::-1])
-    assert until(lambda: other.query("convoy/@control/v1", 0.5, b"ab") == b"ba")
-    for question in (bytes(range(256)), b"x" * 100_000, b""):
-        assert other.query("convoy/@control/v1", 2.0, question) == question[::-1]
-
-
-def test_a_question_that_cannot_be_answered_is_not_the_last_one() -> None:
-    with ExitStack() as stack:
-        router = stack.enter_context(open_router(("tcp/127.0.0.1:0",)))
-        options = ZenohOptions(connect=router.endpoints)
-        first, other = (stack.enter_context(open_bus(options)) for _ in range(2))
-        first.answer("convoy/@control/v1", lambda question: str(1 // len(question)).encode())
-        assert until(lambda: other.query("convoy/@control/v1", 0.5, b"?") == b"1")
-        assert other.query("convoy/@control/v1", 0.5) is None
-        assert other.query("convoy/@control/v1", 0.5, b"?") == b"1"
-
-
-def test_liveliness_is_not_a_message(join: Join) -> None:
-    vehicle, watcher, received = join(), join(), ReceivedMessages()
-    watcher.subscribe("convoy/**", received)
-    connect(vehicle, received)
-    vehicle.announce("vehicle", "lead", "print")
-    vehicle.publish("convoy/lead/log", b"after")
-    assert until(lambda: bool(received))
-    assert received == [("convoy/lead/log", b"after")]
 
 
 def test_a_closed_bus_receives_nothing(join: Join) -> None:

@@ -2,13 +2,11 @@
 
 from contextlib import suppress
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from transport.bus.telemetry import MAX_RECORDS_BYTES, BatchRecord, packed, records_key, unpacked
 from transport.codec import MAX_BYTES, RefusedMessageError
-from transport.convoy_pb2 import Records
 from transport.topics import TOPICS, key
 
 BATCHED = [topic.name for topic in TOPICS.values() if topic.batched]
@@ -35,19 +33,6 @@ def test_batches_keep_the_order_and_their_maximum_size(sent: list[BatchRecord]) 
 def test_bytes_that_are_no_batch_are_refused_and_nothing_else_happens(data: bytes) -> None:
     with suppress(RefusedMessageError):
         assert all(one.topic in ("", *BATCHED) for one in unpacked(data))
-
-
-def test_a_batch_that_is_too_large_is_refused_unread() -> None:
-    with pytest.raises(RefusedMessageError, match="oversized"):
-        list(unpacked(bytes(MAX_RECORDS_BYTES + 1)))
-
-
-def test_invalid_records_are_marked_and_the_others_kept() -> None:
-    batch = Records()
-    for topic, size in (("truth", 3), ("gps", 3), ("nonsense", 3), ("command", MAX_BYTES + 1)):
-        batch.record.add(topic=topic, at_ns=7, data=bytes(size))
-    found = list(unpacked(batch.SerializeToString()))
-    assert [one.topic for one in found] == ["truth", "", "", ""]
 
 
 def test_poses_and_instants_of_the_run_are_never_batched() -> None:

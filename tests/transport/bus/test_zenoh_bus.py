@@ -227,24 +227,8 @@ def test_wrong_options(options: ZenohOptions, word: str) -> None:
     assert_one_clear_line(caught.value)
 
 
-@pytest.mark.parametrize("text", ["{mode:", "{mode: 'driver'}", "{colour: 'red'}", "\x00\x01"])
-def test_a_wrong_file(tmp_path: Path, text: str) -> None:
-    file = tmp_path / "zenoh.json5"
-    file.write_text(text)
-    with pytest.raises(BusError, match=re.escape(str(file))) as caught:
-        open_bus(ZenohOptions(config=file))
-    assert_one_clear_line(caught.value)
-
-
 def setting(options: ZenohOptions, name: str) -> object:
     return json.loads(configuration(options, DEFAULTS).get_json(name))
-
-
-def test_members_of_other_networks_are_not_found() -> None:
-    assert setting(ZenohOptions(), "mode") == "client"
-    assert setting(ZenohOptions(), "scouting/multicast/enabled") is False
-    assert setting(ZenohOptions(mode="peer"), "scouting/multicast/enabled") is False
-    assert setting(ZenohOptions(), "transport/shared_memory/enabled") is False
 
 
 def test_the_file_goes_over_defaults_flags_over_the_file_settings_over_all(tmp_path: Path) -> None:
@@ -263,10 +247,6 @@ def test_the_file_goes_over_defaults_flags_over_the_file_settings_over_all(tmp_p
     assert setting(by_flags, "connect/endpoints") == ["tcp/a:1"]
     by_settings = ZenohOptions(connect=("tcp/a:1",), cfg=('connect/endpoints:["tcp/b:2"]',))
     assert setting(by_settings, "connect/endpoints") == ["tcp/b:2"]
-
-
-def test_pauses_of_five_seconds_disconnect_nobody() -> None:
-    assert setting(ZenohOptions(), "transport/link/tx/lease") == 10_000
 
 
 def test_runs_of_two_names_are_isolated(router: Router) -> None:
@@ -288,17 +268,6 @@ def test_runs_of_two_names_are_isolated(router: Router) -> None:
         assert until(lambda: ("one/convoy/v1/gps", b"1") in on_the_wire)
         assert received == [("convoy/v1/gps", b"1")]
         assert of_other == []
-
-
-def test_publications_of_a_named_run_arrive_before_closing(router: Router) -> None:
-    received = ReceivedMessages()
-    with join(router, "one") as receiver:
-        receiver.subscribe("convoy/**", received)
-        with join(router, "one") as sender:
-            for k in range(2000):
-                sender.publish("convoy/a/truth", b"%200d" % k)
-        assert until(lambda: len(received) == 2000)
-        assert [int(data) for _, data in received] == list(range(2000))
 
 
 def test_a_message_has_its_encoding_and_priority(router: Router) -> None:
@@ -355,22 +324,6 @@ def test_a_failing_handler_does_not_end_its_subscription(
 
         assert until(twice)
     assert "handler at fault" in caplog.text
-
-
-def test_a_closed_bus_refuses_to_publish(router: Router) -> None:
-    bus = join(router)
-    bus.publish("convoy/a/log", b"x")
-    bus.close()
-    with pytest.raises(BusError, match="convoy/a/log"):
-        bus.publish("convoy/a/log", b"x")
-
-
-def test_an_exception_ends_the_process(router: Router) -> None:
-    lines = ("bus.subscribe('convoy/**', print)", "raise RuntimeError('on the way')")
-    with process(router, *lines) as child:
-        assert child.wait(5.0) == 1
-        assert child.stderr is not None
-        assert "on the way" in child.stderr.read()
 
 
 @pytest.mark.parametrize(
@@ -446,68 +399,3 @@ def test_loss_of_the_router_is_no_failure_of_members() -> None:
             connect(vehicle, received)
             vehicle.publish("convoy/lead/log", b"again")
             assert until(lambda: ("convoy/lead/log", b"again") in received)
-
-
-def test_two_peers_need_no_router() -> None:
-    endpoint, received = free_endpoint(), ReceivedMessages()
-    with (
-        open_bus(ZenohOptions(mode="peer", listen=(endpoint,))) as first,
-        open_bus(ZenohOptions(mode="peer", connect=(endpoint,))) as other,
-    ):
-        first.subscribe("convoy/*/log", received)
-        connect(other, received)
-        other.publish("convoy/a/log", b"direct")
-        assert until(lambda: received == [("convoy/a/log", b"direct")])
-
-
-def test_each_session_has_its_own_name(router: Router) -> None:
-    with join(router) as first, join(router) as other:
-        assert len({first.zid, other.zid, router.zid}) == 3
-
-
-def test_a_router_joins_another_one(router: Router) -> None:
-    with open_router(("tcp/127.0.0.1:0",), connect=router.endpoints) as second:
-        received: list[bytes] = []
-        with join(router) as first, join(second) as other:
-            other.subscribe("convoy/**", lambda _, data: received.append(data))
-            deadline = time.monotonic() + 20.0
-            while not received and time.monotonic() < deadline:
-                first.publish("convoy/v1/gps", b"pose")
-                time.sleep(0.05)
-        assert received
-
-
-@pytest.mark.parametrize(
-    ("requested", "threads"), [("", {"app"}), ("(rx: (worker_threads: 2))", {"app", "rx", "tx"})]
-)
-def test_a_session_has_one_thread_for_its_tasks_by_default(
-    router: Router, monkeypatch: pytest.MonkeyPatch, requested: str, threads: set[str]
-) -> None:
-    monkeypatch.delenv("ZENOH_RUNTIME", raising=False)
-    if requested:
-        monkeypatch.setenv("ZENOH_RUNTIME", requested)
-    with process(router, "bus.publish('convoy/a/log', b'x')", "time.sleep(60)") as child:
-
-        def tasks() -> set[str]:
-            names = [path.read_text() for path in Path(f"/proc/{child.pid}/task").glob("*/comm")]
-            return {name.split("-")[0] for name in names} & {"app", "rx", "tx"}
-
-        assert until(lambda: tasks() == threads), tasks()
-
-
-@pytest.mark.parametrize("filter_", ["info", "trace", "", "=[["])
-def test_a_log_filter_of_the_environment_stops_no_session(filter_: str) -> None:
-    code = (
-        "from transport.bus.zenoh_bus import ZenohOptions, open_bus, open_router\n"
-        "with open_router(('tcp/127.0.0.1:0',)) as router:\n"
-        "    with open_bus(ZenohOptions(connect=router.endpoints)) as bus:\n"
-        "        bus.publish('convoy/a/log', b'')\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env={**os.environ, "RUST_LOG": filter_},
-        capture_output=True,
-        check=False,
-        timeout=30,
-    )
-    assert done.returncode == 0, done.stderr[-500:]

@@ -1,6 +1,5 @@
 """Messages received by a vehicle: by its links, for any behaviour of the bus."""
 
-import threading
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from random import Random
@@ -14,17 +13,13 @@ from tests.made.transport.links import inbox as inbox_of
 from tests.made.transport.links import link as link_of
 from tests.made.transport.links import taken
 from transport.clock import ticks
-from transport.codec import RefusedMessageError, encode
+from transport.codec import encode
 from transport.links.gate import LONGEST_POSE_BYTES
-from transport.links.inbox import QUEUE, WINDOW, Inbox, IncomingLink
+from transport.links.inbox import QUEUE, Inbox
 from transport.links.laws.effect import (
     UNKNOWN_POSITION,
-    Draw,
-    Effect,
-    Position,
     TransmissionContext,
 )
-from transport.links.laws.queue import Queue
 from transport.topics import TOPICS, key
 from vehicles.messages import GpsPose, LinkVerdict, LogText
 from vehicles.schedule import SECOND, instant
@@ -257,26 +252,6 @@ def test_no_bytes_do_harm(data: bytes) -> None:
     assert sum(inbox.rejected.values()) == 1
 
 
-def test_unknown_senders_are_refused() -> None:
-    inbox = make_inbox()
-    send(inbox, pose(0, "ghost"))
-    assert taken(inbox, START + 100 * MS) == []
-    assert inbox.rejected == {"unknown": 1}
-
-
-def test_rejections_are_reported_once() -> None:
-    inbox = make_inbox()
-    inbox.on_bytes("convoy/lead/gps", b"")
-    send(inbox, pose(0), pose(0))
-    taken(inbox, START)
-    assert inbox.rejections() == [("duplicate", 1), ("garbage", 1)]
-    assert inbox.rejections() == []
-    inbox.on_bytes("convoy/lead/gps", b"")
-    taken(inbox, START)
-    assert inbox.rejections() == [("garbage", 1)]
-    assert inbox.rejected == {"garbage": 2, "duplicate": 1}
-
-
 def test_a_vehicle_that_was_held_up_loses_nothing() -> None:
     # Stopped at the start; ten seconds later all messages are received at once.
     inbox = make_inbox()
@@ -300,36 +275,6 @@ def test_too_many_at_once_push_the_oldest_out() -> None:
     assert inbox.rejected["garbage"] == 0
     assert ("overflow", 3) in inbox.rejections()
     assert received[0] == pose(0)
-
-
-def test_messages_may_come_while_others_are_taken() -> None:
-    inbox = make_inbox()
-    total = 2000
-
-    def produce() -> None:
-        send(inbox, *(pose(k) for k in range(total)))
-
-    thread = threading.Thread(target=produce)
-    thread.start()
-    now, received = START, list[GpsPose]()
-    while thread.is_alive():
-        received += taken(inbox, now)
-    thread.join()
-    received += taken(inbox, START + 50 * SECOND)
-    received += taken(inbox, START + 100 * SECOND)
-    assert len(received) + inbox.rejected.total() == total
-
-
-def test_each_sender_has_its_own_schedule() -> None:
-    links = {"lead": LinkTable(rate_hz=5.0), "follower_1": LinkTable(rate_hz=5.0)}
-    rates = {"lead": 20.0, "follower_1": 10.0}
-    inbox = inbox_of("f2", links, start_at=START, rate_hz=rates)
-    for sender, rate_hz in rates.items():
-        for k in range(8):
-            send(inbox, sent(pose(k, sender), instant(START, k, rate_hz)))
-    received = taken(inbox, START + SECOND)
-    assert [p.seq for p in received if p.vehicle == "lead"] == [0, 4]
-    assert [p.seq for p in received if p.vehicle == "follower_1"] == [0, 2, 4, 6]
 
 
 # ---- Interruptions of receiving
@@ -356,108 +301,3 @@ def test_messages_sent_while_not_receiving_are_discarded() -> None:
     assert [message.seq for message in box.verdicts()] == [0, 1, 2, 3]
     assert not box.rejected
     assert box.late == 0
-
-
-def test_messages_during_a_stall_are_received_afterwards_and_not_late() -> None:
-    box = make_inbox()
-    taken(box, START)
-    for seq in range(5):
-        feed(box, pose(seq))
-        box.skip(START + seq * 50 * MS, UNKNOWN_POSITION)
-    assert [message.seq for message in taken(box, START + 300 * MS)] == [0, 1, 2, 3, 4]
-    assert box.late == 0
-
-
-def test_an_inbox_goes_on_from_the_counts_of_another() -> None:
-    box = make_inbox({"lead": LinkTable(latency_ms=20.0, loss_ratio=1.0)})
-    feed(box, pose(0), pose(1), pose(1))
-    taken(box, START + 100 * MS)
-    other = inbox_of("follower_2", {"lead": LinkTable()}, start_at=START)
-    other = Inbox("follower_2", other.links.values(), start_at=START, before=box.counts)
-    assert (other.dropped, other.delivered, other.late) == (2, 0, 0)
-    assert other.rejected == box.rejected == {"duplicate": 1}
-    assert other.rejections() == []
-    feed(other, pose(2))
-    taken(other, START + 200 * MS)
-    assert [message.seq for message in other.verdicts()] == [2]
-    assert other.delivered == 1
-
-
-NUMBERS = st.one_of(
-    st.integers(0, 40),
-    st.integers(WINDOW - 5, WINDOW + 45),
-    st.integers(3 * WINDOW, 3 * WINDOW + 9),
-    st.just(2**63),
-)
-
-
-def verdict(link: IncomingLink, seq: int) -> str:
-    """Reason with which a number is refused, empty if it is accepted."""
-    try:
-        link.register(seq)
-    except RefusedMessageError as refusal:
-        return refusal.reason
-    return ""
-
-
-@given(st.lists(NUMBERS, max_size=60))
-def test_a_number_is_new_once_unless_it_is_far_behind(came: list[int]) -> None:
-    link, all_so_far, newest = make_inbox().links["lead"], set[int](), -1
-    for seq in came:
-        expected = "past" if seq <= newest - WINDOW else "duplicate" if seq in all_so_far else ""
-        assert verdict(link, seq) == expected
-        if not expected:
-            all_so_far.add(seq)
-            newest = max(newest, seq)
-
-
-def test_a_refusal_states_the_number_and_the_reason() -> None:
-    link = make_inbox().links["lead"]
-    link.register(WINDOW)
-    with pytest.raises(RefusedMessageError, match=f"^past: number 0 .*{WINDOW}$"):
-        link.register(0)
-    with pytest.raises(RefusedMessageError, match=f"^duplicate: number {WINDOW} "):
-        link.register(WINDOW)
-
-
-def test_a_path_history_counts_in_the_bytes_of_a_queue() -> None:
-    long = replace(
-        pose(0),
-        history_latitude_e7deg=(-900,) * 20,
-        history_longitude_e7deg=(0,) * 20,
-        history_age_cs=(50,) * 20,
-    )
-    extra = len(encode(long)) - len(encode(pose(0)))
-    assert extra > 20 * 3
-    visible = []
-    for message in (pose(0), long):
-        box = make_inbox({"lead": LinkTable(queue=Queue(bytes_per_s=1000.0, depth_messages=5))})
-        send(box, message)
-        box.take(START)
-        box.take(START + SECOND)
-        visible += [verdict.visible_at_ns for verdict in box.verdicts()]
-    assert visible[1] - visible[0] == extra * MS
-
-
-class Noting(Effect):
-    """Notes the transmissions that it judges."""
-
-    key = "noting"
-
-    def __init__(self, judged: list[TransmissionContext]) -> None:
-        self.judged = judged
-
-    def judge(self, draw: Draw, context: TransmissionContext) -> int:  # noqa: ARG002
-        self.judged.append(context)
-        return 0
-
-
-def test_a_message_sent_after_a_late_tick_is_judged_by_the_position_at_its_sending() -> None:
-    """The receiver's tick at 25 ms is late, and finds the message that was sent at 50 ms."""
-    inbox, judged = make_inbox(), list[TransmissionContext]()
-    link = inbox.links["lead"].link
-    link.effects = (Noting(judged), *link.effects)
-    send(inbox, pose(1))
-    for at in (25, 50, 75):
-        inbox.take(START + at * MS, Position(float(at), 0.0, float(at)))
-    assert [context.receiver.east for context in judged] == [50.0]

@@ -1,8 +1,6 @@
 """Verdicts of a link: keyed by the message alone, with the requested losses and delays."""
 
-import itertools
 from dataclasses import dataclass
-from fractions import Fraction
 from math import sqrt
 from random import Random
 from statistics import fmean
@@ -13,7 +11,7 @@ from hypothesis import strategies as st
 
 from scenarios.definition.schema.link_tables import LinkTable
 from tests.made.transport.links import link
-from transport.links.laws.basic import Decimation, Latency
+from transport.links.laws.basic import Latency
 from transport.links.laws.effect import Draw, Effect, TransmissionContext
 from transport.links.link import ChangedEffects, Link, Verdict, combine, keyed_draw
 from transport.reasons import DropReason
@@ -48,18 +46,6 @@ def test_keyed_uniform_keeps_its_values() -> None:
     assert keyed_uniform(7, "follower_1", "follower_2", 123_456, "jitter") == 0.9093441215500883
 
 
-def test_every_part_of_the_key_matters() -> None:
-    keys = [
-        (1, "a", "b", 5, "loss"),
-        (2, "a", "b", 5, "loss"),
-        (1, "b", "a", 5, "loss"),
-        (1, "ab", "", 5, "loss"),
-        (1, "a", "b", 6, "loss"),
-        (1, "a", "b", 5, "jitter"),
-    ]
-    assert len({keyed_uniform(*key) for key in keys}) == len(keys)
-
-
 def test_keyed_uniform_is_uniform() -> None:
     n, bins = 20_000, 20
     counts = [0] * bins
@@ -69,13 +55,6 @@ def test_keyed_uniform_is_uniform() -> None:
         counts[int(drawn * bins)] += 1
     chi_squared = sum((count - n / bins) ** 2 / (n / bins) for count in counts)
     assert 5.0 < chi_squared < 45.3  # 19 degrees of freedom, 0.1 % on either side
-
-
-def test_losses_in_a_row_are_as_frequent_as_independence_has_it() -> None:
-    n, ratio = 5000, 0.3
-    lost = [judge(LinkTable(loss_ratio=ratio), seq).outcome == "dropped" for seq in range(n)]
-    pairs = sum(a and b for a, b in itertools.pairwise(lost))
-    assert abs(pairs - n * ratio**2) < 5.0 * sqrt(n * ratio**2)
 
 
 @pytest.mark.parametrize(("ratio", "outcome"), [(0.0, "delivered"), (1.0, "dropped")])
@@ -121,18 +100,6 @@ def test_jitter_is_uniform_above_the_latency() -> None:
     assert abs(fmean(delays) - 40.0) < 4.0 * 40.0 / sqrt(12 * n)
 
 
-def test_jitter_lets_messages_overtake() -> None:
-    rule = LinkTable(jitter_ms=200.0)
-    visible = [judge(rule, seq).visible_at for seq in range(100)]
-    assert visible != sorted(visible)
-
-
-def test_jitter_does_not_move_losses() -> None:
-    plain = [judge(LinkTable(loss_ratio=0.3), k).outcome for k in range(500)]
-    jittery = [judge(LinkTable(loss_ratio=0.3, jitter_ms=50.0), k).outcome for k in range(500)]
-    assert plain == jittery
-
-
 def test_losses_do_not_pick_by_jitter() -> None:
     rule = LinkTable(latency_ms=0.0, jitter_ms=100.0, loss_ratio=0.5)
     judged = [judge(rule, seq) for seq in range(4000)]
@@ -156,13 +123,6 @@ def test_rate_lets_evenly_spread_messages_through(rate_hz: float, through: list[
     judged = [judge(LinkTable(rate_hz=rate_hz), seq) for seq in range(9)]
     assert [seq for seq, verdict in enumerate(judged) if verdict.outcome == "delivered"] == through
     assert {verdict.reason for verdict in judged if verdict.outcome == "dropped"} <= {"rate"}
-
-
-@given(top=st.integers(1, 100), bottom=st.integers(1, 100), n=st.integers(1, 3000))
-def test_rate_is_kept_to_within_one_message(top: int, bottom: int, n: int) -> None:
-    decimation = Decimation(min(Fraction(top, bottom), Fraction(1)))
-    carried = sum(decimation.judge(no_chance, TransmissionContext(seq, 0)) == 0 for seq in range(n))
-    assert 0 <= carried - (n - 1) * decimation.kept <= 1
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from tests.made.scenarios.messages import gps, truth
+from tests.made.scenarios.messages import truth
 from transport.codec import encode
 from transport.links.true_poses import TruePoses
 from vehicles.messages import TruePose
@@ -24,22 +24,3 @@ def test_the_newest_pose_up_to_an_instant_is_used_in_any_order_of_arrival() -> N
         pose(60),
     ]
     assert poses.late == 0
-
-
-def test_poses_that_arrive_after_their_use_are_counted() -> None:
-    poses = TruePoses("v1")
-    poses.on_bytes(poses.key, encode(pose(20)))
-    poses.newest_at(50 * MILLISECOND)
-    for at_ms in (40, 50, 60):
-        poses.on_bytes(poses.key, encode(pose(at_ms)))
-    assert poses.late == 2
-    assert poses.newest_at(60 * MILLISECOND) == pose(60)
-
-
-def test_other_messages_are_refused() -> None:
-    poses = TruePoses("v1")
-    infinite = replace(pose(20), speed_mps=float("inf"))
-    for data in (b"", b"\xff" * 20, encode(gps("v1", 0)), encode(pose(20, "v2")), encode(infinite)):
-        poses.on_bytes(poses.key, data)
-    assert poses.refused == 5
-    assert poses.newest_at(10**12) is None

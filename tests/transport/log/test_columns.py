@@ -6,7 +6,6 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -122,13 +121,6 @@ def test_fields_vehicles_and_a_span_select(tmp_path: Path) -> None:
     assert set(truth.fields) == {"east_m", "true_at_ns"}
     with pytest.raises(ValueError, match="east_km"):
         LogReader(path).columns(["truth"], fields={"truth": ["east_km"]})
-
-
-def test_a_span_without_messages_has_empty_arrays(tmp_path: Path) -> None:
-    write(tmp_path / "run.mcap")
-    columns = LogReader(tmp_path / "run.mcap").columns(["tracking"], span_ns=(1, 2))
-    assert columns["v2", "tracking"]["lateral_error_m"].dtype == np.float64
-    assert not any(map(len, columns.values()))
 
 
 def test_true_errors_and_gaps(tmp_path: Path) -> None:

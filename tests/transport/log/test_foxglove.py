@@ -5,20 +5,16 @@ import math
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
 from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
-from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
 from rerun.chunk import McapReader
 
-from tests.made.scenarios.messages import gps, truth
 from tests.made.transport import drive
 from tests.made.transport.logs import rows, write
 from transport.colours import colour_of
-from transport.log.foxglove import standard_messages
 from transport.log.foxglove_layout import foxglove_layout
 from transport.log.scene import Scene
 
@@ -82,36 +78,6 @@ def test_a_location_has_the_fields_of_its_standard(tmp_path: Path) -> None:
         for column in chunk.to_record_batch().schema.names
     }
     assert not any("GeoPoints" in column for column in drawn)
-
-
-def test_frequent_messages_take_no_memory() -> None:
-    """In Protobuf each assigned text is kept until its message is deleted: 23 MB per hour."""
-    of_kind = standard_messages()
-    process = psutil.Process()
-    for message in (gps("v1", 0), truth("v1", 0, 1.0, 2.0)):
-        for standard in of_kind[type(message)]:
-            if standard.name == "box":  # logged once
-                continue
-            for _ in range(1000):
-                standard.make(message)
-            before = process.memory_info().rss
-            for _ in range(20_000):
-                standard.make(message)
-            assert process.memory_info().rss - before < 500_000, standard.name
-
-
-def test_preview_poses_lie_on_the_arc(tmp_path: Path) -> None:
-    write(tmp_path / "run.mcap")
-    with (tmp_path / "run.mcap").open("rb") as file:
-        for _, _, record in make_reader(file).iter_messages(topics=["/convoy/v2/preview"]):
-            poses = PosesInFrame.FromString(record.data).poses
-            assert len(poses) == 5  # 0, 2, 4, 6, 8 m
-            for pose in poses[3:]:  # the second arc lies on the circle itself
-                distance = math.hypot(pose.position.x, pose.position.y)
-                assert distance == pytest.approx(drive.RADIUS, abs=1e-9)
-                yaw = 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
-                tangent = math.atan2(pose.position.y, pose.position.x) + math.pi / 2
-                assert math.remainder(yaw - tangent, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
 
 
 SCENE = Scene({"v1": (4.9, 1.9, -0.2), "v2": (6.0, 2.0, 0.0)}, ([0.0, 50.0], [0.0, 0.0]), 3.5)

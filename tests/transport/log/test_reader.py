@@ -3,7 +3,6 @@
 import os
 import random
 import re
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,10 +11,10 @@ import pytest
 from mcap.writer import Writer
 
 from tests.made.transport import drive
-from tests.made.transport.logs import TICKS, put, rows, write
+from tests.made.transport.logs import TICKS, put, write
 from transport.codec import encode
 from transport.log.errors import LogError
-from transport.log.mcap_file import McapFile, repair
+from transport.log.mcap_file import repair
 from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
 from transport.topics import TOPIC_OF
@@ -44,19 +43,6 @@ def test_topics_and_vehicles_select(tmp_path: Path) -> None:
     assert len(chosen) == TICKS + TICKS // 5
 
 
-def test_counts_per_channel(tmp_path: Path) -> None:
-    written = write(tmp_path / "run.mcap")
-    counts = Counter((m.vehicle, TOPIC_OF[type(m)].name) for _, m in written)
-    assert LogReader(tmp_path / "run.mcap").counts == counts
-    channels = Counter(channel.topic for _, channel, _ in rows(tmp_path / "run.mcap"))
-    assert channels["/convoy/v2/truth"] == TICKS
-    for suffix in ("location", "pose", "transform", "preview"):
-        assert channels[f"/convoy/v2/{suffix}"] == {"location": 12, "preview": 6}.get(
-            suffix, TICKS // 4
-        )
-    assert "/convoy/v1/preview" not in channels
-
-
 def test_other_files_are_refused_in_one_line(tmp_path: Path) -> None:
     cases = {"missing": None, "empty": b"", "garbage": os.urandom(300), "text": b"hello\n"}
     for name, content in cases.items():
@@ -67,15 +53,6 @@ def test_other_files_are_refused_in_one_line(tmp_path: Path) -> None:
             with pytest.raises(LogError, match=str(path)) as refused:
                 attempt(path)
             assert "\n" not in str(refused.value)
-
-
-def test_a_log_without_its_first_message_is_reported_as_truncated(tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    write_chunks(path)
-    first = McapFile(path).chunks[0]
-    path.write_bytes(path.read_bytes()[: first.end - 1])
-    with pytest.raises(LogError, match=r"run\.mcap: .*before the first message"):
-        LogReader(path)
 
 
 def test_a_log_of_something_else_is_refused(tmp_path: Path) -> None:
@@ -120,26 +97,6 @@ def test_a_damaged_chunk_is_passed_over_and_named(tmp_path: Path) -> None:
         rf"\d+ at byte {second - 9 - 32}, between 0\.\d s and 0\.\d s",
         log.damage,
     )
-
-
-@pytest.mark.parametrize("complete", [True, False])
-def test_a_damaged_length_costs_a_chunk_or_what_follows(complete: bool, tmp_path: Path) -> None:
-    """A complete log has an index of its chunks."""
-    path = tmp_path / "run.mcap"
-    written = write_chunks(path)
-    content = bytearray(path.read_bytes())
-    second = content.index(b"zstd", content.index(b"zstd") + 4)
-    content[second - 32 - 5] ^= 0x40
-    path.write_bytes(content if complete else content[:-1])
-    log = LogReader(path)
-    rest = written[300:] if complete else []
-    assert [(at, message) for at, _, message in log.messages()] == written[:150] + rest
-    assert f"at byte {second - 9 - 32}" in log.damage
-
-
-def test_a_sound_log_has_no_damage(tmp_path: Path) -> None:
-    write_chunks(tmp_path / "run.mcap")
-    assert not LogReader(tmp_path / "run.mcap").damage
 
 
 @pytest.mark.campaign(20, 5000)

@@ -3,10 +3,8 @@
 import math
 import resource
 from pathlib import Path
-from typing import Any
 
 import pytest
-from mcap.reader import make_reader
 
 from tests.made.transport import drive
 from tests.made.transport.logs import TICKS, put, rerun_accepts, rows, write
@@ -17,7 +15,6 @@ from transport.log.mcap_file import repair
 from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
 from transport.topics import TOPIC_OF, key, valid_at
-from vehicles.messages import LogText, Message
 from vehicles.schedule import SECOND
 
 
@@ -46,16 +43,6 @@ def test_same_writes_give_the_same_bytes(tmp_path: Path) -> None:
     assert first != (tmp_path / "other.mcap").read_bytes()
 
 
-def test_log_times_never_go_back(tmp_path: Path) -> None:
-    with LogWriter(tmp_path / "run.mcap") as log:
-        for at in (5, 3, 9, 9, 2, 10):
-            put(log, drive.START + at, drive.truth("v1", 0))
-    recorded = [(record.log_time, channel) for _, channel, record in rows(tmp_path / "run.mcap")]
-    assert [at for at, _ in recorded] == sorted(at for at, _ in recorded)
-    own = [at - drive.START for at, channel in recorded if channel.topic == "/convoy/v1/truth"]
-    assert own == [5, 5, 9, 9, 9, 10]
-
-
 def test_true_errors_are_logged_with_the_messages_and_may_be_nan(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "run.mcap") as log:
         put(log, drive.START + 5, drive.truth("v2", 0))
@@ -71,27 +58,6 @@ def test_true_errors_are_logged_with_the_messages_and_may_be_nan(tmp_path: Path)
     assert math.isnan(first.true_gap_m)
     assert (second.true_at_ns, second.true_gap_m) == (drive.START + 4, 7.5)
     assert len(list(LogReader(tmp_path / "run.mcap").messages())) == 1
-
-
-def test_messages_of_strangers_are_logged_as_they_are(tmp_path: Path) -> None:
-    """Well-formed nonsense must not stop the recorder."""
-    good = drive.trajectory("v2", 0)
-    nonsense: list[Message] = [
-        drive.gps("v2", 0, -5),
-        LogText(vehicle="v2", seq=2**40, logged_at_ns=0, level="info", text=""),
-        _with(good, piece_length_m=(math.nan, math.inf)),
-        _with(good, piece_length_m=(1e300, -1.0), decided_at_ns=2**62),
-    ]
-    with LogWriter(tmp_path / "run.mcap") as log:
-        for message in nonsense:
-            put(log, drive.START, message)
-    read = [encode(message) for _, _, message in LogReader(tmp_path / "run.mcap").messages()]
-    assert read == [encode(message) for message in nonsense]
-
-
-def _with(message: Any, **changes: Any) -> Any:
-    values = {name: getattr(message, name) for name in message.__dataclass_fields__}
-    return type(message)(**{**values, **changes})
 
 
 def test_rerun_accepts_the_log(tmp_path: Path) -> None:
@@ -114,41 +80,6 @@ def test_flushed_messages_are_readable_before_the_end(tmp_path: Path) -> None:
     log.close()
     log.close()
     assert [message.seq for _, _, message in LogReader(path).messages()] == [0, 1]
-
-
-def test_a_message_without_bytes_is_encoded_as_it_is_written(tmp_path: Path) -> None:
-    paths = [tmp_path / name for name in ("bytes.mcap", "messages.mcap")]
-    for path in paths:
-        with LogWriter(path) as log:
-            for number, (at, message) in enumerate(drive.drive(TICKS)):
-                log.write(at, message, None if path.stem == "messages" else encode(message))
-                if number % 100 == 0:
-                    log.write_deviation(at, "v2", at, 0.25, 7.5)
-                    log.metadata("number", {"number": str(number)})
-    assert paths[0].read_bytes() == paths[1].read_bytes()
-
-
-def test_a_chunk_holds_one_second_at_most(tmp_path: Path) -> None:
-    path, ticks = tmp_path / "run.mcap", 230
-    written = write(path, ticks)
-    with path.open("rb") as file:
-        summary = make_reader(file).get_summary()
-    assert summary is not None
-    chunks = summary.chunk_indexes
-    assert all(chunk.message_end_time - chunk.message_start_time < SECOND for chunk in chunks)
-    assert len(chunks) == math.ceil(ticks * drive.TICK / SECOND)
-    content = bytearray(path.read_bytes())
-    content[chunks[2].chunk_start_offset + 500] ^= 1
-    path.write_bytes(content)
-    kept = {at for at, _, _ in LogReader(path).messages()}
-    lost = [at for at, _ in written if at not in kept]
-    assert lost
-    assert max(lost) - min(lost) < SECOND
-
-
-def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="cannot write"):
-        LogWriter(tmp_path / "nowhere" / "run.mcap")
 
 
 def test_a_log_that_is_there_already_is_not_overwritten(tmp_path: Path) -> None:
@@ -200,17 +131,6 @@ def test_a_log_that_is_truncated_while_it_is_written_is_an_error(
     assert log.broken
 
 
-def test_bytes_that_vanish_before_the_last_flush_are_missed_at_the_end(tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    log = LogWriter(path)
-    put_and_flush(log, 2 * TICKS)
-    with path.open("r+b") as file:
-        file.seek(path.stat().st_size // 3)
-        file.write(bytes(path.stat().st_size // 3))
-    with pytest.raises(LogError, match="cannot write the log: no chunk at byte"):
-        log.close()
-
-
 def test_a_message_that_is_not_in_the_completed_file_is_missed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -221,13 +141,6 @@ def test_a_message_that_is_not_in_the_completed_file_is_missed(
         put(log, drive.START + 99 * SECOND, drive.truth("v1", 0))
     with pytest.raises(LogError, match=r"it holds \d+ of \d+ messages"):
         log.close()
-
-
-def test_a_completed_log_is_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path, synced = tmp_path / "run.mcap", list[int]()
-    monkeypatch.setattr("os.fsync", lambda _: synced.append(path.stat().st_size))
-    write(path)
-    assert synced == [path.stat().st_size]
 
 
 def put_and_flush(log: LogWriter, ticks: int) -> None:

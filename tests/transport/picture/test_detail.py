@@ -20,16 +20,6 @@ def names(count: int) -> list[str]:
     return [f"v{place}" for place in range(1, count + 1)]
 
 
-@pytest.mark.parametrize("count", range(1, MAX_ALL_DETAILED + 1))
-def test_of_a_short_convoy_everything_is_drawn(count: int) -> None:
-    detail = Detail(names(count))
-    assert list(detail.names) == names(count)
-    assert detail.followed == names(count)[count // 2]
-    assert detail.shown == count
-    assert detail.period(40) == 40
-    assert all(detail.shows(place, 0) for place in range(count))
-
-
 @given(st.integers(min_value=MAX_ALL_DETAILED + 1, max_value=200))
 def test_of_a_long_one_evenly_spread_vehicles_with_first_and_last(count: int) -> None:
     vehicles = names(count)

@@ -1,20 +1,13 @@
 """The state of a link follows from the verdicts' own instants, whenever anybody looks."""
 
-from random import Random
-
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tests.made.transport import drive
-from transport.colours import COLOURS
-from transport.panels import LOSSES, PANELS
 from transport.picture.series.link_states import MARGIN_NS, WINDOW_NS, LinkStates, LinkWindow
 from vehicles.schedule import MILLISECOND, SECOND
 
 START = 1_700_000_000 * SECOND
 LINK = "v1_to_v2"
-DISTINCT = 40.0
 
 
 def windows(outcomes: list[tuple[int, str]], until_ms: int) -> list[LinkWindow]:
@@ -49,12 +42,6 @@ def test_state_of_one_window(outcomes: list[str], state: str, share: float) -> N
     assert result[0].loss_ratio == pytest.approx(share)
 
 
-def test_a_window_without_a_message_is_silent() -> None:
-    received = [(50 * k, "ok") for k in range(10)] + [(50 * k, "ok") for k in range(20, 30)]
-    states = [(window.at, window.state, window.loss_ratio) for window in windows(received, 1600)]
-    assert states == [(0, "ok", 0.0), (500, "silent", None), (1000, "ok", 0.0)]
-
-
 def test_a_window_ends_by_the_receivers_time() -> None:
     """Not by anybody's clock: a recorder that is seconds behind sees no silence."""
     states = LinkStates()
@@ -64,29 +51,3 @@ def test_a_window_ends_by_the_receivers_time() -> None:
     assert list(states.passed("v3", end + 100 * SECOND)) == []
     states.count(LINK, drive.verdict("v2", "v1", 1, START + 100 * MILLISECOND, "loss"))
     assert list(states.passed("v2", end)) == [LinkWindow(LINK, START, "50 % lost", 0.5)]
-
-
-@given(
-    outcomes=st.lists(st.sampled_from(["ok", "late", "loss", "rate"]), max_size=60),
-    random=st.randoms(use_true_random=False),
-)
-def test_states_are_independent_of_the_reading_rate(outcomes: list[str], random: Random) -> None:
-    verdicts = [(50 * k, outcome) for k, outcome in enumerate(outcomes)]
-    seldom = windows(verdicts, 4000)
-    states, result = LinkStates(), list[LinkWindow]()
-    for seq, (at_ms, outcome) in enumerate(verdicts):
-        at = START + at_ms * MILLISECOND
-        for _ in range(random.randrange(3)):
-            result += states.passed("v2", at - random.randrange(MARGIN_NS))
-        states.count(LINK, drive.verdict("v2", "v1", seq, at, outcome))
-    result += states.passed("v2", START + 4 * SECOND)
-    assert [window._replace(at=(window.at - START) // MILLISECOND) for window in result] == seldom
-
-
-def test_every_state_has_its_colour_apart_from_the_cars() -> None:
-    assert set(LOSSES) <= set(PANELS["links"].states)
-    for states in (panel.states for panel in PANELS.values()):
-        for state in states.values():
-            for car in COLOURS:
-                apart = sum((a - b) ** 2 for a, b in zip(state, car, strict=True)) ** 0.5
-                assert apart > DISTINCT, (state, car)

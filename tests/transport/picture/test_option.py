@@ -53,11 +53,6 @@ def test_other_files_are_not_overwritten(tmp_path: Path, content: bytes) -> None
     assert path.read_bytes() == content
 
 
-def test_a_folder_is_no_recording(tmp_path: Path) -> None:
-    with pytest.raises(ViewerError, match="no recording"):
-        refuse_foreign_file(RerunOption("save", str(tmp_path)))
-
-
 def test_a_recording_of_rerun_is_replaced(tmp_path: Path) -> None:
     path = tmp_path / "run.rrd"
     for _ in range(2):

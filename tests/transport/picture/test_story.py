@@ -2,17 +2,15 @@
 
 from collections.abc import Iterator
 from math import nan
-from typing import Any, get_args
 
 import pytest
 
 from tests.made.scenarios.messages import START, at, start, tracking, truth
 from tests.made.transport.recording import Table, columns
 from transport.panels import PANELS, flagged
-from transport.picture.blueprint import FEW_VEHICLES, MARKS, blueprint
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
-from vehicles.messages import Change, Message, Mode, SourceStatus
+from vehicles.messages import Change, Message
 
 VEHICLES = ("v1", "v2", "v3")
 CUT_S = 0.4
@@ -86,17 +84,6 @@ def test_known_path_and_stopping_distances_are_curves(drawn: Table) -> None:
         assert names == [series.label]
 
 
-def test_unknown_values_are_not_drawn(drawn: Table) -> None:
-    assert "/plots/closing/v2/known" not in drawn
-    assert not any(name.startswith("/plots/closing/v1") for name in drawn)
-    assert "/plots/received/v3/predecessor" not in drawn
-
-
-def test_share_and_weight_are_curves_in_per_cent(drawn: Table) -> None:
-    assert set(curve(drawn, "received/v3/lead").values()) == {75.0}
-    assert set(curve(drawn, "weight/v3").values()) == {25.0}
-
-
 def test_modes_sources_and_warnings_are_strips(drawn: Table) -> None:
     assert states(drawn, "mode/v3") == [
         (0.0, "composite"), (0.8, "coast"), (1.0, flagged("stop", "hazard")),
@@ -106,12 +93,6 @@ def test_modes_sources_and_warnings_are_strips(drawn: Table) -> None:
     assert states(drawn, "sources/v3/predecessor") == expected
     assert "/sources/v2/lead" in drawn
     assert "/sources/v2/predecessor" not in drawn  # it is the lead itself
-
-
-def test_every_state_has_a_colour() -> None:
-    modes = {*get_args(Mode)}
-    assert set(PANELS["mode"].states) == modes | {flagged(mode, "hazard") for mode in modes}
-    assert set(PANELS["sources"].states) == {*get_args(SourceStatus)}
 
 
 def test_a_change_is_marked_at_its_place_and_time(drawn: Table) -> None:
@@ -126,41 +107,3 @@ def test_a_change_is_marked_at_its_place_and_time(drawn: Table) -> None:
     assert [line.split(maxsplit=2) for (line,) in lines] == [
         ["0.40", "s", 'v3: change: {"kind": "cut", "at_s": 0.4}']
     ]
-
-
-def views(part: Any) -> Iterator[Any]:
-    """Visible views: of tabs the active one."""
-    inner = list(getattr(part, "contents", []))
-    if type(part).__name__ == "Tabs":
-        inner = [inner[part.active_tab or 0]]
-    if not inner or not hasattr(inner[0], "contents"):
-        yield part
-        return
-    for view in inner:
-        yield from views(view)
-
-
-@pytest.mark.parametrize(("count", "followed"), [(2, "v2"), (4, "v3"), (9, "v5")])
-def test_the_main_views_are_visible_at_once(count: int, followed: str) -> None:
-    names = [f"v{place}" for place in range(1, count + 1)]
-    shown = list(views(blueprint(names, spacing_m=15.0, road=None).root_container))
-    assert {view.origin for view in shown} >= {
-        "plots/cross_track", f"plots/closing/{followed}", "plots/true_gap", "legend", "log",
-        "world/convoy",
-    }  # fmt: skip
-    states = [
-        part for view in shown if "StateTimeline" in type(view).__name__ for part in view.contents
-    ]
-    assert "/links/**" in states
-    assert ("/mode/**" in states) == (count <= FEW_VEHICLES)
-
-
-def test_a_lead_alone_has_no_road_ahead() -> None:
-    column: Any
-    _, column = blueprint(["v1"], spacing_m=15.0, road=None).root_container.contents
-    assert len(column.contents) == len(column.row_shares)
-
-
-def test_every_mark_has_a_style_in_the_road_ahead(drawn: Table) -> None:
-    for kind in MARKS:
-        assert f"/plots/closing/v3/events/{kind}" in drawn

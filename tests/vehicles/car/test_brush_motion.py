@@ -87,17 +87,6 @@ def test_small_accelerations_have_the_understeer_of_linear_tyres(speed: float) -
     assert off[1] == pytest.approx(off[0] / 10.0, rel=0.2)
 
 
-def test_it_settles_at_the_closed_form() -> None:
-    body, steering = steady(15.0, 0.7)
-    settled = drive(replace(body, lateral_speed=0.0, yaw_rate=0.0), steer(steering), 3.0, car=CAR)[
-        -1
-    ]
-    again = steady(settled.speed, settled.yaw_rate * settled.speed / MAX_ACCELERATION)
-    # The speed has decreased slightly, so the state is not exactly steady.
-    assert again[1] == pytest.approx(steering, rel=0.02)
-    assert settled.lateral_speed == pytest.approx(again[0].lateral_speed, abs=0.02)
-
-
 def test_lateral_acceleration_reaches_but_does_not_exceed_friction() -> None:
     most = 0.0
     for steering in (0.05, 0.1, 0.2, 0.54):

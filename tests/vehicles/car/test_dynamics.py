@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.examples import examples
-from tests.made.vehicles.driving import TICK, advance, apart, drive, lane_change, steer
+from tests.made.vehicles.driving import TICK, advance, apart, drive, steer
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import TyreModel
@@ -116,14 +116,6 @@ def test_speed_ramps_pass_walking_pace_without_a_jump(acceleration: float) -> No
     assert np.max(np.abs(np.diff(changes))) < 0.01
 
 
-def test_equations_agree_on_both_sides_of_walking_pace() -> None:
-    turning = Body(0.0, 0.0, 0.0, WALKING_PACE, 0.3, 0.4, 0.2, 0.5)
-    below = replace(turning, speed=WALKING_PACE - 1e-9)
-    command = Actuation(-0.1, 0.0)
-    left, right = advance(below, command, 0.02, CAR), advance(turning, command, 0.02, CAR)
-    assert astuple(left) == pytest.approx(astuple(right), abs=1e-8)
-
-
 def test_slow_car_is_the_kinematic_single_track_model() -> None:
     speed, steering = 0.2, 0.3
     body = drive(Body(0.0, 0.0, 0.0, speed), steer(steering), 3.0)[-1]
@@ -131,13 +123,6 @@ def test_slow_car_is_the_kinematic_single_track_model() -> None:
     # The rear axle does not slip: its lateral speed is zero.
     sideways = body.lateral_speed - CAR.rear_axle_distance * body.yaw_rate
     assert abs(sideways) < 1e-5
-
-
-def test_standing_car_stays_where_it_is_while_its_wheels_turn() -> None:
-    parked = Body(3.0, 4.0, 1.0, 0.0)
-    body = drive(parked, steer(0.4, -2.0), 2.0)[-1]
-    assert replace(body, steering=0.0, steering_rate=0.0) == parked
-    assert body.steering == pytest.approx(0.4, abs=1e-6)
 
 
 def test_wheels_turn_for_the_rest_of_the_span_after_a_stop() -> None:
@@ -199,13 +184,6 @@ def test_the_steering_rate_is_limited(tyres: TyreModel, speed: float) -> None:
     steps = [after.steering - before.steering for before, after in pairwise(bodies)]
     assert max(map(abs, steps)) < 0.4 * TICK * 1.01
     assert bodies[-1].steering == pytest.approx(0.3, abs=0.002)
-
-
-def test_an_unreached_rate_limit_changes_no_bit() -> None:
-    """Compares an infinite limit with one that a lane change does not reach."""
-    free = drive(Body(0.0, 0.0, 0.0, 30.0), lane_change, 5.0)
-    limited = replace(CAR, steering_rate_limit=5.0)
-    assert drive(Body(0.0, 0.0, 0.0, 30.0), lane_change, 5.0, car=limited) == free
 
 
 @pytest.mark.parametrize("speed", [0.5, 1.99, 2.0, 10.0, 30.0])

@@ -1,18 +1,13 @@
-from dataclasses import replace
-
 import numpy as np
-import pytest
 
 from tests.made.vehicles.decision_messages import log_messages
-from transport.codec import decode, encode
-from transport.topics import TOPIC_OF
 from vehicles.car.dynamics import Actuation
 from vehicles.driver.decision import Decision
 from vehicles.driver.degradation.situation import Situation, SourceFreshness
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.geometry.arc_spline import ArcSpline, Piece
-from vehicles.messages import Announcement, Command, CompositeTrajectory, Tracking
+from vehicles.messages import Announcement, Command, Tracking
 from vehicles.preview.trajectory import Fit
 
 NOW = 1_790_000_000_123_456_789
@@ -100,32 +95,3 @@ def test_a_decision_logs_tracking_and_command() -> None:
         acceleration_mps2=-1.5,
         target_speed_mps=29.5,
     )
-
-
-def test_a_decision_logs_the_trajectory_and_its_samples() -> None:
-    trajectory = log_messages(DECISION, "v3", 17, NOW)[2]
-    assert trajectory == CompositeTrajectory(
-        vehicle="v3",
-        seq=17,
-        decided_at_ns=NOW,
-        mode="composite",
-        piece_east_m=(1.0, 9.8),
-        piece_north_m=(2.0, 6.8),
-        piece_yaw_rad=(0.5, 0.5),
-        piece_curvature_per_m=(0.0, -0.01),
-        piece_length_m=(10.0, 12.0),
-        sample_east_m=(1.0, 5.0, 9.0),
-        sample_north_m=(2.0, 4.5, 6.5),
-        sample_source=(0, 1, 0),
-        residual_m_rms=0.011,
-        residual_m_max=0.023,
-        piece_curvature_rate_per_m2=(0.0, 0.0),
-    )
-
-
-@pytest.mark.parametrize("fit", [FIT, None])
-def test_log_messages_survive_encoding(fit: Fit | None) -> None:
-    messages = log_messages(replace(DECISION, fit=fit), "v3", 0, NOW)
-    assert len(messages) == (2 if fit is None else 3)
-    for message in messages:
-        assert decode(TOPIC_OF[type(message)], encode(message)) == message

@@ -2,7 +2,6 @@ import math
 from collections.abc import Container, Sequence
 from dataclasses import replace
 from functools import cache
-from random import Random
 
 import pytest
 from hypothesis import given
@@ -23,7 +22,6 @@ from tests.made.vehicles.exact_drives import (
 )
 from tests.made.vehicles.followers import (
     BEND,
-    STRAIGHT,
     admitted,
     follower,
     lateral,
@@ -80,19 +78,6 @@ def test_a_received_jump_hardly_moves_the_car(far: float, sender: str) -> None:
     steps = drive_with_jumps(sender, {7, 57, 107}, far, math.radians(127))
     assert moved_by(steps) < 0.03
     assert max(abs(step.decision.actuation.steering) for step in steps) < 0.1
-
-
-def test_sources_with_poor_receivers_are_followed_within_their_noise() -> None:
-    random, usually = Random(1), received_from(lead_of(STRAIGHT), predecessor_of(STRAIGHT))
-    steps = drive(
-        follower(),
-        on(STRAIGHT, 0.0, 10.0),
-        9.0,
-        lambda now: [
-            displaced(pose, random.gauss(0.0, 0.3), random.gauss(0.0, 0.3)) for pose in usually(now)
-        ],
-    )
-    assert max(map(abs, lateral(STRAIGHT, steps))) < 0.5
 
 
 def displaced(pose: ReceivedPose, to_east: float, to_north: float) -> ReceivedPose:

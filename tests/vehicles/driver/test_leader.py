@@ -111,14 +111,3 @@ def test_a_path_that_meets_itself_is_driven_in_order(segments: list[Segment]) ->
         assert math.hypot(step.body.east - point.east, step.body.north - point.north) < 0.6
         assert abs(step.decision.errors.heading) < 0.3
     assert max(map(abs, lateral(path, steps))) < 0.25
-
-
-@pytest.mark.parametrize(("control_hz", "speed"), [(5.0, 30.0), (10.0, 40.0), (50.0, 60.0)])
-def test_a_lead_keeps_its_station_at_low_control_rates(control_hz: float, speed: float) -> None:
-    path = path_from_segments([Segment(400.0, 0.0), Segment(600.0, 1 / 2000)])
-    driver = leader(path, speed, control_hz=control_hz)
-    steps = drive(driver, on(path, 0.0, speed), 950.0 / speed, control_hz=control_hz)
-    for step in steps:
-        if step.decision.fresh and step.body.distance > 450.0:
-            assert step.decision.errors.curvature == pytest.approx(1 / 2000)
-    assert max(map(abs, lateral(path, steps))) < 0.5

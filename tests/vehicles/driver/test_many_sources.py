@@ -75,15 +75,3 @@ def test_without_the_predecessor_it_steers_along_the_others_and_falls_back() -> 
     assert max(map(abs, off)) < 0.1
     # The predecessor may have braked: the car falls back although both others drive on.
     assert steps[-1].body.speed < SPEED - 1.0
-
-
-def test_one_vehicle_between_lead_and_predecessor_is_enough() -> None:
-    steps = driven("v1", "v3")
-    last = steps[-1].decision
-    assert [mode for mode, _ in modes(steps)] == ["straight", "composite", "intermediate"]
-    assert "v1 silent" in last.reason
-    assert "v3 silent" in last.reason
-    message = last.tracking("v4", 1, steps[-1].now)
-    assert message.statuses() == {"v2": "fresh"}
-    assert message.other_weight_ratio == (last.situation.weights["v2"],) > (0.5,)
-    assert message.other_age_s[0] < 0.1 < message.lead_age_s

@@ -10,11 +10,9 @@ from hypothesis import strategies as st
 
 from tests.made.vehicles.exact_drives import START
 from vehicles.driver.tracking import (
-    FAR,
     FARTHEST,
     REJOINING_ANGLE,
     REJOINING_LATERAL,
-    SLOW,
     Rejoining,
     TrackingErrors,
 )
@@ -78,29 +76,6 @@ def test_a_car_returns_at_a_small_angle_and_lateral_acceleration(
     # It crosses the path only if its heading does so, within the limit of lateral acceleration.
     beyond = (heading * max(speed, 8.0)) ** 2 / REJOINING_LATERAL
     assert min(one.lateral * math.copysign(1.0, lateral) for one in states) > -beyond - 0.05
-
-
-@given(far, st.floats(0.5, 30.0))
-def test_a_car_far_beside_the_path_is_slow_before_it_approaches(
-    lateral: float, speed: float
-) -> None:
-    states = drive_back(lateral, 0.0, speed)
-    for one in states:
-        if FAR < abs(one.lateral) < abs(lateral) - 0.1:
-            assert one.speed <= max(1.1 * SLOW, min(speed, SLOW))
-        if abs(one.lateral) > FAR:
-            assert one.allowed <= SLOW
-
-
-@given(st.floats(0.4, 5.0), st.floats(-0.9, 0.9), st.floats(0.0, SLOW))
-def test_a_slow_car_that_points_away_from_the_path_turns_soon(
-    lateral: float, heading: float, speed: float
-) -> None:
-    """Its return is as long as angle and lateral acceleration at walking pace require."""
-    states = drive_back(lateral, heading, max(speed, 0.5))
-    assert abs(states[-1].lateral) < 0.05
-    length = max(25.0, 1.5 * lateral / REJOINING_ANGLE)
-    assert max(abs(one.lateral) for one in states) < lateral + 0.15 * abs(heading) * length + 0.1
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 import math
 from collections import deque
-from itertools import accumulate, pairwise
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -70,12 +70,6 @@ def test_the_distance_is_the_integral_of_the_speed(seconds: float) -> None:
 def test_time_to_is_the_inverse_of_distance(seconds: float, last: float) -> None:
     for profile in (PROFILE, SpeedProfile((1.0, 2.0), (5.0, last))):
         assert profile.time_to(profile.distance(seconds)) == pytest.approx(seconds, abs=1e-6)
-
-
-def test_a_distance_beyond_the_last_stop_is_never_reached() -> None:
-    assert PROFILE.distance(100.0) == 150.0 + 250.0 + 62.5
-    assert PROFILE.time_to(462.5) == pytest.approx(25.0)
-    assert PROFILE.time_to(462.6) == math.inf
 
 
 def acceleration(spacing: float, own: float, predecessor: float, lead: float) -> float:
@@ -224,13 +218,6 @@ def tick(k: int) -> int:
     return instant(START, k, 50.0)
 
 
-def test_at_the_profile_s_speed_the_command_is_its_acceleration() -> None:
-    law = ProfileSpeed(SpeedProfile((0.0, 10.0), (10.0, 30.0)), START, PERIOD)
-    command = law.command(tick(100), at_speed(14.0), VehiclesAhead())
-    assert command.acceleration == pytest.approx(2.0)
-    assert command.target_speed == pytest.approx(14.04)
-
-
 def test_a_speed_error_decays_at_the_stated_rate() -> None:
     law = ProfileSpeed(SpeedProfile((0.0,), (20.0,)), START, PERIOD)
     speed = 18.0
@@ -238,22 +225,6 @@ def test_a_speed_error_decays_at_the_stated_rate() -> None:
         speed += PERIOD * law.command(tick(k), at_speed(speed), VehiclesAhead()).acceleration
     assert 20.0 - speed == pytest.approx(2.0 * (1.0 - PROFILE_CORRECTION * PERIOD) ** 50)
     assert 20.0 - speed == pytest.approx(2.0 * math.exp(-PROFILE_CORRECTION), rel=0.01)
-
-
-@given(
-    spans=st.lists(st.floats(0.001, 2.0), min_size=1, max_size=8),
-    speeds=st.lists(st.floats(0.0, 40.0), min_size=8, max_size=8),
-)
-@examples(8, 50)
-def test_a_car_that_follows_commands_exactly_is_on_the_profile(
-    spans: list[float], speeds: list[float]
-) -> None:
-    profile = SpeedProfile(tuple(accumulate(spans)), tuple(speeds[: len(spans)]))
-    law = ProfileSpeed(profile, START, PERIOD)
-    speed = speeds[0]
-    for k in range(200):
-        assert speed == pytest.approx(profile.at(k * PERIOD)[0], abs=1e-6)
-        speed += PERIOD * law.command(tick(k), at_speed(speed), VehiclesAhead()).acceleration
 
 
 def keeper(headway: float = 0.5) -> GapKeeping:
@@ -299,13 +270,3 @@ def test_a_bend_limits_the_speed_before_and_within_it() -> None:
     assert (
         -limits.deceleration < ahead < BEND_RATE * (math.sqrt(3.0 / 0.1 + 6.0 * 9.6) - 12.0) + 1e-9
     )
-
-
-def test_a_follower_drives_a_bend_at_its_allowed_speed() -> None:
-    law = GapKeeping(SpacingPolicy(8.0, 0.5), GapLimits(lateral=3.0))
-    speed = 12.0
-    for _ in range(500):  # the predecessor is far ahead and fast
-        ahead = VehiclesAhead(60.0, 20.0, 20.0, curvature_ahead=lambda _: 0.05)
-        pose = Pose(0.0, 0.0, 0.0, speed, 0.0)
-        speed += 0.02 * law.command(0, pose, ahead).acceleration
-    assert speed == pytest.approx(math.sqrt(3.0 / 0.05), rel=1e-3)

@@ -10,13 +10,11 @@ from hypothesis import strategies as st
 from tests.made.examples import examples
 from tests.made.vehicles.recorded_points import Points, circle, noisy, smooth
 from vehicles.geometry.bridges import (
-    UnbridgedError,
     fill_holes,
     find_holes,
     noise_deviation,
     step_lengths,
 )
-from vehicles.geometry.smoothing import NoPathError
 
 
 def without(points: Points, begin: int, count: int) -> Points:
@@ -86,38 +84,3 @@ def test_a_path_over_a_hole_is_the_arc(length: int) -> None:
         assert hole.length == pytest.approx(length, abs=1.0 + length**3 / 24.0 / 60.0**2)
     assert worst < 0.12
     assert stated < 0.1
-
-
-def test_holes_of_a_closed_drive_are_bridged_on_every_lap() -> None:
-    angle = np.arange(0.0, 2.0 * math.pi, 0.02)
-    points = 30.0 * np.stack((np.sin(angle), -np.cos(angle)))
-    smoothed = smooth(without(points, 100, 30), 8.0, closed=True, laps=3)
-    assert np.hypot(smoothed.path.east, smoothed.path.north) == pytest.approx(
-        np.full(smoothed.path.east.size, 30.0), abs=0.02
-    )
-    assert smoothed.lap_length == pytest.approx(60.0 * math.pi, abs=0.05)
-    assert len(smoothed.holes) == 1
-
-
-def test_the_error_has_the_index_of_the_cause() -> None:
-    x = np.concatenate((np.arange(0.0, 30.0), np.arange(30.0, 0.0, -1.0)))
-    with pytest.raises(NoPathError) as caught:
-        smooth(np.stack((x, np.zeros(x.size))), 5.0)
-    assert 25 <= caught.value.point <= 35
-    apart = without(circle(10.0, 80.0, 0.5), 20, 95)
-    with pytest.raises(NoPathError) as caught:
-        smooth(apart, 8.0)
-    assert caught.value.point == 19
-
-
-def test_a_bridge_between_points_in_no_order_is_refused_or_near_them() -> None:
-    """A fit to such points may lie anywhere."""
-    for seed in range(570, 590):
-        corners = 11.0 * np.random.default_rng(seed).integers(-3, 4, (2, 40))
-        corners = corners[:, np.append(True, np.diff(corners).any(axis=0))]
-        ahead = np.stack((2.0 * np.arange(-30.0, 0.0) - 40.0, np.zeros(30)))
-        try:
-            filled = fill_holes(np.hstack((ahead, corners)), 10.0)
-        except UnbridgedError:
-            continue
-        assert np.abs(filled.points).max() < 200.0

@@ -1,7 +1,6 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from random import Random
 
 import pytest
@@ -9,10 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.made.examples import examples
-from tests.made.interpreted import interpreted_only
 from tests.made.scenarios.messages import truth
 from tests.made.transport import drive
-from vehicles.geometry.driven_path import MAX_WAITING, CrossTrack, CrossTrackError
+from vehicles.geometry.driven_path import CrossTrack, CrossTrackError
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.messages import TruePose
 
@@ -99,14 +97,6 @@ def test_on_a_path_that_meets_itself_the_foot_stays_on_its_branch(name: str, off
         assert foot.station == pytest.approx(station, abs=0.05)
 
 
-def test_noise_of_a_standing_lead_does_not_extend_its_path() -> None:
-    path = path_from_segments([Segment(100.0, 0.0)])
-    at_rest = [50.0 + 0.004 * (-1) ** k for k in range(500)]
-    lead = driven(path, [*every(STEP, 0.0, 50.0), *at_rest, *every(STEP, 50.0, 99.0)])
-    (foot,) = cross_track(driven(path, [80.0]), lead)
-    assert foot.station == pytest.approx(80.0, abs=0.03)
-
-
 @pytest.mark.parametrize("yaw", HEADINGS)
 def test_with_a_known_road_yaw_the_lead_s_initial_yaw_does_not_matter(yaw: float) -> None:
     path = path_from_segments([Segment(100.0, 0.0)], yaw=yaw)
@@ -117,14 +107,6 @@ def test_with_a_known_road_yaw_the_lead_s_initial_yaw_does_not_matter(yaw: float
     assert [foot.station for foot in result] == pytest.approx([-19.5, -10.0, -0.1, 0.1])
     assert [foot.lateral for foot in result] == pytest.approx([0.5] * 4)
     assert max(foot.lateral for foot in cross_track(own, lead)) > 5.0
-
-
-def test_beyond_the_lead_s_last_pose_there_is_no_foot_point() -> None:
-    path = path_from_segments([Segment(100.0, 0.0)])
-    lead = driven(path, every(1.0, 0.0, 51.0))
-    result = cross_track(driven(path, every(1.0, 0.0, 80.0), lambda _: 3.0), lead)
-    assert len(result) == 51
-    assert max(foot.station for foot in result) == pytest.approx(50.0)
 
 
 # ---- Single poses
@@ -161,15 +143,6 @@ def test_left_of_a_straight_is_positive_in_all_headings(heading: int) -> None:
     assert error.add(driven(path, [40.0], lambda _: -0.2, "v3")[0]) == []
 
 
-def test_foot_points_need_a_lead_which_may_be_standing() -> None:
-    error = CrossTrackError("v1")
-    assert error.add(drive.truth("v2", 0)) == []
-    (foot,) = error.add(drive.truth("v1", 0))
-    assert (foot.vehicle, foot.at_ns) == ("v2", drive.START)
-    assert added(error, [drive.truth("v1", 0)] * 5) == []
-    assert len(error.add(drive.truth("v2", 1))) == 1
-
-
 def test_a_pose_beyond_the_end_of_the_path_waits_for_the_lead() -> None:
     path = path_from_segments([Segment(60.0, 0.0)])
     error = CrossTrackError("v1")
@@ -178,16 +151,6 @@ def test_a_pose_beyond_the_end_of_the_path_waits_for_the_lead() -> None:
     assert [error.add(pose) for pose in (first, second, third)] == [[], [], []]
     result = [error.add(pose) for pose in driven(path, [5.0, 6.0, 7.0])]
     assert [[foot.station for foot in step] for step in result] == [[4.5], [5.5, 5.0], []]
-
-
-def test_at_most_one_minute_of_poses_waits() -> None:
-    path = path_from_segments([Segment(60.0, 0.0)])
-    error = CrossTrackError("v1")
-    added(error, driven(path, every(0.01, 0.0, 40.0), vehicle="v2"))
-    result = added(error, driven(path, every(1.0, 0.0, 60.0)))
-    assert len(result) == MAX_WAITING
-    assert result[0].station == pytest.approx(40.0 - 0.01 * MAX_WAITING)
-    assert result[-1].station == pytest.approx(39.99)
 
 
 COURSES = {
@@ -328,51 +291,3 @@ def test_rotation_and_translation_change_nothing(
         assert first.station == pytest.approx(second.station, abs=0.8 * 0.04 * 2.0 * STEP)
     exact = sum(abs(first.lateral - second.lateral) < 1e-8 for first, second in together)
     assert exact >= 0.9 * len(together)
-
-
-@given(segments=curves)
-@settings(max_examples=30)
-def test_on_a_simple_path_it_is_the_distance_to_the_nearest_point(segments: list[Segment]) -> None:
-    if sum(abs(s.curvature) * s.length for s in segments) > math.pi / 2:
-        segments = [Segment(s.length, s.curvature * 0.2) for s in segments]
-    path = path_from_segments([Segment(30.0, 0.0), *segments])
-    lead_poses = driven(path, every(STEP, 0.0, path.length))
-    own = driven(path, every(2.3, 5.0, path.length - 5.0), swerving)
-    for foot, pose in zip(cross_track(own, lead_poses), own, strict=True):
-        assert abs(foot.lateral) == pytest.approx(nearest(pose, lead_poses), abs=0.01)
-
-
-def nearest(pose: TruePose, path: Sequence[TruePose]) -> float:
-    """Distance to the polyline, by a hundred samples on each segment."""
-    return min(
-        math.hypot(
-            first.east_m + share * (second.east_m - first.east_m) - pose.east_m,
-            first.north_m + share * (second.north_m - first.north_m) - pose.north_m,
-        )
-        for first, second in pairwise(path)
-        if math.hypot(first.east_m - pose.east_m, first.north_m - pose.north_m) < 5.0
-        for share in (k / 100 for k in range(101))
-    )
-
-
-@interpreted_only
-def test_a_follower_left_behind_does_not_keep_the_whole_path(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("vehicles.geometry.driven_path.DROP_EVERY", 50)
-    monkeypatch.setattr("vehicles.geometry.driven_path.MAX_CHORDS", 200)
-    path = path_from_segments([Segment(1000.0, 0.0)])
-    lead = driven(path, every(1.0, 0.0, 1000.0))
-    follower = driven(path, every(1.0, 0.0, 1000.0), lambda _: 0.3, "v2")
-    stands = driven(path, every(1.0, 0.0, 1000.0), lambda _: -0.2, "v3")
-    error = CrossTrackError("v1", None, ["v2", "v3"])
-    feet: list[CrossTrack] = []
-    for k, pose in enumerate(lead):
-        feet += error.add(pose)
-        feet += error.add(follower[max(k - 20, 0)])
-        feet += error.add(stands[min(k, 100)])
-        assert len(error._chords) <= 200 + 50
-    assert {round(foot.lateral, 9) for foot in feet if foot.vehicle == "v2"} == {0.3}
-    # v3 has foot points for 200 to 250 chords, then none instead of wrong ones.
-    assert {round(foot.lateral, 9) for foot in feet if foot.vehicle == "v3"} == {-0.2}
-    assert 300 <= sum(foot.vehicle == "v3" for foot in feet) < 400

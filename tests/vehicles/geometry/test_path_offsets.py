@@ -42,17 +42,6 @@ def test_an_offset_to_the_left_is_positive() -> None:
     assert path_offsets(straight, np.array([[4.0], [1.5]]), np.array([3.0])) == pytest.approx([1.5])
 
 
-@pytest.mark.parametrize(("start", "step"), [(0.0, 0.6), (0.0, 0.01), (30.0, 3.0), (0.0, 25.0)])
-def test_a_walk_has_the_offsets_of_projections(start: float, step: float) -> None:
-    walk = PathWalk(PATH, start)
-    for k in range(int((PATH.length - start) / step)):
-        station = start + k * step
-        beside, place = 0.8 * math.sin(0.3 * station), PATH.at(station)
-        east = place.east - beside * math.sin(place.yaw)
-        north = place.north + beside * math.cos(place.yaw)
-        assert walk.offset(east, north, k * step) == pytest.approx(beside, abs=2e-3)
-
-
 def test_a_walk_keeps_to_its_lap_of_a_path_that_repeats() -> None:
     """Two laps of a circle, the second 2 m further out; positions were not recorded for 40 m."""
     laps = (Segment(2.0 * math.pi * 20.0, 1 / 20.0), Segment(2.0 * math.pi * 22.0, 1 / 22.0))

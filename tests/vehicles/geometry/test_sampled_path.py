@@ -112,16 +112,6 @@ def test_a_figure_of_eight_is_followed_in_order_through_its_crossing() -> None:
         near = last = foot.station
 
 
-def test_laps_are_distinguished_by_the_last_station() -> None:
-    lap = 2 * math.pi * 15
-    path = path_from_segments([Segment(3 * lap, 1 / 15)])
-    place = point_at(path.at(20.0), 0.5)
-    for k in range(3):
-        foot = path.project(*place, 19.0 + k * lap)
-        assert foot.station == pytest.approx(20.0 + k * lap, abs=1e-6)
-        assert foot.yaw == pytest.approx(path.at(20.0).yaw + 2 * math.pi * k)
-
-
 def test_invalid_paths_are_rejected() -> None:
     ramp, flat = np.arange(3.0), np.zeros(3)
     with pytest.raises(ValueError, match="same length"):

@@ -37,33 +37,6 @@ def test_overlap_past_the_start_is_cut_and_the_miss_shared_out() -> None:
     assert path.yaw[-1] - path.yaw[0] == pytest.approx(4.0 * math.pi, abs=1e-3)
 
 
-def test_lap_of_an_eight_that_starts_at_its_crossing_is_the_whole_eight() -> None:
-    phase = np.arange(0.0, 2.0 * math.pi, 0.02)
-    x, y = 30.0 * np.sin(phase), 17.9 * np.sin(2.0 * phase)
-    smoothed = smooth_path(x, y, 6.0, closed=True)
-    assert smoothed.points_used == phase.size
-    assert abs(smoothed.path.yaw[-1] - smoothed.path.yaw[0]) < 0.01  # left and right cancel
-
-
-def test_closed_drive_that_ends_short_of_its_start_is_completed() -> None:
-    lap = 2.0 * (30.0 + 10.0 * math.pi)
-    points = oval(1.0 - 3.0 / lap, 1.0)
-    smoothed = smooth(points, 6.0, closed=True)
-    assert smoothed.points_used == points.shape[1]
-    assert smoothed.lap_length == pytest.approx(lap, abs=0.1)
-
-
-def test_only_lap_one_is_led_in() -> None:
-    smoothed = smooth(oval(1.0, 1.0), 6.0, closed=True, laps=2, lead_in=25.0)
-    path = smoothed.path
-    assert smoothed.start == pytest.approx(25.0, abs=0.01)
-    assert path.length == pytest.approx(25.0 + 2.0 * smoothed.lap_length, abs=0.02)
-    first, second = path.at(25.0), path.at(25.0 + smoothed.lap_length)
-    assert (first.east, first.north) == pytest.approx((second.east, second.north), abs=0.01)
-    assert path.at(0.0).east == pytest.approx(-25.0, abs=0.05)
-    assert path.at(0.0).north == pytest.approx(-10.0, abs=0.05)
-
-
 @pytest.mark.parametrize("spacing", [4.0, 9.0, 15.0, 22.0])
 def test_a_closed_drive_of_few_points_closes_in_a_curve_without_a_seam(spacing: float) -> None:
     """As recorded at 1 Hz: no other point is near the first one."""

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 from tests.made.vehicles.arc_courses import course, fit_errors, point_at, window, with_noise
-from tests.made.vehicles.fusions import fit_two, fuse
+from tests.made.vehicles.fusions import fit_two
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.paper_recipe import circle_of_least_squares, recipe_curve
 from vehicles.preview.received.samples import Window
@@ -138,16 +138,6 @@ def test_any_samples_give_finite_numbers_or_none(settings: FitSettings) -> None:
             values = (piece.east, piece.north, piece.yaw, piece.curvature, piece.length)
             assert all(map(math.isfinite, values))
         assert math.isfinite(curve.rms)
-
-
-def test_every_fusion_supports_the_recipe() -> None:
-    path = course([(1 / 200, 30.0)])
-    lead = window(path, np.linspace(1.0, 24.0, 17), 0.0)
-    other = window(path, np.linspace(1.5, 16.0, 10), 0.0, left=0.02)
-    for fusion, count in (("composite", 1), ("blend", 2)):
-        made = fuse(fusion, lead, other, alpha=0.5, settings=PAPER)
-        assert len(made) == count
-        assert all(len(one.spline.pieces) == 1 for _, one in made)
 
 
 def test_beside_is_left() -> None:

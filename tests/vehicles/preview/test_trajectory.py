@@ -211,21 +211,6 @@ def test_a_jumped_sample_is_left_out(which: int, jump: float) -> None:
     assert max(map(abs, fit_errors(fitted, path, 7.0)[:2])) < 1e-4
 
 
-def test_samples_too_few_or_degenerate_support_no_trajectory() -> None:
-    path = course([(0.01, 30.0)])
-    apart = [0.0, 10.0, 20.0]
-    nothing: list[list[float]] = [[], [0.0], [0.0, 10.0], [5.0] * 8, [0.0, 0.0, 10.0, 10.0]]
-    for stations in (*nothing, [0.0, 0.1, 0.2]):
-        seen = window(path, stations, 2.0)
-        assert fit_two(seen, None, alpha=0.5, settings=SETTINGS) is None
-        assert fit_two(None, seen, alpha=0.5, settings=SETTINGS) is None
-    assert fit_two(None, None, alpha=0.5, settings=SETTINGS) is None
-    assert fit_two(window(path, apart, 2.0), None, alpha=0.5, settings=SETTINGS) is not None
-    broken = window(path, [*apart, 30.0], 2.0)
-    broken.east[1] = math.nan
-    assert fit_two(broken, None, alpha=0.5, settings=SETTINGS) is None
-
-
 POINTS = st.floats(-1e3, 1e3) | st.sampled_from([0.0, 1.0, 1e7, 1e-300])
 
 

@@ -41,7 +41,6 @@ class Curves:
         self._recording = recording
         self._curves: dict[str, tuple[list[int], list[float]]] = {}
         self._variances: dict[str, list[float]] = {}
-        self._extents: dict[str, tuple[float, float]] = {}
 
     def has(self, quantity: str, name: str) -> bool:
         return f"plots/{quantity}/{name}" in self._curves
@@ -92,42 +91,14 @@ class Curves:
                 if variances:
                     variances.clear()
 
-    def send_all(
-        self,
-        quantity: str,
-        name: str,
-        at: Array,
-        values: Array,
-        *,
-        start: int,
-        width: Array | None = None,
-    ) -> None:
-        """Send all values of a curve, or of a band with its half-widths."""
-        variances = None if width is None else width * width
-        self._send(f"plots/{quantity}/{name}", at, values, variances, start)
-
     def _send(
         self, entity: str, at: Array, values: Array, variances: Array | None, start: int
     ) -> None:
-        width = 0.0
         if variances is None:
-            scalars = rr.Scalars.columns(scalars=values)
+            columns = rr.Scalars.columns(scalars=values)
         else:
-            scalars = rr.Measurements.columns(values=values, variances=variances)
-            width = math.sqrt(variances.max())
-        self._recording.send_columns(entity, time_columns(at, start), scalars)
-        low, high = self._extents.get(entity, (math.inf, -math.inf))
-        low, high = min(low, float(values.min()) - width), max(high, float(values.max()) + width)
-        self._extents[entity] = low, high
-
-    def extents(self) -> dict[str, tuple[float, float]]:
-        """Smallest and largest value of each plot, of all vehicles and of one."""
-        extents: dict[str, tuple[float, float]] = {}
-        for entity, (low, high) in self._extents.items():
-            for plot in {"/".join(entity.split("/")[:depth]) for depth in (2, 3)}:
-                least, most = extents.get(plot, (low, high))
-                extents[plot] = (min(least, low), max(most, high))
-        return extents
+            columns = rr.Measurements.columns(values=values, variances=variances)
+        self._recording.send_columns(entity, time_columns(at, start), columns)
 
 
 class States:
@@ -150,16 +121,6 @@ class States:
         self._states[entity] = state
         self._set_time(at)
         self._recording.log(entity, rr.StateChange(state=state))
-
-    def show_all(self, panel: str, name: str, states: Array, at: Array, start: int) -> None:
-        """Show all states of an entity, in order, from the instants (ns) at which they change."""
-        changes = np.concatenate(([True], states[1:] != states[:-1]))[: len(states)]
-        if not len(states):
-            return
-        entity = f"{panel}/{name}"
-        self._log_style(entity, PANELS[panel])
-        shown = rr.StateChange.columns(state=states[changes].tolist())
-        self._recording.send_columns(entity, time_columns(at[changes], start), shown)
 
     def _log_style(self, entity: str, panel: Panel) -> None:
         names, colours = list(panel.states), list(panel.states.values())

@@ -21,13 +21,9 @@ different topics."""
 
 def message_state(verdict: LinkVerdict) -> str:
     """State of a message: "ok", "lost", "late", or "" if the link did not carry it."""
-    return state_of(verdict.outcome, verdict.reason, verdict.late)
-
-
-def state_of(outcome: str, reason: str, late: bool) -> str:
-    if outcome == "dropped":
-        return "lost" if counts_as_loss(reason) else ""
-    return LATE if late else OK
+    if verdict.outcome == "dropped":
+        return "lost" if counts_as_loss(verdict.reason) else ""
+    return LATE if verdict.late else OK
 
 
 class LinkWindow(NamedTuple):

@@ -10,9 +10,8 @@ import numpy as np
 import pyarrow as pa
 import rerun as rr
 
-from transport.columns import Array, Columns, Integers
+from transport.columns import Array, Integers
 from transport.picture.series.curves import time_columns
-from transport.picture.series.trajectory_rows import all_points_along, pieces_of
 from transport.picture.shapes import axes_of
 
 _NUMBER = pa.field("item", pa.float32(), nullable=False)
@@ -53,31 +52,6 @@ class MovingRows:
             self._recording.send_columns(entity, time_columns(at, start), strips_of(counts, points))
         self._frames.clear()
         self._lines.clear()
-
-
-def send_trajectories(
-    recording: rr.RecordingStream,
-    trajectories: Columns,
-    rows: Integers,
-    *,
-    start: int,
-    spacing_m: float,
-    colours: Array,
-) -> None:
-    """Send some of the trajectories of a vehicle and their samples, in the `colours` of sources."""
-    vehicle, at = trajectories.vehicle, trajectories.at_ns[rows]
-    counts, points = all_points_along(pieces_of(trajectories, rows), spacing_m)
-    entity = f"world/trajectory/{vehicle}"
-    recording.send_columns(entity, time_columns(at, start), strips_of(counts, points))
-    east, north, source = (
-        trajectories.lists[name].of(rows)
-        for name in ("sample_east_m", "sample_north_m", "sample_source")
-    )
-    samples = rr.Points2D.columns(
-        positions=np.column_stack((east.values, north.values)),
-        colors=colours[np.minimum(source.values, len(colours) - 1)],
-    ).partition(np.diff(east.offsets))
-    recording.send_columns(f"world/samples/{vehicle}", time_columns(at, start), samples)
 
 
 def strips_of(counts: Integers, points: Array) -> Any:

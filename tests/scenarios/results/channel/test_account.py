@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import pytest
 
-from scenarios.definition.channel.presets import presets
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import drills, library
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
@@ -113,11 +112,6 @@ def test_loss_is_the_share_of_sent_messages() -> None:
     assert row.burst_messages_max == 57
 
 
-def test_a_run_without_trouble_has_lost_nothing() -> None:
-    for row in accounts_of(MadeRun()).values():
-        assert (row.delivered, row.not_arrived, row.loss_ratio) == (POSES, {}, 0.0)
-
-
 def test_the_vehicle_that_was_cut_off_is_named() -> None:
     made = MadeRun()
     made.cut_off("v2", 60, 120)
@@ -134,14 +128,6 @@ def test_a_router_that_was_away_cut_everybody_off() -> None:
         made.cut_off(name, 60, 120)
     for row in accounts_of(made).values():
         assert row.not_arrived == {"router_away": 60}
-
-
-def test_poses_that_reach_the_recorder_late_show_a_router_that_was_away() -> None:
-    made = MadeRun()
-    made.lost = {(a, b, k) for a, b in LINKS for k in range(60, 100)}
-    made.transit = {(name, k): at(7.0) - at(k / 20) for name in NAMES for k in range(60, 110)}
-    for row in accounts_of(made).values():
-        assert row.not_arrived == {"router_away": 40}
 
 
 def test_messages_before_the_first_received_one_are_due_to_a_late_start() -> None:
@@ -173,31 +159,6 @@ def test_verdicts_missing_at_the_end_are_known_by_the_final_counters() -> None:
     made.unrecorded_verdicts = {("v1", "v2", k) for k in range(170, POSES)}
     row = accounts_of(made)["v1", "v2"]
     assert (row.unrecorded, row.in_flight, row.not_arrived) == (30, 0, {})
-
-
-def test_losses_next_to_missing_verdicts_stay_losses() -> None:
-    made = MadeRun()
-    made.unrecorded_verdicts = {("v1", "v2", k) for k in range(40, 45)}
-    made.lost = {("v1", "v2", k) for k in range(45, 55)}
-    row = accounts_of(made)["v1", "v2"]
-    assert (row.unrecorded, row.not_arrived) == (5, {"unknown": 10})
-
-
-def test_messages_due_after_the_end_are_in_flight() -> None:
-    slow = [
-        (when, replace(one, visible_at_ns=one.sent_at_ns + 400 * MS))
-        if isinstance(one, LinkVerdict)
-        else (when, one)
-        for when, one in MadeRun().recorded()
-        if not (isinstance(one, LinkVerdict) and one.pose_seq >= POSES - 8)
-    ]
-    metrics = metrics_of(
-        (when, replace(one, received=0)) if isinstance(one, Health) else (when, one)
-        for when, one in slow
-    )
-    for row in metrics.link_summaries(SECONDS * SECOND):
-        assert (row.in_flight, row.not_arrived) == (8, {})
-        assert_balanced(row)
 
 
 def with_last_look(made: MadeRun, waiting: str, delay: int) -> Iterator[Recorded]:
@@ -253,33 +214,6 @@ def test_a_vehicle_that_was_cut_off_for_good_is_named() -> None:
     assert metrics.contradictions(SECONDS * SECOND) == []
     lines = list(metrics.channel_warnings(SECONDS * SECOND))
     assert any("v2 cut off" in line for line in lines)
-
-
-def test_a_vehicle_whose_records_lag_at_the_end_was_cut_off() -> None:
-    """Its last poses arrive 2.5 s late, and nothing that it recorded after 7 s."""
-    made = MadeRun()
-    made.transit = {("v2", k): 2500 * MS for k in range(40, POSES)}
-    made.decided["v2"] = range(50 * 7)
-    made.lost = {("v1", "v2", k) for k in range(140, POSES)}
-    recorded = [
-        (when, one)
-        for when, one in made.recorded()
-        if when <= at(SECONDS) and not (isinstance(one, Health) and one.vehicle == "v2")
-    ]
-    metrics = metrics_of([*recorded, (at(7.0), health("v2", seconds=7.0))])
-    rows = {(row.sender, row.receiver): row for row in metrics.link_summaries(SECONDS * SECOND)}
-    assert set(rows["v1", "v2"].not_arrived) == {"cut_off"}
-    assert rows["v1", "v2"].not_arrived["cut_off"] + rows["v1", "v2"].in_flight == 60
-
-
-def test_a_vehicle_of_which_nothing_was_recorded_was_cut_off() -> None:
-    made = MadeRun()
-    made.cut_off("v2", 0, POSES)
-    metrics = metrics_of((when, one) for when, one in made.recorded() if one.vehicle != "v2")
-    rows = {(row.sender, row.receiver): row for row in metrics.link_summaries(SECONDS * SECOND)}
-    for link in (("v1", "v2"), ("v2", "v3")):
-        assert rows[link].not_arrived == {"cut_off": POSES}
-    assert any("v2 cut off" in line for line in metrics.channel_warnings(SECONDS * SECOND))
 
 
 def test_a_vehicle_whose_poses_came_very_late_is_named() -> None:
@@ -405,11 +339,6 @@ def test_the_account_of_shipped_scenarios_balances(name: str) -> None:
     except ScenarioError:  # its limits are about later instants
         scenario = load_scenario(name)
     assert_all_arrive(scenario)
-
-
-@pytest.mark.parametrize("preset", presets())
-def test_the_account_of_presets_balances(preset: str) -> None:
-    assert_all_arrive(load_scenario("lane_change", ["duration_s=5", f'links.preset="{preset}"']))
 
 
 def test_the_account_balances_with_software_that_does_not_run() -> None:

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.channel.account import LinkAccount
-from scenarios.results.channel.link_figures import LinkFigures
 from scenarios.results.channel.link_summary import (
     LinkSummary,
     describe_link,
@@ -18,7 +17,7 @@ from scenarios.results.channel.link_summary import (
     request_deviations,
 )
 from scenarios.results.channel.link_tally import LinkTally
-from tests.made.scenarios.messages import at, verdict
+from tests.made.scenarios.messages import verdict
 from vehicles.messages import LinkVerdict
 
 LINK = ("v1", "v2")
@@ -70,18 +69,6 @@ def test_overtaking_messages_and_copies_are_counted() -> None:
     assert (found.reordered, found.copies) == (2, 1)
 
 
-def test_false_content_is_counted_by_kind_of_what_is_delivered() -> None:
-    reported = fates("..x")
-    reported = [replace(one, content="offset") for one in reported]
-    assert account(LinkTable(), tallied(*reported)).false == {"offset": 2}
-
-
-def test_gaps_between_arrivals_are_those_of_the_ticks_of_delivery() -> None:
-    found = account(LinkTable(), tallied(*fates("..xx.")))  # 20 Hz: 50 ms, then 150 ms
-    assert found.arrival_gap_ms_mean == pytest.approx(100.0)
-    assert found.arrival_gap_ms_max == pytest.approx(150.0)
-
-
 def test_ages_at_commands_and_the_share_of_them_that_is_safe() -> None:
     tally = LinkTally()
     for age in (nan, 0.05, 0.15, 0.1, 0.35):
@@ -122,12 +109,6 @@ def test_a_link_that_deviates_from_its_request_is_listed(
     assert reported.startswith("v1 → v2: ")
 
 
-def test_delays_of_the_machine_do_not_count_against_the_link() -> None:
-    reported = fates("." * 200)
-    reported[7] = replace(reported[7], late=True, received_at_ns=at(900.0))
-    assert list(request_deviations(LINK, LinkTable(), tallied(*reported))) == []
-
-
 def test_a_line_has_requested_and_achieved_figures() -> None:
     tally = tallied(*fates(("x" * 2 + "." * 8) * 20))
     tally.add_age(0.12)
@@ -146,15 +127,3 @@ def test_a_changed_link_is_not_compared_with_its_request() -> None:
     assert found.requested_loss_ratio is found.requested_latency_ms_mean is None
     assert found.loss_ratio == 0.5
     assert "requested -" in describe_link(found)
-
-
-def test_changed_links_are_named_as_without_requested_values() -> None:
-    links = {("v1", "v2"): LinkTable(), ("v2", "v3"): LinkTable()}
-    figures = LinkFigures(("v1", "v2", "v3"), links, 50.0)
-    accounts = dict.fromkeys(links, LinkAccount(0))
-    figures.tallies["v1", "v2"].changed = True
-    (line,) = figures.request_deviations(accounts)
-    assert line == "no requested values are shown for links changed during the run: v1 → v2"
-    figures.tallies["v2", "v3"].changed = True
-    (line,) = figures.request_deviations(accounts)
-    assert line.endswith(": all")

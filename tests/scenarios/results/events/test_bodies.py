@@ -11,17 +11,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from scenarios.results.events.bodies import (
-    ROUNDING_M,
     BodySize,
     CarBody,
     body_of,
-    certainly_apart,
-    certainly_within,
     corners,
     overlap,
     separation,
 )
-from scenarios.results.recorded.body_columns import Bodies, body_distances
 from tests.made.examples import examples
 from tests.made.scenarios.messages import truth
 from tests.made.scenarios.polygons import common_area
@@ -98,17 +94,6 @@ def test_the_closing_speed_is_the_rate_of_the_distance(
     assert now.closing == pytest.approx(-ways[1], abs=2e-2)
 
 
-def test_one_behind_the_other_is_as_far_as_from_bumper_to_bumper() -> None:
-    for yaw in (0.0, 0.7, -2.0, math.pi / 2):
-        ahead = placed(15.0 * math.cos(yaw), 15.0 * math.sin(yaw), yaw)
-        assert separation(ahead, placed(0.0, 0.0, yaw)).distance == pytest.approx(15.0 - 4.93)
-
-
-def test_two_cars_side_by_side_do_not_touch_until_their_sides_do() -> None:
-    assert overlap(placed(0, 0, 0), placed(0, 1.85, 0))
-    assert not overlap(placed(0, 0, 0), placed(0, 1.87, 0))
-
-
 def test_the_body_reaches_as_far_beyond_either_axle() -> None:
     """The pose is that of the centre of mass, which lies ahead of the middle of this car."""
     pose = truth("v1", 0, 100.0, 50.0, yaw=math.pi / 2)
@@ -135,46 +120,3 @@ def test_a_body_moves_as_its_centre_does() -> None:
     now, then = body_of(pose, size), body_of(moved, size)
     assert (then.east - now.east) / span == pytest.approx(now.speed_east, abs=1e-4)
     assert (then.north - now.north) / span == pytest.approx(now.speed_north, abs=1e-4)
-
-
-@given(one=bodies, other=bodies)
-@examples(44, 400)
-def test_bodies_are_never_nearer_than_their_shadows(one: CarBody, other: CarBody) -> None:
-    assert not certainly_apart(one, other, separation(one, other).distance)
-
-
-@given(ahead=bodies, behind=bodies)
-@examples(44, 400)
-def test_bodies_are_never_further_apart_than_rear_and_front(
-    ahead: CarBody, behind: CarBody
-) -> None:
-    assert not certainly_within(ahead, behind, separation(ahead, behind).distance)
-
-
-@given(yaw=st.floats(-math.pi, math.pi), gap=st.floats(0.0, 50.0), aside=st.floats(-1.8, 1.8))
-def test_the_shadows_of_one_behind_the_other_are_as_far_apart_as_they(
-    yaw: float, gap: float, aside: float
-) -> None:
-    distance = gap + 4.93
-    east = distance * math.cos(yaw) - aside * math.sin(yaw)
-    north = distance * math.sin(yaw) + aside * math.cos(yaw)
-    ahead, behind = placed(0.0, 0.0, yaw), placed(east, north, yaw)
-    assert certainly_apart(ahead, behind, gap - 2.0 * ROUNDING_M)
-    assert not certainly_apart(ahead, behind, gap)
-    assert certainly_within(behind, ahead, math.hypot(gap, aside) + 2.0 * ROUNDING_M)
-
-
-@given(bodies, bodies)
-def test_distances_by_columns_are_those_of_single_bodies(one: CarBody, other: CarBody) -> None:
-    def columns(body: CarBody) -> Bodies:
-        return Bodies(
-            np.array([body.east]),
-            np.array([body.north]),
-            np.array([body.along_east]),
-            np.array([body.along_north]),
-            body.half_length,
-            body.half_width,
-        )
-
-    expected = separation(one, other).distance
-    assert body_distances(columns(one), columns(other)).tolist() == pytest.approx([expected])

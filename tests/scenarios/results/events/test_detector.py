@@ -78,15 +78,6 @@ def test_a_slide_names_vehicle_time_and_figures() -> None:
     assert event.line == "slide: v2 uses all available friction, 0.04 s after the start"
 
 
-def test_a_slide_that_flickers_is_one_and_a_later_one_another() -> None:
-    calm = [0.3] * (QUIET_NS // (SECOND // 50) + 2)
-    flickering = [1.0, 0.9, 1.0, 0.8, 1.0]
-    events = detected(*gripping("v1", [*flickering, *calm, 1.2]))
-    assert [event.kind for event in events] == ["slide", "slide"]
-    assert events[0].figures["duration_s"] == pytest.approx(0.08)
-    assert events[1].figures["friction_ratio_max"] == 1.2  # linear tyres carry more than there is
-
-
 QUIET = [5.0] * (QUIET_NS // (SECOND // 50) + 2)
 
 
@@ -99,21 +90,9 @@ def test_a_collision_names_vehicles_time_and_speed() -> None:
     assert event.level == "error"
 
 
-def test_a_pair_that_grazes_on_has_collided_once_until_it_parts() -> None:
-    grazing = [-0.1, 0.5 * PARTED_M, -0.1, 0.5 * PARTED_M, -0.1]
-    kinds = [one.kind for one in detected(*approach(grazing))]
-    assert kinds == ["collision"]
-    twice = detected(*approach([*grazing, 2.0 * PARTED_M, -0.1]))
-    assert [one.kind for one in twice] == ["collision", "collision"]
-
-
 def test_any_two_vehicles_collide_not_only_neighbours() -> None:
     found = detected(pose("v1", 0, 0.0), pose("v2", 0, -50.0), pose("v3", 0, -3.0))
     assert [(one.kind, one.vehicles) for one in found] == [("collision", ("v1", "v3"))]
-
-
-def test_bodies_are_compared_at_equal_instants_only() -> None:
-    assert detected(pose("v1", 0, 0.0), pose("v2", 1, -2.0)) == ()
 
 
 def test_a_near_miss_is_one_episode_with_its_smallest_figures() -> None:
@@ -131,15 +110,6 @@ def test_a_near_miss_can_be_short_of_time_instead_of_distance() -> None:
     (event,) = detected(*approach([12.0, 11.0, 30.0], speed=10.0))
     assert event.figures["time_to_collision_s_min"] == pytest.approx(1.1)
     assert detected(*approach([16.0, 15.5], speed=10.0)) == ()
-
-
-def test_a_collision_is_not_also_a_near_miss() -> None:
-    for gaps in ([0.9, -0.1], [0.9, -0.1, 0.9, *QUIET], [-0.1, 0.9, 0.5, *QUIET]):
-        assert [one.kind for one in detected(*approach(gaps))] == ["collision"]
-
-
-def test_vehicles_that_are_not_neighbours_have_no_near_miss() -> None:
-    assert detected(pose("v1", 0, 0.0), pose("v2", 0, -50.0), pose("v3", 0, -5.5)) == ()
 
 
 def aside(lateral: list[float], yaw: float = 0.0) -> list[TruePose]:
@@ -192,14 +162,6 @@ def test_a_path_is_lost_after_some_time_without_one(lost: str) -> None:
     assert len(of_kind("path_lost", twice)) == 2
 
 
-def test_a_follower_with_known_road_ahead_has_not_lost_its_path() -> None:
-    """It slows down along it; the path is lost a second after it has ended."""
-    known = [tracking("v2", seq, mode="coast", known_m=20.0 - 0.2 * seq) for seq in range(300)]
-    (event,) = detected(tracking("v2", 0), *known[1:])
-    assert event.kind == "path_lost"
-    assert event.at_s == pytest.approx(100 / 50)
-
-
 def test_a_stop_is_an_event_with_known_path_and_predicted_blind_distance() -> None:
     braking = {"mode": "stop", "known_m": 12.5, "blind_m": 3.25}
     results = [{}, {}, braking, *[braking | {"known_m": 1.0, "blind_m": 9.0}] * 50, {}, braking]
@@ -236,11 +198,6 @@ def test_each_distrust_of_a_source_is_an_event() -> None:
     assert [one.vehicles for one in first] == [("v1", "v2")]  # lead and predecessor are one
     both_ways = detected(tracking("v2", 0, **doubt), tracking("v1", 0), tracking("v1", 1, **doubt))
     assert [one.vehicles for one in both_ways] == [("v1", "v2")]  # the lead follows nobody
-
-
-def test_unrecorded_time_is_no_lost_path() -> None:
-    found = modes(("composite", 1), ("coast", 0.5), ("coast", 4), ("coast", 0.5))
-    assert detected(*(one for one in found if not 75 <= one.seq < 275)) == ()
 
 
 @given(random=st.randoms(use_true_random=False))
@@ -297,15 +254,6 @@ def test_no_overlap_passes_unseen_and_none_is_invented(
     found = detected(*(one for stream in poses for one in stream))
     collisions = [(one.at_s, one.vehicles) for one in found if one.kind == "collision"]
     assert collisions == sorted(expected)
-
-
-def test_a_large_convoy_is_compared_near_by_only() -> None:
-    """Two hundred vehicles that keep their distance, and one pair that does not."""
-    names = tuple(f"v{place}" for place in range(200))
-    places = [pose(name, 0, -20.0 * place) for place, name in enumerate(names)]
-    places[150] = pose("v150", 0, -20.0 * 7 + 3.0)
-    found = detected(*places, names=names)
-    assert [(one.kind, one.vehicles) for one in found] == [("collision", ("v7", "v150"))]
 
 
 @given(st.lists(st.tuples(st.floats(5.5, 12.0), st.floats(-1.0, 1.0)), min_size=1, max_size=30))

@@ -1,12 +1,10 @@
 from dataclasses import replace
-from typing import Any, get_args
+from typing import Any
 
 import pytest
 
-from scenarios.definition.schema.limit_rows import LIMITS
 from scenarios.definition.schema.limit_tables import LimitsTable
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.events.encounters import EventKind
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.limits.deadlines import DeadlineFigure
 from scenarios.results.limits.evaluation import (
@@ -43,10 +41,6 @@ def row(name: str, **figures: Any) -> VehicleSummary:
     """The summary of a vehicle with other figures than those of one that never moved."""
     metrics = Metrics((name, "v9"), {})
     return replace(metrics.vehicle_summaries()[0], name=name, **figures)
-
-
-def test_without_limits_nothing_is_broken() -> None:
-    assert broken() == []
 
 
 @pytest.mark.parametrize(
@@ -150,33 +144,6 @@ def test_a_value_at_the_bound_keeps_the_limit_and_one_beyond_breaks_it(key: str)
         )
 
 
-def test_a_figure_without_value_is_listed_and_breaks_no_limit() -> None:
-    limits = LimitsTable(cross_track_error_m_max=0.0, true_gap_m_min=1.0)
-    found = limit_figures(limits, (), (LEAD,))
-    assert [(one.limit, one.value, one.broken) for one in found] == [
-        ("cross_track_error_m_max", None, False),
-        ("true_gap_m_min", None, False),
-    ]
-
-
-def test_friction_is_that_of_each_vehicle() -> None:
-    found = limit_figures(LimitsTable(friction_ratio_max=0.75), (), (LEAD, FOLLOWER))
-    assert [(one.vehicle, one.value, one.broken) for one in found] == [
-        ("v1", 0.8, True),
-        ("v3", 0.7, False),
-    ]
-    assert found[0].message == "limits.friction_ratio_max = 0.75: v1 used 0.80 of the friction"
-
-
-def test_counts_are_figures_too() -> None:
-    found = limit_figures(LimitsTable(paths_lost_max=1, collisions_max=1, stops_max=0), EVENTS, ())
-    assert [(one.limit, one.bound, one.value, one.broken) for one in found] == [
-        ("collisions_max", 1, 1, False),
-        ("paths_lost_max", 1, 2, True),
-        ("stops_max", 0, 0, False),
-    ]
-
-
 @pytest.mark.parametrize(
     ("took_s", "is_over", "line"),
     [
@@ -208,13 +175,6 @@ def test_why_a_run_ended_comes_first_and_nothing_twice() -> None:
     assert failure_reason("a", ["a", "b"]) == "a; b"
 
 
-def test_the_rows_of_limits_name_events_and_figures_that_there_are() -> None:
-    for limit in LIMITS.values():
-        assert not limit.event or limit.event in get_args(EventKind)
-        assert not limit.figure or hasattr(FOLLOWER, limit.figure.split(".")[0])
-        assert not limit.at or hasattr(FOLLOWER, limit.at)
-
-
 def test_a_vehicle_s_own_bound_replaces_that_of_the_convoy() -> None:
     other = replace(FOLLOWER, name="v2")
     limits = LimitsTable.model_validate(
@@ -229,26 +189,6 @@ def test_a_vehicle_s_own_bound_replaces_that_of_the_convoy() -> None:
         "limits.v3.cross_track_error_m_max = 0.15: v3 was 0.20 m off the lead's path, "
         "1.50 s after the start"
     )
-
-
-def test_a_vehicle_s_own_limit_does_not_apply_to_others() -> None:
-    limits = LimitsTable.model_validate({"v3": {"true_gap_m_min": 4.0, "friction_ratio_max": 0.6}})
-    close = replace(FOLLOWER, name="v2", true_gap_m_min=0.1)
-    assert [(one.limit, one.value, one.broken) for one in limit_figures(limits, (), (close,))] == [
-        ("v3.true_gap_m_min", None, False),
-        ("v3.friction_ratio_max", None, False),
-    ]
-    found = limit_figures(limits, (), (LEAD, close, FOLLOWER))
-    assert [(one.limit, one.vehicle, one.broken) for one in found] == [
-        ("v3.true_gap_m_min", "v3", False),
-        ("v3.friction_ratio_max", "v3", True),
-    ]
-
-
-def test_where_each_follower_has_its_own_bound_that_of_the_convoy_is_not_missed() -> None:
-    limits = LimitsTable.model_validate({"true_gap_m_min": 9.0, "v3": {"true_gap_m_min": 1.0}})
-    (found,) = limit_figures(limits, (), (LEAD, FOLLOWER))
-    assert (found.limit, found.broken) == ("v3.true_gap_m_min", False)
 
 
 def test_events_of_a_vehicle_are_those_that_involve_it() -> None:

@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.results.limits.unjudged import judged_by_record
 from scenarios.results.metrics import Metrics
 from scenarios.results.summarise import summarise
 from scenarios.results.summary import RunIdentity, RunSummary, from_json, to_json
@@ -81,19 +80,6 @@ def test_limits_over_four_missing_seconds_are_not_judged() -> None:
     assert "2.98 to 7.00 s" in summary.reason
 
 
-def test_a_complete_log_is_judged() -> None:
-    summary = run_of(scenario_with(*LIMITS))
-    assert (summary.outcome, summary.holes) == ("completed", ())
-    assert all(limit.judged for limit in summary.limits)
-    assert "limits: 3 kept" in summary.outcome_line
-
-
-def test_without_limits_a_hole_fails_no_run() -> None:
-    summary = run_of(scenario_with(), lacks(TruePose, NAMES, 150, 350))
-    assert (summary.outcome, summary.limits) == ("completed", ())
-    assert "800 poses not recorded" in summary.outcome_line
-
-
 @pytest.mark.parametrize(("allowed", "outcome"), [(3.9, "failed"), (4.1, "completed")])
 def test_holes_up_to_the_allowed_time_are_judged(allowed: float, outcome: str) -> None:
     limits = (*LIMITS, f"holes_s_max = {allowed}")
@@ -121,25 +107,11 @@ def test_errors_of_followers_need_the_lead_s_poses() -> None:
     }
 
 
-def test_missing_decisions_hide_stops() -> None:
-    summary = run_of(scenario_with("stops_max = 0"), lacks(Tracking, ("v3",), 150, 350))
-    assert "limits.stops_max = 0: not judged" in summary.reason
-    assert "decisions of v3" in summary.reason
-    poses = run_of(scenario_with("stops_max = 0"), lacks(GpsPose, ("v3",), 50, 100))
-    assert (poses.outcome, len(poses.holes)) == ("completed", 1)
-
-
 def test_a_broken_limit_stays_broken() -> None:
     limits = ("true_gap_m_min = 18.0",)
     summary = run_of(scenario_with(*limits), lacks(TruePose, NAMES, 150, 350))
     assert all(limit.judged for limit in summary.limits)
     assert "not judged" not in summary.reason
-
-
-def test_deadlines_need_decisions() -> None:
-    limits = ("[[limits.modes]]", 'vehicle = "v3"', 'mode = "composite"', "within_s = 8")
-    summary = run_of(scenario_with(*limits), lacks(Tracking, ("v3",), 0, 350))
-    assert [one.judged for one in summary.limits] == [False]
 
 
 def test_a_vehicle_that_is_silent_at_the_end_is_not_judged() -> None:
@@ -183,19 +155,3 @@ def test_events_that_began_in_a_hole_have_an_interval() -> None:
     assert "between 2.98 and 5.00 s" in torn.outcome_line
     other = run_of(scenario_with(), lacks(Tracking, ("v2",), 150, 250), mode=mode)
     assert next(event.after_s for event in other.events if event.kind == "stop") is None
-
-
-def test_a_collision_in_a_hole_has_an_interval() -> None:
-    scenario = scenario_with()
-    torn = Metrics.of(scenario)
-    torn.listen(0, start())
-    for k in range(400):
-        if not 100 <= k < 200:
-            torn.listen(0, truth("v1", k, 100.0, 0.0))
-            torn.listen(0, truth("v2", k, 70.0 + 0.14 * k, 0.0))
-    (collision,) = torn.events.events()
-    assert [collision.after_s, collision.at_s] == pytest.approx([1.98, 4.0])
-
-
-def test_no_limits_need_no_record() -> None:
-    assert judged_by_record((), NAMES, (), None) == ()

@@ -1,9 +1,7 @@
 """`convoy explain` against a plain reading of the log."""
 
 import json
-import re
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Iterator
 from itertools import pairwise
 from math import hypot
 from pathlib import Path
@@ -19,7 +17,6 @@ from mcap.reader import make_reader
 
 from scenarios.cli.log_commands import explain as explain_command
 from scenarios.definition.scenario import load_scenario
-from scenarios.results.log_queries import explain
 from scenarios.results.log_queries.explain import (
     IN_TRANSIT,
     NOT_ARRIVED,
@@ -32,10 +29,7 @@ from scenarios.results.log_queries.explain import (
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
 from transport import convoy_pb2
-from transport.log.errors import LogError
-from transport.log.mcap_file import ChunkPlace, McapFile
 from transport.log.reader import LogReader
-from transport.log.writer import LogWriter
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import Tracking
 from vehicles.schedule import SECOND
@@ -172,15 +166,6 @@ def test_explanations_of_many_instants_match_the_log(log: Path, plain: Record) -
     assert reported > INSTANTS  # the draw is not of leads only
 
 
-def test_the_ages_are_those_of_the_vehicle_itself(log: Path, plain: Record) -> None:
-    known = RecordedKnowledge(log, "v3")
-    start = plain["run", "start"][0].start_at_ns
-    for tracking in plain["v3", "tracking"][100::97]:
-        found = known.at((tracking.decided_at_ns - start) / 1e9)
-        assert found.sources[0].age_s == pytest.approx(tracking.lead_age_s)
-        assert found.sources[1].age_s == pytest.approx(tracking.predecessor_age_s)
-
-
 def test_the_command_prints_the_sentence_and_its_twin_for_machines(log: Path) -> None:
     arguments = [str(log), "--vehicle", "v4", "--at", "7.5"]
     printed = CliRunner().invoke(explain_command, arguments)
@@ -208,15 +193,6 @@ def test_later_messages_are_counted_by_their_fate() -> None:
     assert counts_of([skipped]) == "1 skipped (links.rate_hz = 5)"
 
 
-def test_messages_beyond_the_list_are_counted_by_their_fate(tmp_path: Path) -> None:
-    cut = "change=[{kind='cut', at_s=1, for_s=2}]"
-    run_virtual(load_scenario("lane_change", ["duration_s=3.0", cut]), tmp_path, Stop())
-    arguments = [str(tmp_path), "--vehicle", "v2", "--at", "2"]
-    lines = CliRunner().invoke(explain_command, arguments).output.splitlines()
-    assert re.fullmatch(r"v1: \d+ more messages: \d+ lost \(link cut\)", lines[-1])
-    assert "lost (link cut), would have arrived at " in lines[-2]
-
-
 @pytest.mark.parametrize(
     ("vehicle", "at", "words"),
     [
@@ -237,18 +213,13 @@ def test_values_outside_of_the_log_are_refused_in_one_line(
 def test_the_remaining_path_on_a_straight_is_its_length(ahead: float, aside: float) -> None:
     places = [(2.0 * k, 0.0) for k in range(21)]
     expected = min(max(40.0 - ahead, 0.0), 40.0)
-    assert remaining_path_length(places, (ahead, aside))[0] == pytest.approx(expected, abs=1e-9)
+    assert remaining_path_length(places, (ahead, aside)) == pytest.approx(expected, abs=1e-9)
 
 
 def test_the_remaining_path_is_that_of_the_last_lap() -> None:
     square = [(0.0, 0.0), (100.0, 0.0), (100.0, 100.0), (0.0, 100.0)]
     laps = [*square, *square, *square]
-    assert remaining_path_length(laps, (50.0, 1.0))[0] == pytest.approx(250.0)
-
-
-def test_no_place_and_one_place_leave_no_path() -> None:
-    for places in ([], [(3.0, 4.0)]):
-        assert remaining_path_length(places, (0.0, 0.0)) == (0.0, False)
+    assert remaining_path_length(laps, (50.0, 1.0)) == pytest.approx(250.0)
 
 
 def test_ages_of_poses_are_by_the_vehicle_s_own_clock(tmp_path: Path) -> None:
@@ -262,88 +233,3 @@ def test_ages_of_poses_are_by_the_vehicle_s_own_clock(tmp_path: Path) -> None:
     assert ages["v1"] == pytest.approx(decision.lead_age_s)
     assert ages["v2"] == pytest.approx(decision.predecessor_age_s)
     assert decision.predecessor_age_s < -0.4
-
-
-HARD = [
-    "duration_s=5.0",
-    "links.loss_ratio=0.2",
-    "convoy.vehicles=3",
-    "vehicle.v2.clock={offset_ms=-700.0}",
-    "change=[{kind='cut', at_s=1.5, for_s=1.5}, {kind='crash', vehicle='v2', at_s=4.0}]",
-]
-"""A cut longer than what is read first, a wrong clock, and messages without a verdict."""
-
-
-@pytest.fixture(scope="module")
-def hard(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("hard")
-    run_virtual(load_scenario("lane_change", HARD), folder, Stop())
-    return folder / "run.mcap"
-
-
-def delayed(source: Path, target: Path) -> Path:
-    """Delay the recording by up to 1.5 s; the messages of each vehicle stay in order."""
-    random, reader = Random(5), LogReader(source)
-    rows: list[tuple[int, int, Any]] = []
-    newest: dict[str, int] = {}
-    for number, (at, vehicle, message) in enumerate(reader.messages()):
-        late = at + round(random.uniform(0.0, 1.5) * SECOND)
-        newest[vehicle] = late = max(newest.get(vehicle, 0), late)
-        rows.append((late, number, message))
-    with LogWriter(target) as writer:
-        for name, data in reader.attachments().items():
-            writer.attach(name, "text/plain", data)
-        for late, _, message in sorted(rows):
-            writer.write(late, message)
-    return target
-
-
-def damaged(source: Path, target: Path) -> Path:
-    content = bytearray(source.read_bytes())
-    content[len(content) // 3] ^= 1
-    target.write_bytes(content)
-    return target
-
-
-def truncated(source: Path, target: Path) -> Path:
-    content = source.read_bytes()
-    target.write_bytes(content[: 4 * len(content) // 5])
-    return target
-
-
-@pytest.mark.parametrize("spoil", [lambda source, _: source, delayed, damaged, truncated])
-def test_the_messages_around_an_instant_give_the_answer_of_the_whole_log(
-    hard: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    spoil: Callable[[Path, Path], Path],
-) -> None:
-    monkeypatch.setattr(explain, "READ_NS", (3 * SECOND // 2, 2 * SECOND, explain.FOREVER))
-    path = spoil(hard, tmp_path / "run.mcap")
-    end_s = (LogReader(path).last_at - LogReader(hard).first_at) / SECOND
-    for name in ("v1", "v2", "v3"):
-        known = RecordedKnowledge(path, name)
-        for at_s in (0.0, 0.1, 0.9, 1.6, 2.3, 3.1, 4.2, min(end_s, 4.99)):
-            with suppress(LogError):
-                whole = known.at(at_s, whole=True)
-                assert known.at(at_s) == whole
-                assert bool(whole.log_faults) == (spoil in {damaged, truncated})
-    assert len(whole.sources) == 2
-
-
-def test_a_complete_log_is_read_around_the_instant_only(
-    log: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Damage anywhere is found by the checksum of the file."""
-    unpacked: list[object] = []
-    unpack = McapFile.unpack
-
-    def count(file: McapFile, head: ChunkPlace) -> bytes:
-        unpacked.append(head)
-        return unpack(file, head)
-
-    monkeypatch.setattr(McapFile, "unpack", count)
-    chunks = len(McapFile(log).chunks)
-    assert not unpacked
-    RecordedKnowledge(log, "v3").at(11.0)
-    assert 0 < len(set(unpacked)) <= chunks // 2

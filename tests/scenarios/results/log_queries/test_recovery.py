@@ -4,13 +4,9 @@ import random
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 from mcap.reader import make_reader
-from mcap.writer import Writer
 
-from scenarios.cli.main import cli
 from scenarios.definition.scenario import scenario_from_text
-from scenarios.results.files import SUMMARY_NAME
 from scenarios.results.log_queries.log_info import info_of
 from scenarios.results.log_queries.recovery import recover_log
 from scenarios.runs.stop import Stop
@@ -18,7 +14,6 @@ from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.transport.logs import rerun_accepts, rows
 from transport.log.reader import LogReader
 from transport.topics import TOPICS
-from vehicles.schedule import SECOND
 
 SCENARIO = """
 name = "part"
@@ -46,45 +41,6 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def own_messages(log: Path) -> list[tuple[str, int, bytes]]:
     """Topics, instants of recording and bytes, as MCAP's own reader gives them."""
     return [(channel.topic, row.log_time, row.data) for _, channel, row in rows(log)]
-
-
-def second_half(log: Path, part: Path) -> None:
-    """Copy later messages and attachments with MCAP's own library, as `mcap filter` does."""
-    with log.open("rb") as file, part.open("wb") as out:
-        reader, writer = make_reader(file), Writer(out)
-        writer.start()
-        for attached in reader.iter_attachments():
-            if attached.name != SUMMARY_NAME:
-                writer.add_attachment(0, 0, attached.name, attached.media_type, attached.data)
-        channels: dict[int, int] = {}
-        for schema, channel, row in reader.iter_messages(
-            starting_at=LogReader(log).first_at + 2 * SECOND
-        ):
-            assert schema is not None
-            if channel.id not in channels:
-                number = writer.register_schema(schema.name, schema.encoding, schema.data)
-                channels[channel.id] = writer.register_channel(
-                    channel.topic, channel.message_encoding, number, channel.metadata
-                )
-            writer.add_message(
-                channels[channel.id], row.log_time, row.data, row.publish_time, row.sequence
-            )
-        writer.finish()  # type: ignore[no-untyped-call]
-
-
-def test_a_part_made_by_another_program_is_read_as_a_log(log: Path, tmp_path: Path) -> None:
-    part, (_, *messages) = tmp_path / "part.mcap", own_messages(log)
-    second_half(log, part)
-    assert 0.3 < len(own_messages(part)) / len(messages) < 0.7
-    for line in (
-        "info {}",
-        "report {}",
-        "export {} --out {out}",
-    ):
-        arguments = line.format(part, out=tmp_path / "out").split()
-        done = CliRunner().invoke(cli, arguments, env={"COLUMNS": "200"})
-        assert done.exit_code == 0, done.output
-        assert "messages are missing" in done.output, line
 
 
 def test_what_a_log_holds_is_described(log: Path) -> None:
@@ -160,13 +116,3 @@ def recovered(folder: Path, number: int, name: str) -> Rows:
         assert rerun_accepts(output)
     assert sum(map(len, reader.columns(TOPICS).values())) == sum(reader.counts.values())
     return sorted(own_messages(output))
-
-
-def test_all_messages_of_a_whole_log_are_recovered(log: Path, tmp_path: Path) -> None:
-    recover_log(log, tmp_path / "same.mcap")
-    assert own_messages(tmp_path / "same.mcap") == own_messages(log)
-    whole, again = LogReader(log), LogReader(tmp_path / "same.mcap")
-    assert again.attachments() == whole.attachments()
-    assert again.metadata() == whole.metadata() | {
-        "repaired": {"messages": again.metadata()["repaired"]["messages"]}
-    }

@@ -4,9 +4,6 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-import pytest
-
-from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.results.log_queries.session import session_of
 from scenarios.runs.stop import Stop
@@ -92,31 +89,6 @@ def test_receivers_that_made_it_at_other_instants_or_not_at_all_stay_apart(tmp_p
         (1.0, "predecessor", "v4"),
         (1.02, "predecessor", "v3"),
     ]
-
-
-def test_changes_of_vehicles_are_included(tmp_path: Path) -> None:
-    done = [
-        changed("v2", 0, 1_000_000_000, kind="gnss", vehicle="v2", fix="float", for_s=1.0),
-        changed("v3", 0, 1_500_000_000, kind="stall", vehicle="v3", for_s=0.5),
-        changed("v1", 0, 2_000_000_000, kind="speed", speed_mps=15.0),
-        changed("v4", 0, 2_000_000_000, kind="speed", speed_mps=15.0),
-    ]
-    kinds = [one["kind"] for one in entries(log_of(tmp_path / "a.mcap", done))]
-    assert kinds == ["link", "gnss", "stall", "speed"]
-
-
-def test_a_log_without_changes_comes_to_its_own_scenario(tmp_path: Path) -> None:
-    assert session_of(log_of(tmp_path / "a.mcap", [])).text == scenario_from_text(SCENARIO).text
-
-
-@pytest.mark.parametrize("table", ["", "{", "[]", '{"kind": "sever", "at_s": 1.0}', "[" * 9000])
-def test_a_change_that_is_none_is_a_line(tmp_path: Path, table: str) -> None:
-    change = Change(
-        vehicle="v2", seq=0, effective_at_ns=START, kind="cut", by_hand=True, table=table
-    )
-    with pytest.raises(ScenarioError) as refused:
-        session_of(log_of(tmp_path / "a.mcap", [change]))
-    assert len(str(refused.value).splitlines()) == 1
 
 
 def test_the_session_of_a_session_is_itself_and_drives_alike(tmp_path: Path) -> None:

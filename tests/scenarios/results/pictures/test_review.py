@@ -1,22 +1,18 @@
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import hypot, isnan
 from pathlib import Path
 from statistics import fmean
-from typing import Any, get_args
+from typing import Any
 
 import pytest
 from mcap.reader import make_reader
-from rerun.chunk import RrdReader
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.events.bodies import BodySize
-from scenarios.results.events.encounters import EventKind
 from scenarios.results.metrics import Metrics
-from scenarios.results.pictures import lead_in
-from scenarios.results.pictures.log_drawing import Excerpt
-from scenarios.results.pictures.review import review
-from scenarios.results.pictures.run_drawing import open_drawing, widest_spacing
+from scenarios.results.pictures.review import Excerpt, review
+from scenarios.results.pictures.run_drawing import open_drawing
 from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.stop import Stop
@@ -24,15 +20,10 @@ from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.transport import drive
 from tests.made.transport.recording import Table, columns
 from transport.convoy_pb2 import Deviation
-from transport.log.errors import LogError
-from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
 from transport.picture.blueprint import EVENTS
-from transport.picture.log_writer import LogRecordingWriter
 from transport.picture.option import parse_rerun_option
-from transport.picture.viewer_process import ViewerError
 from vehicles.messages import Message
-from vehicles.schedule import SECOND
 
 SCENARIO = """
 name = "circle"
@@ -94,14 +85,6 @@ def test_a_reviewed_log_is_drawn_as_the_run_was(tmp_path: Path) -> None:
     assert len(again["/world/cars/v3"]["run_time"]) == 50
 
 
-def test_the_picture_has_the_title_of_the_run(tmp_path: Path) -> None:
-    """So that runs with different settings can be distinguished in the viewer."""
-    requested = scenario_from_text(SCENARIO, overrides=["convoy.gap_m=3"], seed=7)
-    write_log(tmp_path / "run.mcap", attached=requested.text.encode())
-    reported = str(reviewed(tmp_path / "run.mcap")["/__properties"])
-    assert f"circle ({requested.fingerprint}), seed 7, α 0.5, loss 0 %, convoy.gap_m=3" in reported
-
-
 @pytest.mark.parametrize("attached", [None, b'name = "written by a later version"\nx = 1\n'])
 def test_without_a_scenario_only_the_road_is_missing(
     tmp_path: Path, attached: bytes | None
@@ -115,20 +98,6 @@ def test_without_a_scenario_only_the_road_is_missing(
     assert {entity: rows for entity, rows in whole.items() if entity not in road} == rest
     assert len(warnings) == (attached is not None)
     assert all("the road is left out" in line for line in warnings)
-
-
-def test_runs_of_one_scenario_and_seed_are_two_recordings(tmp_path: Path) -> None:
-    """A viewer merges recordings of one identifier."""
-    recordings = []
-    for folder in ("first", "second"):
-        log = tmp_path / folder / "run.mcap"
-        log.parent.mkdir()
-        write_log(log, attached=scenario().text.encode())
-        reviewed(log)
-        (store,) = RrdReader(str(log.with_suffix(".rrd"))).recordings()
-        assert folder in store.recording_id
-        recordings.append(store.recording_id)
-    assert recordings[0] != recordings[1]
 
 
 def values(table: Table, quantity: str, vehicle: str) -> list[float]:
@@ -207,19 +176,6 @@ def test_the_largest_value_drawn_is_the_table_s(drawn: Drawn) -> None:
             assert (row.true_gap_m_min is None) == (name == "v1")
 
 
-def test_a_scheduled_extreme_value_is_used_at_its_instant(drawn: Drawn) -> None:
-    for table in drawn.tables:
-        for row in drawn.summary.vehicles[1:]:
-            for quantity, at_s, value in (
-                ("cross_track", row.cross_track_error_max_at_s, row.cross_track_error_m_max),
-                ("true_gap", row.true_gap_min_at_s, row.true_gap_m_min),
-            ):
-                curve = table[f"/plots/{quantity}/{row.name}"]
-                rows = zip(curve["run_time"], curve["Scalars:scalars"], strict=True)
-                at = [ns / 1e9 for ns, one in rows if one and abs(one[0]) == value]
-                assert at_s in at
-
-
 def test_true_values_in_the_log_are_those_drawn(drawn: Drawn) -> None:
     """The log has them at 10 Hz for each follower, for plots without this project."""
     with (drawn.folder / "run.mcap").open("rb") as file:
@@ -249,27 +205,6 @@ def test_true_values_in_the_log_are_those_drawn(drawn: Drawn) -> None:
             assert len(known) > 0.8 * min(len(at) / 5, len(results))
 
 
-def test_loss_shares_drawn_add_up_to_the_table_s(drawn: Drawn) -> None:
-    """The table has the mean of all messages, the picture that of each half second."""
-    for table in drawn.tables:
-        for link in drawn.summary.links:
-            shares = values(table, "loss", f"{link.sender}_to_{link.receiver}")
-            assert min(shares) <= 100.0 * link.loss_ratio <= max(shares) or link.judged < 30
-
-
-def test_every_event_is_marked_at_its_instant(drawn: Drawn) -> None:
-    for table in drawn.tables:
-        expected: dict[str, list[int]] = {}
-        for event in drawn.summary.events:
-            expected.setdefault(event.kind, []).append(round(event.at_s * 1e9))
-        for kind in EVENTS:
-            marks = table.get(f"/world/events/{kind}", {}).get("run_time", [])
-            assert marks == sorted(expected.get(kind, []))
-            for plot in ("cross_track", "true_gap"):
-                plotted = table[f"/plots/{plot}/events/{kind}"]["run_time"]
-                assert [at for at in plotted if at >= 0] == marks
-
-
 def place_of(table: Table, vehicle: str, at: int) -> tuple[float, float]:
     """Where a vehicle is drawn next to an instant (ns)."""
     car = table[f"/world/cars/{vehicle}"]
@@ -290,10 +225,6 @@ def test_an_event_is_marked_where_it_happened(drawn: Drawn) -> None:
                 east, north = (fmean(place[axis] for place in places) for axis in (0, 1))
                 marked = marks["Points2D:positions"][number][0]
                 assert hypot(marked[0] - east, marked[1] - north) < 1.0
-
-
-def test_events_of_every_kind_are_there_to_be_marked() -> None:
-    assert set(EVENTS) == set(get_args(EventKind))
 
 
 def test_cars_are_drawn_as_large_as_they_collide(drawn: Drawn) -> None:
@@ -330,57 +261,6 @@ def test_served_pictures_wait_until_they_are_stopped(tmp_path: Path) -> None:
     assert requested[0].startswith("http://127.0.0.1:")
 
 
-def test_a_log_without_vehicles_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    with LogWriter(path) as log:
-        start = next(message for _, message in recorded())
-        log.write(0, start)
-    with pytest.raises(LogError, match="no vehicle's messages"):
-        review(path, parse_rerun_option("off"), wait=lambda _: None)
-
-
-def test_the_view_leaves_room_for_the_widest_gap() -> None:
-    assert widest_spacing(scenario()) == pytest.approx(7.0 + 4.93)
-    keeping = 'followers = "gap"\ngap = { standstill_m = 3.0, headway_s = 0.5 }\n'
-    assert widest_spacing(scenario(keeping)) == pytest.approx(3.0 + 4.93 + 0.5 * 10.0, abs=0.2)
-    assert widest_spacing(scenario_from_text(SCENARIO.replace("vehicles = 3", "vehicles = 1"))) > 0
-
-
-def test_the_review_of_a_run_has_the_rows_of_the_live_picture(drawn: Drawn) -> None:
-    """Entities, components and values; also of events, lost messages and links."""
-    live, again = map(without_start_time, drawn.tables)
-    assert set(live) == set(again)
-    for entity, table in live.items():
-        assert set(table) == set(again[entity]), entity
-        for name, rows in table.items():
-            assert rows == again[entity][name], (entity, name)
-
-
-def test_cars_are_sent_before_the_other_topics_are_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """So that a viewer soon shows a picture of a long run."""
-    write_log(tmp_path / "run.mcap", attached=None)
-    steps: list[set[str]] = []
-    read, send = LogReader.columns, LogRecordingWriter.send_positions
-
-    def note_read(reader: LogReader, topics: Iterable[str], **more: Any) -> Any:
-        steps.append(set(topics))
-        return read(reader, topics, **more)
-
-    def note_sent(writer: LogRecordingWriter) -> None:
-        steps.append({"sent"})
-        send(writer)
-
-    monkeypatch.setattr(LogReader, "columns", note_read)
-    monkeypatch.setattr(LogRecordingWriter, "send_positions", note_sent)
-    table = reviewed(tmp_path / "run.mcap")
-    sent = steps.index({"sent"})
-    assert not {"verdict", "trajectory", "command"} & set().union(*steps[:sent])
-    assert {"verdict", "trajectory", "command"} <= set().union(*steps[sent:])
-    assert "/world/cars/v3" in table
-
-
 def test_a_part_has_the_rows_of_the_whole_run(drawn: Drawn, tmp_path: Path) -> None:
     option = parse_rerun_option(f"save={tmp_path / 'part.rrd'}")
     review(drawn.folder / "run.mcap", option, wait=lambda _: None, excerpt=Excerpt(0.6, 1.4))
@@ -392,52 +272,7 @@ def test_a_part_has_the_rows_of_the_whole_run(drawn: Drawn, tmp_path: Path) -> N
     assert all(0.6 <= at / 1e9 <= 1.4 for at in table["/world/cars/v3"]["run_time"] if at >= 0)
 
 
-HAIRPIN = (
-    SCENARIO.replace("duration_s = 2.0", "duration_s = 9.0")
-    .replace("{ length_m = 60.0, radius_m = 50.0", "{ length_m = 31.0, radius_m = 10.0")
-    .replace("{ length_m = 60.0 }", "{ length_m = 35.0 }")
-    .replace("}]", "}, { length_m = 60.0 }]")
-)
-"""The lead drives back beside its followers, and no event occurs."""
-
-
-def test_errors_of_a_part_need_only_the_poses_of_the_convoy_s_length_before(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    driven = scenario_from_text(HAIRPIN, overrides=["speed.set_mps=8", "events.lane_width_m=8"])
-    assert not run_virtual(driven, tmp_path, Stop()).events
-    whole = reviewed(tmp_path / "run.mcap")
-    spans: list[tuple[int, int]] = []
-    read = LogReader.columns
-
-    def note_read(reader: LogReader, topics: Iterable[str], **more: Any) -> Any:
-        spans.append(more["span_ns"])  # never the whole log
-        return read(reader, topics, **more)
-
-    monkeypatch.setattr(lead_in, "LEAD_IN_NS", (SECOND, 4 * SECOND))
-    option = parse_rerun_option(f"save={tmp_path / 'part.rrd'}")
-    monkeypatch.setattr(LogReader, "columns", note_read)
-    review(tmp_path / "run.mcap", option, wait=lambda _: None, excerpt=Excerpt(6.0, 8.5))
-    seconds = [(last - LogReader(tmp_path / "run.mcap").first_at) / 1e9 for last, _ in spans]
-    assert sorted(seconds) == pytest.approx([0.0, 2.0, 5.0, 6.0, 6.0], abs=0.1)
-    table = columns(tmp_path / "part.rrd")
-    for vehicle in ("v2", "v3"):
-        for name in ("cross_track", "true_gap"):
-            entity = f"/plots/{name}/{vehicle}"
-            expected = [row for row in curve_of(whole, entity) if 6.0 <= row[0] / 1e9 <= 8.5]
-            assert curve_of(table, entity) == expected
-            assert len(expected) > 100
-
-
 def curve_of(table: Table, entity: str) -> list[tuple[int, Any]]:
     rows = table[entity]
     curve = zip(rows["run_time"], rows["Scalars:scalars"], strict=True)
     return [(at, value) for at, value in curve if value]
-
-
-def test_an_instant_needs_a_viewer(tmp_path: Path) -> None:
-    write_log(tmp_path / "run.mcap", attached=None)
-    option = parse_rerun_option(f"save={tmp_path / 'run.rrd'}")
-    with pytest.raises(ViewerError, match="use --spawn or --connect URL"):
-        review(tmp_path / "run.mcap", option, wait=lambda _: None, at_s=1.0)
-    assert not (tmp_path / "run.rrd").exists()

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from scenarios.results.vehicles.reaction import (
     MOST_BEHIND,
-    NO_REACTION,
     Reaction,
     ReactionSummary,
 )
@@ -46,12 +45,6 @@ def stop(speed: float, known: float, deceleration: float) -> list[tuple[Tracking
         here = tracking("v2", seq, mode="stop", known_m=known - driven, blind_m=3.5)
         found.append((here, replace(truth("v2", seq, driven, 0.0), distance_m=100.0 + driven)))
     return found
-
-
-def test_nothing_happens_while_messages_come() -> None:
-    drive = [truth("v2", seq, 0.6 * seq, 0.0, distance=0.6 * seq) for seq in range(50)]
-    assert figures(*states((50, {})), *drive) == NO_REACTION
-    assert figures() == NO_REACTION
 
 
 def test_changes_of_mode_recoveries_stops_and_hazards_are_counted() -> None:
@@ -97,16 +90,6 @@ def test_blind_metres_are_those_beyond_the_known_path(
     driven = drive[-1][1].distance_m - 100.0
     found = figures(*mixed).blind_m
     assert found == pytest.approx(max(driven - known, 0.0), abs=1e-6 * len(drive))
-
-
-def test_blind_distance_counts_in_every_mode_but_not_before_messages() -> None:
-    drive = [truth("v2", seq, 0.6 * seq, 0.0, distance=0.6 * seq) for seq in range(20)]
-    nan = float("nan")
-    assert figures(*states((20, {"known_m": 2.0, "mode": "lead"})), *drive).blind_m == 0.0
-    assert figures(*states((20, {"known_m": nan, "mode": "straight"})), *drive).blind_m == 0.0
-    for mode in ("lead", "coast", "stop", "creep"):
-        blind = figures(*states((20, {"known_m": -50.0, "mode": mode})), *drive)
-        assert blind.blind_m == pytest.approx(19 * 0.6)
 
 
 @pytest.mark.parametrize("mode", ["lead", "stop", "creep"])

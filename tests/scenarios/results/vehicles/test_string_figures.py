@@ -145,9 +145,3 @@ def test_errors_are_compared_on_the_path_that_all_drove() -> None:
     v2, v3 = (convoy.figures(late)[name] for name in ("v2", "v3"))
     assert v2.lateral_error_m_max == 0.1
     assert v3.lateral_gain_linf == pytest.approx(2.0)
-
-
-def test_a_vehicle_without_others_has_no_figures() -> None:
-    figures = KnownString([np.full(100, SPEED)]).figures()["v1"]
-    assert figures.acceleration_mps2_rms == 0.0
-    assert figures.acceleration_gain_l2 is None

@@ -138,43 +138,7 @@ def test_it_is_the_queue_of_another_simulation(
     } == brute_force(instants, sizes, law)
 
 
-@given(
-    gaps=st.lists(st.integers(0, 12), min_size=1, max_size=40),
-    drop=st.sampled_from(["newest", "oldest"]),
-    steps=st.lists(st.integers(1, 40), min_size=1, max_size=10),
-)
-def test_the_instants_of_deciding_change_nothing(
-    gaps: list[int], drop: str, steps: list[int]
-) -> None:
-    instants = list(accumulate(gaps))
-    law, sent = queue_of(1e9, 2, drop), messages(instants, 10)  # type: ignore[arg-type]
-    order = InOrder()
-    at_once = order.stage().carry(law.stage().carry(sent, NEVER), NEVER)
-    queue, ordered, until, before = law.stage(), order.stage(), 0, -1
-    found: list[StagedMessage] = []
-    k = 0
-    while len(found) < len(sent):
-        until += steps[k % len(steps)]
-        k += 1
-        arrived = [staged for staged in sent if before < staged.context.sent_at <= until]
-        decided = ordered.carry(queue.carry(arrived, until), until)
-        # Messages visible by the previous instant were decided then.
-        assert all(staged.visible_at > before for staged in decided)
-        found += decided
-        before = until
-    assert found == at_once
-
-
 # ---- Lost messages, order, and whole links
-
-
-def test_a_message_lost_on_its_way_has_taken_its_turn_but_not_one_that_was_never_sent() -> None:
-    contexts = [TransmissionContext(seq, 0, 10) for seq in range(4)]
-    reasons = ("", "loss", "transmitter_off", "")
-    sent = [StagedMessage(context, 0, why) for context, why in zip(contexts, reasons, strict=True)]  # type: ignore[arg-type]
-    found = through(queue_of(1e9, 10), sent)
-    assert [found[seq].visible_at for seq in range(4)] == [10, 20, 0, 30]
-    assert [found[seq].reason for seq in range(4)] == list(reasons)
 
 
 @given(st.lists(st.tuples(st.integers(0, 100), st.booleans()), min_size=1, max_size=30))

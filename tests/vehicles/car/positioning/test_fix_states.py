@@ -59,13 +59,6 @@ def test_a_schedule_is_followed() -> None:
     assert StateSchedule("fixed", [(0.0, "single")], START).at(START).state == "single"
 
 
-def test_states_last_in_the_latest_possible_run() -> None:
-    start = 7_258_118_399 * SECOND  # the last second of 2199
-    now = start + 86_400 * SECOND
-    assert StateSchedule("float", (), start).at(now).state == "float"
-    assert StateChain("single", CHAIN, start, np.random.default_rng(1)).at(now).state == "single"
-
-
 def test_outages_cover_their_time_stretch_or_circle() -> None:
     def car(driven: float = 0.0, east: float = 0.0, north: float = 0.0) -> Body:
         return Body(east=east, north=north, yaw=0.0, speed=20.0, distance=driven)

@@ -122,15 +122,6 @@ def test_white_noise_is_that_of_a_plain_receiver() -> None:
         assert replace(fix, east=0.0, north=0.0) == replace(before, east=0.0, north=0.0)
 
 
-def test_a_bias_is_constant_and_partly_random() -> None:
-    given = replace(model(), bias=Bias(0.0, 1.0, -2.0))
-    assert {off(fix) for fix in fixes(errors(given), 3.0)} == {(1.0, -2.0)}
-    drawn = replace(model(), bias=Bias(0.5))
-    each = [off(fixes(errors(drawn, place), 0.1)[0]) for place in range(400)]
-    assert np.std(each) == pytest.approx(0.5, rel=5 / math.sqrt(2 * 800))
-    assert abs(np.mean(each)) < 5 * 0.5 / math.sqrt(800)
-
-
 def test_a_fix_is_available_after_its_latency() -> None:
     late = replace(model(), latency=70 * MILLISECOND)
     gnss = GnssReceiver(SILENT, 20.0, START, np.random.default_rng(1), errors(late))
@@ -168,13 +159,6 @@ def test_entry_jumps_are_bounded_and_decay() -> None:
     ]
 
 
-def test_the_drift_does_not_restart_at_the_start_of_a_run() -> None:
-    floating = StateErrors(0.0, Drift(2.0, 10.0), entry_jump=0.01)
-    made = replace(model(floating), fix="float")
-    firsts = [math.hypot(*off(fixes(errors(made, place), 0.04)[0])) for place in range(20)]
-    assert max(firsts) > 1.0
-
-
 def test_the_reported_accuracy_is_a_share_of_the_deviation() -> None:
     honest = StateErrors(0.3, Drift(0.4, 10.0))
     lying = replace(honest, accuracy=0.05)
@@ -195,41 +179,6 @@ def test_errors_have_the_stated_deviation(campaign: int) -> None:
     each = [off(fixes(errors(made, place), 0.04, seed=place)[0]) for place in range(campaign)]
     size = 2 * campaign
     assert np.std(each) == pytest.approx(made.deviation("fixed"), rel=5.0 / math.sqrt(2.0 * size))
-
-
-def forced_between(result: ReceiverErrors, state: ReceiverState) -> list[Fix | None]:
-    """Fixes of three seconds, with a forced state in the middle one."""
-    gnss = GnssReceiver(GnssNoise(), 20.0, START, np.random.default_rng(1), result)
-    gnss.force(state, START + SECOND, START + 2 * SECOND)
-    return [gnss.measure(BODY, now) for now in instants(START, START + 3 * SECOND, 20.0)]
-
-
-@pytest.mark.parametrize("state", ["float", "none"])
-def test_a_plain_receiver_recovers_after_a_forced_state(state: ReceiverState) -> None:
-    plain = GnssReceiver(GnssNoise(), 20.0, START, np.random.default_rng(1))
-    usual = [plain.measure(BODY, now) for now in instants(START, START + 3 * SECOND, 20.0)]
-    poor = model(StateErrors(0.02), StateErrors(0.4))
-    result = forced_between(errors(poor), state)
-    assert result[:20] == usual[:20]
-    assert result[40:] == usual[40:]
-    for fix, before in zip(result[20:40], usual[20:40], strict=True):
-        assert before is not None
-        if state == "none":
-            assert fix is None
-            continue
-        assert fix is not None  # the same random numbers, twenty times as large
-        assert fix.state == "float"
-        assert off(fix) == pytest.approx(tuple(20.0 * first for first in off(before)))
-
-
-def test_a_law_of_states_continues_while_a_state_is_forced() -> None:
-    law = scheduled((0.5, "float"), (1.5, "single"), (2.5, "fixed"))
-    result = forced_between(errors(replace(model(), fix_states=law)), "fixed")
-    states = [fix.state for fix in result if fix is not None]
-    assert (
-        states
-        == ["fixed"] * 10 + ["float"] * 10 + ["fixed"] * 20 + ["single"] * 10 + ["fixed"] * 10
-    )
 
 
 def test_a_forced_state_ends_on_request() -> None:

@@ -114,17 +114,6 @@ def test_measurements_arrive_after_the_latency_and_are_of_their_instant() -> Non
         assert one.gap == pytest.approx(24.0 - FRONT + 10.0 * one.measured_at / SECOND, abs=1e-9)
 
 
-def test_a_pose_of_another_instant_is_moved_and_an_old_one_is_not_used() -> None:
-    own, ahead = Body(0.0, 0.0, 0.0, 20.0), Body(40.0, 0.0, 0.0, 30.0)
-    moved, old = (
-        measured(EXACT, own, lambda at, age=age: pose(ahead, at - age))[0][1]  # type: ignore[misc]
-        for age in (SECOND // 10, SECOND // 10 + 1)
-    )
-    assert moved.gap == pytest.approx(34.0 - FRONT + 3.0, abs=1e-9)
-    assert math.isnan(old.gap)
-    assert all(math.isnan(one.gap) for _, one in measured(EXACT, own, lambda _: None))
-
-
 @pytest.mark.parametrize(
     ("east", "north", "is_seen"),
     [
@@ -158,9 +147,3 @@ def test_noise_depends_on_seed_and_instant_only() -> None:
     assert seen.items() <= dict(always).items()
     assert len(seen) == 2
     assert measured(noisy, own, lambda at: pose(ahead, at), seed=2)[0] != always[0]
-
-
-def test_a_measurement_is_predicted_by_its_rate_until_it_is_too_old() -> None:
-    one = GapMeasurement(0, SECOND // 5, 20.0, -2.0)
-    assert one.at(SECOND // 10) == pytest.approx((19.8, -2.0, 0.1))
-    assert all(map(math.isnan, one.at(SECOND // 5 + 1)))

@@ -48,20 +48,6 @@ def test_a_bias_is_constant_and_differs_from_vehicle_to_vehicle() -> None:
     assert abs(np.corrcoef(speeds, yaw_rates)[0, 1]) < 0.2
 
 
-def test_readings_do_not_depend_on_how_many_are_drawn_at_once(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    drawn = readings(InertialNoise(), 200)
-    monkeypatch.setattr("vehicles.car.sensors.imu.BLOCK", 1)
-    assert readings(InertialNoise(), 200) == drawn
-
-
-@pytest.mark.parametrize("rate_hz", [0.0, -1.0, math.nan, math.inf])
-def test_invalid_rates_are_rejected(rate_hz: float) -> None:
-    with pytest.raises(ValueError, match="rate"):
-        sensor(SILENT, rate_hz=rate_hz)
-
-
 @pytest.mark.parametrize("value", [-0.1, math.nan, math.inf])
 @pytest.mark.parametrize("field", ["speed", "yaw_rate", "speed_bias", "yaw_rate_bias"])
 def test_invalid_noise_is_rejected(field: str, value: float) -> None:

@@ -86,13 +86,6 @@ def test_on_the_other_leg_of_a_hairpin_a_car_is_as_far_as_the_road() -> None:
     assert contact(HAIRPIN, car_at(HAIRPIN, 12.0), 15.0 + FRONT) is None
 
 
-def test_after_the_end_of_a_closed_path_its_lap_is_searched() -> None:
-    end, ahead = 3.0 * LAP, convoy(CIRCLE, LAP)
-    ahead.observe([pose_on(CIRCLE, 4.0)])
-    assert ahead.acceleration(0, end - 4.0, 5.0, 0.0) < 0.0
-    assert "from v5, 3.0 m ahead" in ahead.reason
-
-
 def test_the_lead_waits_before_a_crossing_that_its_last_car_has_yet_to_pass() -> None:
     ahead, before = convoy(EIGHT), SECOND_LEG - FRONT - 6.0
     for second, station in enumerate((2.0, 10.0, CROSSING + 0.5 * CAR.width)):
@@ -160,13 +153,3 @@ def test_it_stops_comfortably_behind_a_car_that_was_last_received_standing(speed
     assert 1.9 < gap < 2.5
     assert braking < 2.5
     assert "silent for" in ahead.reason
-
-
-def test_a_silent_car_that_drove_may_have_stopped_hard_until_it_is_received() -> None:
-    ahead = convoy(STRAIGHT)
-    ahead.observe([pose_on(STRAIGHT, 100.0, speed=5.0)])
-    gap, _ = approached(12.0, 5.0, 20.0, ahead)
-    stop = 5.0**2 / (2.0 * SETTINGS.emergency_deceleration)
-    assert 1.0 - stop - 0.2 < gap < 0.0
-    ahead.observe([pose_on(STRAIGHT, 160.0, at=20 * SECOND, speed=5.0)])
-    assert ahead.acceleration(20 * SECOND, 95.0, 0.0, 0.0) > 0.0

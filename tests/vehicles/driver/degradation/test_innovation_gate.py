@@ -151,21 +151,6 @@ def test_no_source_is_excluded_forever(seed: int, size: float, share: float) -> 
     assert all(not verdict.refused for verdict in judged(received) if verdict.seconds >= 5.2)
 
 
-@pytest.mark.parametrize(("factor", "within"), [(2.0, 4.0), (3.0, 2.0), (10.0, 1.5)])
-def test_a_source_that_scatters_more_than_stated_is_over_confident(
-    factor: float, within: float
-) -> None:
-    for seed in range(5):
-        noise = GnssNoise(position=0.3)
-        fixes = measured_fixes(constant_motion(20.0, 0.005), seconds=15.0, noise=noise, seed=seed)
-        all_of = judged([replace(fix, accuracy=0.3 / factor) for fix in fixes])
-        found = [verdict for verdict in all_of if verdict.reason == "over-confident"]
-        assert found[0].seconds < within
-        later = [verdict for verdict in all_of if verdict.seconds > within]
-        assert sum(not verdict.refused for verdict in later) > 0.98 * len(later)
-        assert np.median([verdict.deviation for verdict in later]) == pytest.approx(0.3, rel=0.3)
-
-
 @pytest.mark.parametrize(
     "wrong",
     [

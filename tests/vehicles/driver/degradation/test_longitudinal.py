@@ -101,21 +101,6 @@ def test_braking_is_limited_by_emergency_braking_and_friction(
         assert command >= -max(min(EMERGENCY.deceleration, left), 0.1) - 1e-9
 
 
-def test_the_gap_opens_comfortably_at_high_loss_and_closes_again() -> None:
-    road = Road(GapKeeping(SpacingPolicy(8.0, 1.5), LIMITS), policy=SpacingPolicy(8.0, 1.5))
-    usual = road.spacing
-    for step in range(1500):  # one message in ten
-        road.tick(0.0, received=step % 25 == 0)
-    comfortable = DegradationSettings().comfortable
-    assert min(road.commands) >= -comfortable.deceleration - 1e-9
-    opened = road.ahead - road.place - usual
-    assert opened > 0.3 * road.speed
-    for _ in range(3000):
-        road.tick(0.0, received=True)
-    assert road.ahead - road.place == pytest.approx(usual, abs=0.1)
-    assert road.commands[-1] == pytest.approx(0.0, abs=0.01)
-
-
 @pytest.mark.parametrize("known", [15.0, 60.0, 120.0, 400.0])
 def test_without_data_it_stops_within_the_known_path(known: float) -> None:
     road = Road(profile(20.0), speed=20.0, spacing=1000.0)

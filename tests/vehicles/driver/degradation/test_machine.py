@@ -1,17 +1,15 @@
 """Modes of followers in a bend behind exact sources that fall silent, and their reasons."""
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
 import pytest
 
-from tests.made.vehicles.exact_drives import PLANE, Source, Step, drive, on, received_from
+from tests.made.vehicles.exact_drives import PLANE, Step, drive, on, received_from
 from tests.made.vehicles.followers import (
     BEND,
-    STRAIGHT,
     follower,
     lateral,
     lead_of,
@@ -20,8 +18,7 @@ from tests.made.vehicles.followers import (
 )
 from vehicles.car.sending.path_history import PathHistory
 from vehicles.driver.degradation.settings import DegradationSettings, Reaction
-from vehicles.driver.degradation.stopping import CREEP_SPEED, stopping_distance
-from vehicles.messages import GpsPose
+from vehicles.driver.degradation.stopping import stopping_distance
 
 DEGRADE = DegradationSettings()
 SILENT = ((0.0, 4.0), (12.0, math.inf))
@@ -128,41 +125,6 @@ def test_losing_a_source_makes_no_step_in_the_command() -> None:
     assert weights[-1] == 0.5
     assert largest_turn(steps) < 1.5 * largest_turn(undisturbed())
     assert max(map(abs, lateral(BEND, steps))) < 0.05
-
-
-def test_it_drives_slowly_along_the_known_path_where_messages_are_rare() -> None:
-    """One message of twenty arrives, too few to rely on; the path history covers the path."""
-    rare = [(float(second), second + 0.05) for second in range(4, 10)]
-    lead = replace(lead_of(BEND, 4.0, rare), history=PathHistory(PLANE, 300.0, 23))
-    driver = follower(lead="v1", predecessor="v1", speed=4.0, degradation=DEGRADE)
-    steps = decided(drive(driver, on(BEND, 0.0, 4.0), 10.0, received_from(lead)))
-    assert {one.decision.mode for one in steps if one.seconds < 4.0} == {"straight", "stop"}
-    later = [one for one in steps if one.seconds > 4.0]
-    assert max(one.body.speed for one in later) < CREEP_SPEED + 0.1
-    assert steps[-1].body.distance > later[0].body.distance + 3.0
-    assert min(one.decision.situation.known for one in later) > 0.0
-    assert max(map(abs, lateral(BEND, later))) < 0.1
-
-
-@dataclass
-class RareSource(Source):
-    """A source that sends at 2 Hz, until 5 s after the start."""
-
-    def messages_by(self, now: int) -> Iterator[GpsPose]:
-        for message in super().messages_by(now):
-            if message.seq % 10 == 0 and message.seq <= 100:
-                yield replace(message, seq=message.seq // 10)
-
-
-def test_it_stops_within_the_known_path_before_a_rare_source_is_lost() -> None:
-    """At 2 Hz a source is lost after 5 s; the known path ends sooner."""
-    lead = RareSource("v1", STRAIGHT, 30.0, 6.0)
-    driver = follower(lead="v1", predecessor="v1", speed=6.0, degradation=DEGRADE)
-    steps = decided(drive(driver, on(STRAIGHT, 0.0, 6.0), 12.0, received_from(lead)))
-    status = {one.decision.mode: one.decision.situation.lead.status for one in steps[::-1]}
-    assert status["stop"] == "late"
-    assert min(one.decision.situation.known for one in steps if one.seconds > 1.0) > 0.0
-    assert steps[-1].body.speed < 0.1
 
 
 # ---- Baselines

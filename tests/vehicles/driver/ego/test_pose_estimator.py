@@ -250,19 +250,6 @@ def test_a_lasting_jump_is_accepted_at_its_third_fix() -> None:
     assert estimator.at(last * 50 * MS).east == pytest.approx(last + 50.0, abs=1e-6)
 
 
-@pytest.mark.parametrize("field", ["east", "north", "yaw", "speed", "yaw_rate"])
-@pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_fixes_that_are_not_finite_are_ignored(field: str, value: float) -> None:
-    estimator = PoseEstimator(CAR)
-    estimator.correct(straight(0, **{field: value}))
-    with pytest.raises(ValueError, match="before the first fix"):
-        estimator.at(0)
-    estimator = estimator_at(5)
-    before = estimator.at(300 * MS)
-    estimator.correct(straight(6, **{field: value}))
-    assert estimator.at(300 * MS) == before
-
-
 reading = st.floats(-1e4, 1e4)
 
 

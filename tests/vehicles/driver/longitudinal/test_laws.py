@@ -17,7 +17,6 @@ from scipy.integrate import solve_ivp
 
 from vehicles.car.dynamics import achieved_acceleration
 from vehicles.car.parameters import LINCOLN_MKZ
-from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.longitudinal.controller import (
     LongitudinalController,
     LongitudinalSetup,
@@ -38,7 +37,6 @@ from vehicles.driver.longitudinal.laws import (
     PloegSettings,
 )
 from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
-from vehicles.driver.speed import GapKeeping
 
 Floats = NDArray[np.float64]
 Lead = Callable[[float], tuple[float, float]]
@@ -258,23 +256,6 @@ def test_laws_with_radio_data_fall_back_to_acc(law: str) -> None:
     )
     wanted = -(2.0 + 0.1 * (standstill + 1.2 * 25.0 - 30.0)) / 1.2
     assert controller.acceleration(25.0, ahead) == pytest.approx(wanted, abs=1e-12)
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_a_gap_sensor_suffices_before_any_pose_is_received(law: str) -> None:
-    """ACC by the measured gap, at the usual headway or at 1.2 s; other laws keep their speed."""
-    built, settings, standstill, headway = LAWS[law]
-    policy, limits = SpacingPolicy(standstill + LENGTH, headway), GapLimits()
-    setup = LongitudinalSetup(policy, limits, LENGTH, lead="v1", predecessor="v2")
-    ahead = VehiclesAhead(measured_gap=30.0, measured_gap_rate=-2.0)
-    pose = Pose(0.0, 0.0, 0.0, 25.0, 0.0)
-    used = headway if law == "acc" else 1.2
-    wanted = -(2.0 + 0.1 * (standstill + used * 25.0 - 30.0)) / used
-    command = GapKeeping(policy, limits, built(setup, settings)).command(0, pose, ahead)
-    assert command.acceleration == pytest.approx(max(wanted, -limits.deceleration), abs=1e-12)
-    assert GapKeeping(policy, limits).command(0, pose, ahead).acceleration == 0.0
-    blind = GapKeeping(policy, limits, built(setup, settings)).command(0, pose, VehiclesAhead())
-    assert blind.acceleration == 0.0
 
 
 @pytest.mark.parametrize("law", ["cacc", "flatbed", "consensus"])

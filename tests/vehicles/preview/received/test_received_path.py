@@ -83,14 +83,6 @@ def test_cuts_on_recorded_roads_leave_no_hole(name: str) -> None:
         assert farthest(road, window, here) < 0.12
 
 
-def test_baselines_ignore_histories() -> None:
-    trace = Trace(closes_holes=False)
-    source = poses(ROADS["arc"])
-    for pose in (source[0], source[1], source[100]):
-        trace.add(pose)
-    assert len(trace) == 3
-
-
 def test_what_the_history_does_not_reach_remains_a_hole() -> None:
     road = ROADS["arc"]
     source = poses(road, length=20.0)
@@ -105,25 +97,6 @@ def test_what_the_history_does_not_reach_remains_a_hole() -> None:
     ahead = seen.station + begin - 5.0
     assert not [one for one in ahead if begin + 0.5 < one < end - 0.5]
     assert [one for one in ahead if end < one < CUT.stop * STEP - 2.0]
-
-
-def test_a_history_that_contradicts_the_trace_is_ignored() -> None:
-    road = ROADS["straight"]
-    source = poses(road)
-    shifted = [
-        pose
-        if number < CUT.stop
-        else replace(pose, message=replace(pose.message, history_longitude_e7deg=off(pose)))
-        for number, pose in enumerate(source)
-    ]
-    trace = received(shifted)
-    assert len(trace.holes) == 1
-
-
-def off(pose: ReceivedPose) -> tuple[int, ...]:
-    """Longitudes of a history that lies 10 m further east."""
-    first, *rest = pose.message.history_longitude_e7deg
-    return first + 1000, *rest
 
 
 @pytest.mark.parametrize("name", ROADS)

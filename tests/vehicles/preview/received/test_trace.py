@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from tests.made.transport.received_poses import received
 from tests.made.vehicles.arc_courses import course, point_at
 from tests.made.vehicles.laps import TICK, Place, bulb, eight, lap
-from vehicles.preview.received.samples import TraceSettings
 from vehicles.preview.received.trace import Trace
 
 
@@ -82,14 +81,6 @@ def test_late_messages_are_inserted_in_order(order: list[int]) -> None:
     assert shuffled.newest == ordered.newest
 
 
-def test_a_repeated_message_counts_once() -> None:
-    trace = driven(20)
-    size = len(trace)
-    for k in (19, 5, 0):
-        send(trace, k, straight(0.5 * k))
-    assert len(trace) == size
-
-
 def test_a_source_that_turned_while_silent_is_followed() -> None:
     trace = driven(40)
     for k in range(400, 440):
@@ -97,14 +88,6 @@ def test_a_source_that_turned_while_silent_is_followed() -> None:
     seen = trace.window(19.0, 0.0, 5.0, 38.0)
     assert seen.north.tolist() == [0.0] * 12 + [25.0] * (len(seen.north) - 12)
     assert seen.station[-1] == pytest.approx(38.0, abs=0.5)
-
-
-def test_a_late_pose_that_contradicts_its_neighbours_is_ignored() -> None:
-    trace = driven(40)
-    size = len(trace)
-    send(trace, 20, (10.0, 80.0, 0.0))
-    assert len(trace) == size
-    assert not trace.window(10.0, 0.0, 20.0, 20.0).north.any()
 
 
 def test_the_spacing_to_a_source_beside_its_path_is_the_distance_driven() -> None:
@@ -118,19 +101,6 @@ def test_the_spacing_to_a_source_beside_its_path_is_the_distance_driven() -> Non
     assert trace.spacing(0.0, 0.0) == pytest.approx(end + 63.0, abs=0.2)
 
 
-def test_memory_is_bounded() -> None:
-    trace = Trace()
-    for k in range(20_000):
-        send(trace, k, straight(1.5 * k), 30.0)
-        trace.window(1.5 * k - 15.0, 0.0, 8.0, 24.0)
-    assert len(trace) < 300
-    parked = Trace(TraceSettings(capacity=1000))
-    for k in range(5000):
-        send(parked, k, straight(1.5 * k), 30.0)
-        parked.window(0.0, 0.0, 8.0, 24.0)
-    assert len(parked) <= 1000
-
-
 def test_a_bridge_joins_the_ego_to_the_first_sample() -> None:
     trace = Trace()
     send(trace, 0, (30.0, 10.0, 0.3))
@@ -142,25 +112,6 @@ def test_a_bridge_joins_the_ego_to_the_first_sample() -> None:
     assert np.allclose(seen.north[:-1], seen.east[:-1] / 3.0)
     assert seen.east[-2:].tolist() == [30.0, 31.0]
     assert seen.station[-2] == pytest.approx(math.hypot(30.0, 10.0), abs=1e-3)
-
-
-@pytest.mark.parametrize("ego", [(35.0, 0.0), (29.5, 0.0), (-600.0, 0.0), (60.0, 40.0)])
-def test_no_bridge_to_samples_beside_behind_or_far_away(ego: tuple[float, float]) -> None:
-    trace = Trace()
-    send(trace, 0, (30.0, 0.0, 0.0))
-    trace.bridge(*ego, 0.0)
-    assert len(trace) == 1
-
-
-def test_a_late_first_sample_shortens_the_bridge() -> None:
-    trace = Trace()
-    send(trace, 1, (30.0, 3.0, 0.0))
-    trace.bridge(0.0, 0.0, 0.0)
-    send(trace, 0, (29.5, 0.0, 0.0))
-    seen = trace.window(0.0, 0.0, 5.0, 40.0)
-    assert seen.east[-2:].tolist() == [29.5, 30.0]
-    assert not seen.north[:-1].any()
-    assert np.all(np.diff(seen.east) > 0.0)
 
 
 # Position function, length, lateral offset of the ego (in the bulb nearer to the other lane).

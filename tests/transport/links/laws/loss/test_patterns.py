@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.made.channels.laws import long_run
 from transport.links.laws.effect import Effect, TransmissionContext
-from transport.links.laws.loss.by_number import EveryNth, Listed, RecordedPattern
+from transport.links.laws.loss.by_number import EveryNth, RecordedPattern
 from transport.links.laws.loss.earlier_run import EarlierRun
 from transport.links.laws.loss.number_sets import AfterEnd, NumberSet
 
@@ -38,13 +38,6 @@ def pattern(some: NumberSet, length: int, after_end: AfterEnd) -> RecordedPatter
     return law
 
 
-@given(st.lists(st.tuples(st.integers(0, 50), st.integers(0, 9))))
-def test_ranges_may_overlap_and_come_in_any_order(pairs: list[tuple[int, int]]) -> None:
-    text = ", ".join(f"{first}-{first + more}" for first, more in pairs)
-    wanted = {number for first, more in pairs for number in range(first, first + more + 1)}
-    assert NumberSet.read(text) == numbers(wanted)
-
-
 @pytest.mark.parametrize("text", ["a", "3-", "-3", "5-3", "1.5", "1 2", "²", "1" * 19])
 def test_other_texts_than_numbers_are_refused(text: str) -> None:
     with pytest.raises(ValueError, match="allowed"):
@@ -58,14 +51,6 @@ def test_every_nth_is_lost(period: int, first: int) -> None:
     assert long_run(law)[0] == 1.0 / period
     assert long_run(law)[1] == (1.0 if period > 1 else inf)
     assert f"every {period}" in law.describe()
-
-
-@given(Some)
-def test_listed_messages_are_lost(some: set[int]) -> None:
-    law = Listed(lost_numbers=str(numbers(some)))
-    assert lost(law, 100) == sorted(some)
-    assert long_run(law)[0] is None
-    assert f"{len(some)} listed" in law.describe()
 
 
 @given(Some, st.integers(81, 120))
