@@ -107,3 +107,12 @@ def test_waiting_ends_when_stopped() -> None:
     began = time.monotonic()
     assert clock.wait_until(clock.now() + 60 * SECOND) < -50 * SECOND
     assert time.monotonic() - began < 5.0
+
+
+def test_virtual_clock_jumps() -> None:
+    clock = VirtualClock(START)
+    began = time.monotonic()
+    assert clock.now() == START
+    assert clock.wait_until(START + 3600 * SECOND) == 0
+    assert clock.now() == START + 3600 * SECOND
+    assert time.monotonic() - began < 1.0

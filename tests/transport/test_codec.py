@@ -15,7 +15,7 @@ from tests.made.transport import drive
 from tests.transport.any_messages import KINDS, any_message, plain_values
 from transport.codec import MAX_BYTES, PROTOBUF, RefusedMessageError, decode, encode, escaped_bytes
 from transport.topics import TOPIC_OF, TOPICS, Topic
-from vehicles.messages import FloatOrNan, LogText, Message, RunStart
+from vehicles.messages import FloatOrNan, GpsPose, LogText, Message, RunStart
 
 any_topic = st.sampled_from(list(TOPICS.values()))
 """Messages whose fields differ only in their names."""
@@ -183,3 +183,17 @@ def test_control_characters_in_texts_are_escaped() -> None:
     assert decode(TOPICS["log"], escaped_bytes(data, read)) == read
     plain = replace(line, text="plain")
     assert escaped_bytes(encode(plain), plain) == encode(plain)
+
+
+@given(data=st.data(), message=any_message)
+def test_a_message_cut_anywhere_is_refused(data: st.DataObject, message: Message) -> None:
+    whole = encode(message)
+    cut = data.draw(st.integers(0, len(whole) - 1))
+    if isinstance(message, GpsPose) and whole[:cut] == encode(without_history(message)):
+        return  # a complete pose, which need not have a history
+    with pytest.raises(RefusedMessageError):
+        decode(TOPIC_OF[type(message)], whole[:cut], exact=True)
+
+
+def without_history(pose: GpsPose) -> GpsPose:
+    return replace(pose, history_latitude_e7deg=(), history_longitude_e7deg=(), history_age_cs=())

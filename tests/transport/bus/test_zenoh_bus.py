@@ -399,3 +399,19 @@ def test_loss_of_the_router_is_no_failure_of_members() -> None:
             connect(vehicle, received)
             vehicle.publish("convoy/lead/log", b"again")
             assert until(lambda: ("convoy/lead/log", b"again") in received)
+
+
+def test_pauses_of_five_seconds_disconnect_nobody() -> None:
+    assert setting(ZenohOptions(), "transport/link/tx/lease") == 10_000
+
+
+def test_two_peers_need_no_router() -> None:
+    endpoint, received = free_endpoint(), ReceivedMessages()
+    with (
+        open_bus(ZenohOptions(mode="peer", listen=(endpoint,))) as first,
+        open_bus(ZenohOptions(mode="peer", connect=(endpoint,))) as other,
+    ):
+        first.subscribe("convoy/*/log", received)
+        connect(other, received)
+        other.publish("convoy/a/log", b"direct")
+        assert until(lambda: received == [("convoy/a/log", b"direct")])

@@ -1,6 +1,8 @@
 """Verdicts of a link: keyed by the message alone, with the requested losses and delays."""
 
+import itertools
 from dataclasses import dataclass
+from fractions import Fraction
 from math import sqrt
 from random import Random
 from statistics import fmean
@@ -11,7 +13,7 @@ from hypothesis import strategies as st
 
 from scenarios.definition.schema.link_tables import LinkTable
 from tests.made.transport.links import link
-from transport.links.laws.basic import Latency
+from transport.links.laws.basic import Decimation, Latency
 from transport.links.laws.effect import Draw, Effect, TransmissionContext
 from transport.links.link import ChangedEffects, Link, Verdict, combine, keyed_draw
 from transport.reasons import DropReason
@@ -173,3 +175,23 @@ def test_the_last_visible_sending_follows_changes_of_the_minimum_latency(
     assert tested.latest_sent_at(now) == max(visible)
     for sent_at in range(-5, 60):
         assert tested.judge(TransmissionContext(0, sent_at)).visible_at == sent_at + least(sent_at)
+
+
+def test_losses_in_a_row_are_as_frequent_as_independence_has_it() -> None:
+    n, ratio = 5000, 0.3
+    lost = [judge(LinkTable(loss_ratio=ratio), seq).outcome == "dropped" for seq in range(n)]
+    pairs = sum(a and b for a, b in itertools.pairwise(lost))
+    assert abs(pairs - n * ratio**2) < 5.0 * sqrt(n * ratio**2)
+
+
+def test_jitter_does_not_move_losses() -> None:
+    plain = [judge(LinkTable(loss_ratio=0.3), k).outcome for k in range(500)]
+    jittery = [judge(LinkTable(loss_ratio=0.3, jitter_ms=50.0), k).outcome for k in range(500)]
+    assert plain == jittery
+
+
+@given(top=st.integers(1, 100), bottom=st.integers(1, 100), n=st.integers(1, 3000))
+def test_rate_is_kept_to_within_one_message(top: int, bottom: int, n: int) -> None:
+    decimation = Decimation(min(Fraction(top, bottom), Fraction(1)))
+    carried = sum(decimation.judge(no_chance, TransmissionContext(seq, 0)) == 0 for seq in range(n))
+    assert 0 <= carried - (n - 1) * decimation.kept <= 1

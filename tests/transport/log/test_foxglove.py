@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
+from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
@@ -132,3 +133,17 @@ def test_the_layout_shows_the_topics_of_the_log(tmp_path: Path) -> None:
         for file in files:
             pool.Add(file)
         assert field in pool.FindMessageTypeByName(schemas[topic].name).fields_by_name
+
+
+def test_preview_poses_lie_on_the_arc(tmp_path: Path) -> None:
+    write(tmp_path / "run.mcap")
+    with (tmp_path / "run.mcap").open("rb") as file:
+        for _, _, record in make_reader(file).iter_messages(topics=["/convoy/v2/preview"]):
+            poses = PosesInFrame.FromString(record.data).poses
+            assert len(poses) == 5  # 0, 2, 4, 6, 8 m
+            for pose in poses[3:]:  # the second arc lies on the circle itself
+                distance = math.hypot(pose.position.x, pose.position.y)
+                assert distance == pytest.approx(drive.RADIUS, abs=1e-9)
+                yaw = 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
+                tangent = math.atan2(pose.position.y, pose.position.x) + math.pi / 2
+                assert math.remainder(yaw - tangent, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)

@@ -166,3 +166,13 @@ def test_on_a_full_disk_the_log_is_given_up_and_stays_readable(tmp_path: Path) -
     assert sum(LogReader(path).counts.values()) > 500
     assert repair(path)
     assert rerun_accepts(path)
+
+
+def test_log_times_never_go_back(tmp_path: Path) -> None:
+    with LogWriter(tmp_path / "run.mcap") as log:
+        for at in (5, 3, 9, 9, 2, 10):
+            put(log, drive.START + at, drive.truth("v1", 0))
+    recorded = [(record.log_time, channel) for _, channel, record in rows(tmp_path / "run.mcap")]
+    assert [at for at, _ in recorded] == sorted(at for at, _ in recorded)
+    own = [at - drive.START for at, channel in recorded if channel.topic == "/convoy/v1/truth"]
+    assert own == [5, 5, 9, 9, 9, 10]

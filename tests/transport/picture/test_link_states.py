@@ -1,6 +1,10 @@
 """The state of a link follows from the verdicts' own instants, whenever anybody looks."""
 
+from random import Random
+
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.made.transport import drive
 from transport.picture.series.link_states import MARGIN_NS, WINDOW_NS, LinkStates, LinkWindow
@@ -51,3 +55,20 @@ def test_a_window_ends_by_the_receivers_time() -> None:
     assert list(states.passed("v3", end + 100 * SECOND)) == []
     states.count(LINK, drive.verdict("v2", "v1", 1, START + 100 * MILLISECOND, "loss"))
     assert list(states.passed("v2", end)) == [LinkWindow(LINK, START, "50 % lost", 0.5)]
+
+
+@given(
+    outcomes=st.lists(st.sampled_from(["ok", "late", "loss", "rate"]), max_size=60),
+    random=st.randoms(use_true_random=False),
+)
+def test_states_are_independent_of_the_reading_rate(outcomes: list[str], random: Random) -> None:
+    verdicts = [(50 * k, outcome) for k, outcome in enumerate(outcomes)]
+    seldom = windows(verdicts, 4000)
+    states, result = LinkStates(), list[LinkWindow]()
+    for seq, (at_ms, outcome) in enumerate(verdicts):
+        at = START + at_ms * MILLISECOND
+        for _ in range(random.randrange(3)):
+            result += states.passed("v2", at - random.randrange(MARGIN_NS))
+        states.count(LINK, drive.verdict("v2", "v1", seq, at, outcome))
+    result += states.passed("v2", START + 4 * SECOND)
+    assert [window._replace(at=(window.at - START) // MILLISECOND) for window in result] == seldom

@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator
 from math import nan
+from typing import Any
 
 import pytest
 
 from tests.made.scenarios.messages import START, at, start, tracking, truth
 from tests.made.transport.recording import Table, columns
 from transport.panels import PANELS, flagged
+from transport.picture.blueprint import FEW_VEHICLES, blueprint
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
 from vehicles.messages import Change, Message
@@ -107,3 +109,35 @@ def test_a_change_is_marked_at_its_place_and_time(drawn: Table) -> None:
     assert [line.split(maxsplit=2) for (line,) in lines] == [
         ["0.40", "s", 'v3: change: {"kind": "cut", "at_s": 0.4}']
     ]
+
+
+def test_share_and_weight_are_curves_in_per_cent(drawn: Table) -> None:
+    assert set(curve(drawn, "received/v3/lead").values()) == {75.0}
+    assert set(curve(drawn, "weight/v3").values()) == {25.0}
+
+
+def views(part: Any) -> Iterator[Any]:
+    """Visible views: of tabs the active one."""
+    inner = list(getattr(part, "contents", []))
+    if type(part).__name__ == "Tabs":
+        inner = [inner[part.active_tab or 0]]
+    if not inner or not hasattr(inner[0], "contents"):
+        yield part
+        return
+    for view in inner:
+        yield from views(view)
+
+
+@pytest.mark.parametrize(("count", "followed"), [(2, "v2"), (4, "v3"), (9, "v5")])
+def test_the_main_views_are_visible_at_once(count: int, followed: str) -> None:
+    names = [f"v{place}" for place in range(1, count + 1)]
+    shown = list(views(blueprint(names, spacing_m=15.0, road=None).root_container))
+    assert {view.origin for view in shown} >= {
+        "plots/cross_track", f"plots/closing/{followed}", "plots/true_gap", "legend", "log",
+        "world/convoy",
+    }  # fmt: skip
+    states = [
+        part for view in shown if "StateTimeline" in type(view).__name__ for part in view.contents
+    ]
+    assert "/links/**" in states
+    assert ("/mode/**" in states) == (count <= FEW_VEHICLES)

@@ -273,3 +273,14 @@ def test_every_span_agrees_with_an_adaptive_solver(
         moving = (body.speed, body.lateral_speed, body.yaw_rate)
         assert moving == pytest.approx(tuple(exact[3:6]), abs=0.01)
         assert body.steering == pytest.approx(exact[6], abs=5e-4)
+
+
+def test_it_settles_at_the_closed_form() -> None:
+    body, steering = steady(15.0, 0.7)
+    settled = drive(replace(body, lateral_speed=0.0, yaw_rate=0.0), steer(steering), 3.0, car=CAR)[
+        -1
+    ]
+    again = steady(settled.speed, settled.yaw_rate * settled.speed / MAX_ACCELERATION)
+    # The speed has decreased slightly, so the state is not exactly steady.
+    assert again[1] == pytest.approx(steering, rel=0.02)
+    assert settled.lateral_speed == pytest.approx(again[0].lateral_speed, abs=0.02)

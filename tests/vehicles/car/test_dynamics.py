@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.examples import examples
-from tests.made.vehicles.driving import TICK, advance, apart, drive, steer
+from tests.made.vehicles.driving import TICK, advance, apart, drive, lane_change, steer
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import TyreModel
@@ -194,3 +194,18 @@ def test_gentle_driving_is_the_same_on_both_tyre_models(speed: float) -> None:
     assert apart(linear, other) < 0.005 * linear.distance * linear.yaw + 1e-6
     assert other.yaw_rate == pytest.approx(linear.yaw_rate, rel=0.01)
     assert other.lateral_speed == pytest.approx(linear.lateral_speed, abs=2e-3)
+
+
+def test_equations_agree_on_both_sides_of_walking_pace() -> None:
+    turning = Body(0.0, 0.0, 0.0, WALKING_PACE, 0.3, 0.4, 0.2, 0.5)
+    below = replace(turning, speed=WALKING_PACE - 1e-9)
+    command = Actuation(-0.1, 0.0)
+    left, right = advance(below, command, 0.02, CAR), advance(turning, command, 0.02, CAR)
+    assert astuple(left) == pytest.approx(astuple(right), abs=1e-8)
+
+
+def test_an_unreached_rate_limit_changes_no_bit() -> None:
+    """Compares an infinite limit with one that a lane change does not reach."""
+    free = drive(Body(0.0, 0.0, 0.0, 30.0), lane_change, 5.0)
+    limited = replace(CAR, steering_rate_limit=5.0)
+    assert drive(Body(0.0, 0.0, 0.0, 30.0), lane_change, 5.0, car=limited) == free

@@ -2,6 +2,7 @@ import math
 from collections.abc import Container, Sequence
 from dataclasses import replace
 from functools import cache
+from random import Random
 
 import pytest
 from hypothesis import given
@@ -22,6 +23,7 @@ from tests.made.vehicles.exact_drives import (
 )
 from tests.made.vehicles.followers import (
     BEND,
+    STRAIGHT,
     admitted,
     follower,
     lateral,
@@ -211,3 +213,16 @@ def pose_of(
         heading_deg=heading_from_yaw(yaw),
         speed_mps=speed,
     )
+
+
+def test_sources_with_poor_receivers_are_followed_within_their_noise() -> None:
+    random, usually = Random(1), received_from(lead_of(STRAIGHT), predecessor_of(STRAIGHT))
+    steps = drive(
+        follower(),
+        on(STRAIGHT, 0.0, 10.0),
+        9.0,
+        lambda now: [
+            displaced(pose, random.gauss(0.0, 0.3), random.gauss(0.0, 0.3)) for pose in usually(now)
+        ],
+    )
+    assert max(map(abs, lateral(STRAIGHT, steps))) < 0.5

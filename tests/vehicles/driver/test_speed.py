@@ -1,6 +1,6 @@
 import math
 from collections import deque
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import pytest
 from hypothesis import given
@@ -270,3 +270,26 @@ def test_a_bend_limits_the_speed_before_and_within_it() -> None:
     assert (
         -limits.deceleration < ahead < BEND_RATE * (math.sqrt(3.0 / 0.1 + 6.0 * 9.6) - 12.0) + 1e-9
     )
+
+
+def test_at_the_profile_s_speed_the_command_is_its_acceleration() -> None:
+    law = ProfileSpeed(SpeedProfile((0.0, 10.0), (10.0, 30.0)), START, PERIOD)
+    command = law.command(tick(100), at_speed(14.0), VehiclesAhead())
+    assert command.acceleration == pytest.approx(2.0)
+    assert command.target_speed == pytest.approx(14.04)
+
+
+@given(
+    spans=st.lists(st.floats(0.001, 2.0), min_size=1, max_size=8),
+    speeds=st.lists(st.floats(0.0, 40.0), min_size=8, max_size=8),
+)
+@examples(8, 50)
+def test_a_car_that_follows_commands_exactly_is_on_the_profile(
+    spans: list[float], speeds: list[float]
+) -> None:
+    profile = SpeedProfile(tuple(accumulate(spans)), tuple(speeds[: len(spans)]))
+    law = ProfileSpeed(profile, START, PERIOD)
+    speed = speeds[0]
+    for k in range(200):
+        assert speed == pytest.approx(profile.at(k * PERIOD)[0], abs=1e-6)
+        speed += PERIOD * law.command(tick(k), at_speed(speed), VehiclesAhead()).acceleration

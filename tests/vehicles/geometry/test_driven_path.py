@@ -1,6 +1,7 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from random import Random
 
 import pytest
@@ -291,3 +292,28 @@ def test_rotation_and_translation_change_nothing(
         assert first.station == pytest.approx(second.station, abs=0.8 * 0.04 * 2.0 * STEP)
     exact = sum(abs(first.lateral - second.lateral) < 1e-8 for first, second in together)
     assert exact >= 0.9 * len(together)
+
+
+@given(segments=curves)
+@settings(max_examples=30)
+def test_on_a_simple_path_it_is_the_distance_to_the_nearest_point(segments: list[Segment]) -> None:
+    if sum(abs(s.curvature) * s.length for s in segments) > math.pi / 2:
+        segments = [Segment(s.length, s.curvature * 0.2) for s in segments]
+    path = path_from_segments([Segment(30.0, 0.0), *segments])
+    lead_poses = driven(path, every(STEP, 0.0, path.length))
+    own = driven(path, every(2.3, 5.0, path.length - 5.0), swerving)
+    for foot, pose in zip(cross_track(own, lead_poses), own, strict=True):
+        assert abs(foot.lateral) == pytest.approx(nearest(pose, lead_poses), abs=0.01)
+
+
+def nearest(pose: TruePose, path: Sequence[TruePose]) -> float:
+    """Distance to the polyline, by a hundred samples on each segment."""
+    return min(
+        math.hypot(
+            first.east_m + share * (second.east_m - first.east_m) - pose.east_m,
+            first.north_m + share * (second.north_m - first.north_m) - pose.north_m,
+        )
+        for first, second in pairwise(path)
+        if math.hypot(first.east_m - pose.east_m, first.north_m - pose.north_m) < 5.0
+        for share in (k / 100 for k in range(101))
+    )

@@ -1,10 +1,13 @@
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymap3d.enu import geodetic2enu
 
 from vehicles.geometry.geodesy import (
+    WGS84,
     LocalPlane,
     Origin,
     heading_from_yaw,
@@ -108,3 +111,39 @@ def test_geodetic_coordinates_are_those_of_proj(east: float, north: float) -> No
     result = PLANE.to_geodetic(east, north)
     assert result[:2] == pytest.approx((latitude, longitude), abs=1e-12)  # 0.1 micrometres
     assert result[2] == pytest.approx(altitude, abs=1e-7)
+
+
+@given(
+    latitude=st.floats(-89.5, 89.5),
+    longitude=st.floats(-180.0, 180.0),
+    altitude=st.floats(-400.0, 8000.0),
+    steps=st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-2000.0, 2000.0)),
+)
+def test_the_plane_is_that_of_pymap3d(
+    latitude: float, longitude: float, altitude: float, steps: tuple[float, float, float]
+) -> None:
+    plane = LocalPlane(Origin(latitude, longitude, altitude))
+    point = latitude + steps[0], longitude + steps[1], altitude + steps[2]
+    east, north, _ = geodetic2enu(*point, latitude, longitude, altitude, ell=WGS84)
+    # The last digit of NumPy's sine may depend on the processor; it is 1 nm on the earth.
+    assert plane.to_plane(*point) == pytest.approx((east, north), rel=0.0, abs=5e-9)
+
+
+@given(st.floats(-1000.0, 1000.0))
+def test_wrapping_preserves_the_direction(angle: float) -> None:
+    wrapped = wrap_angle(angle)
+    assert -math.pi < wrapped <= math.pi
+    assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-9)
+    assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-9)
+
+
+def test_many_points_give_the_bits_of_single_ones() -> None:
+    random = np.random.default_rng(7)
+    latitudes = 48.137 + random.normal(0.0, 0.5, 500)
+    longitudes = 11.575 + random.normal(0.0, 0.5, 500)
+    many = PLANE.to_plane_all(latitudes, longitudes, 519.0)
+    for k, point in enumerate(zip(latitudes.tolist(), longitudes.tolist(), strict=True)):
+        if PLANE.reaches(*point, 519.0):
+            assert tuple(many[:, k].tolist()) == PLANE.to_plane(*point, 519.0)
+        else:
+            assert np.isnan(many[:, k]).all()

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.made.vehicles.recorded_points import Points, circle, noisy, smooth
-from vehicles.geometry.sampled_path import SampledPath
+from vehicles.geometry.sampled_path import SAMPLING, SampledPath
 from vehicles.geometry.smoothing import SmoothedPath, smooth_path
 
 
@@ -120,3 +120,16 @@ def test_points_without_a_path_are_rejected_in_one_line() -> None:
         smooth_path(x, y, 5.0, laps=0)
     with pytest.raises(ValueError, match="lead-in"):
         smooth_path(x, y, 5.0, lead_in=-1.0)
+
+
+@pytest.mark.parametrize("yaw", [0.0, math.pi / 2, math.pi, -math.pi / 2, 0.7])
+def test_straight_stays_straight_in_every_heading(yaw: float) -> None:
+    along = np.cumsum(np.random.default_rng(2).uniform(0.3, 2.0, 60))
+    smoothed = smooth_path(along * math.cos(yaw), along * math.sin(yaw), 8.0)
+    path = smoothed.path
+    assert path.length == pytest.approx(along[-1] - along[0], abs=1e-9)
+    assert path.yaw == pytest.approx(np.full(path.yaw.shape, yaw), abs=1e-9)
+    assert path.curvature == pytest.approx(np.zeros(path.yaw.shape), abs=1e-8)
+    assert smoothed.deviation_max < 1e-9
+    assert smoothed.stations == pytest.approx(along - along[0], abs=1e-9)
+    assert np.max(np.diff(path.station)) <= SAMPLING + 1e-9

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from scenarios.definition.channel.presets import presets
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import drills, library
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
@@ -350,3 +351,8 @@ def test_the_account_balances_with_software_that_does_not_run() -> None:
     for row in rows:
         assert_balanced(row)
         assert row.in_flight == waiting_in(inboxes[row.receiver], row.sender)
+
+
+@pytest.mark.parametrize("preset", presets())
+def test_the_account_of_presets_balances(preset: str) -> None:
+    assert_all_arrive(load_scenario("lane_change", ["duration_s=5", f'links.preset="{preset}"']))

@@ -92,3 +92,14 @@ def test_a_spread_is_that_of_the_values(values: list[int]) -> None:
     at_most = float(np.mean(scaled <= found.p95))
     below = float(np.mean(scaled < found.p95))
     assert below < 0.95 <= at_most + 1e-12 or sqrt(len(values)) < 1.0
+
+
+def test_independent_losses_are_not_inflated() -> None:
+    assert inflation(0.3, 1.0 / 0.7) == pytest.approx(1.0)
+    assert inflation(0.0, 5.0) == inflation(1.0, 5.0) == inflation(0.3, 1.0) == 1.0
+
+
+def test_without_counts_nothing_is_estimated() -> None:
+    assert (share(0, 0, 0.95).low, share(0, 0, 0.95).high) == (0.0, 1.0)
+    assert mean_length(np.array([], dtype=np.int_), 0.95) is None
+    assert spread({}, 1.0) is None

@@ -276,3 +276,21 @@ def curve_of(table: Table, entity: str) -> list[tuple[int, Any]]:
     rows = table[entity]
     curve = zip(rows["run_time"], rows["Scalars:scalars"], strict=True)
     return [(at, value) for at, value in curve if value]
+
+
+def test_loss_shares_drawn_add_up_to_the_table_s(drawn: Drawn) -> None:
+    """The table has the mean of all messages, the picture that of each half second."""
+    for table in drawn.tables:
+        for link in drawn.summary.links:
+            shares = values(table, "loss", f"{link.sender}_to_{link.receiver}")
+            assert min(shares) <= 100.0 * link.loss_ratio <= max(shares) or link.judged < 30
+
+
+def test_the_review_of_a_run_has_the_rows_of_the_live_picture(drawn: Drawn) -> None:
+    """Entities, components and values; also of events, lost messages and links."""
+    live, again = map(without_start_time, drawn.tables)
+    assert set(live) == set(again)
+    for entity, table in live.items():
+        assert set(table) == set(again[entity]), entity
+        for name, rows in table.items():
+            assert rows == again[entity][name], (entity, name)

@@ -135,3 +135,11 @@ def test_spacing_errors_begin_with_the_first_follower() -> None:
     assert set(gains.vehicle) == {"v3"}
     assert gains.gain == pytest.approx(0.5)
     assert np.abs(gains.phase_rad).max() < 1e-6
+
+
+def test_equal_signals_have_a_gain_of_one_and_scaled_ones_their_factor() -> None:
+    x = np.diff(braking(40.0))
+    for factor in (1.0, 1.7):
+        for one in estimated("v2", x, factor * x, STEP):
+            assert one.gain == pytest.approx(factor)
+            assert one.coherence == pytest.approx(1.0)

@@ -1,7 +1,7 @@
 """Copies, reordering and bit errors: requested ratios, keyed by the message alone."""
 
 from collections import Counter
-from math import comb, sqrt
+from math import comb, exp, log, sqrt
 from zlib import crc32
 
 import pytest
@@ -117,3 +117,14 @@ def test_a_copy_s_delay_is_drawn_apart_from_the_message_s() -> None:
     assert abs(sum(copy) / n - 0.5) < LIMIT / sqrt(12 * n)
     covariance = sum((a - 0.5) * (b - 0.5) for a, b in zip(own, copy, strict=True)) / n
     assert abs(covariance) < LIMIT / 12 / sqrt(n)
+
+
+@given(st.floats(1e-6, 0.1), st.integers(1, 512), st.floats(1e-15, 1.0, exclude_max=True))
+def test_any_draw_gives_a_number_of_bits_that_the_frame_has(
+    ratio: float, size: int, drawn: float
+) -> None:
+    count = BitErrors(ratio).flips(lambda _purpose, _seq: drawn, 0, size)
+    hit = 1.0 - exp(8 * size * log(1.0 - ratio))
+    assert 0 <= count <= 8 * size
+    if abs(drawn - hit) > 1e-9:  # closer values may be decided by rounding
+        assert (count > 0) == (drawn < hit)

@@ -165,3 +165,30 @@ def test_a_link_in_order_delays_and_one_that_is_free_lets_overtake() -> None:
     ordered = [verdict.visible_at for verdict in judge_stream(link(tied), stream)]
     assert overtaking != sorted(overtaking)
     assert ordered == list(accumulate(overtaking, max))
+
+
+@given(
+    gaps=st.lists(st.integers(0, 12), min_size=1, max_size=40),
+    drop=st.sampled_from(["newest", "oldest"]),
+    steps=st.lists(st.integers(1, 40), min_size=1, max_size=10),
+)
+def test_the_instants_of_deciding_change_nothing(
+    gaps: list[int], drop: str, steps: list[int]
+) -> None:
+    instants = list(accumulate(gaps))
+    law, sent = queue_of(1e9, 2, drop), messages(instants, 10)  # type: ignore[arg-type]
+    order = InOrder()
+    at_once = order.stage().carry(law.stage().carry(sent, NEVER), NEVER)
+    queue, ordered, until, before = law.stage(), order.stage(), 0, -1
+    found: list[StagedMessage] = []
+    k = 0
+    while len(found) < len(sent):
+        until += steps[k % len(steps)]
+        k += 1
+        arrived = [staged for staged in sent if before < staged.context.sent_at <= until]
+        decided = ordered.carry(queue.carry(arrived, until), until)
+        # Messages visible by the previous instant were decided then.
+        assert all(staged.visible_at > before for staged in decided)
+        found += decided
+        before = until
+    assert found == at_once

@@ -189,3 +189,12 @@ def test_a_forced_state_ends_on_request() -> None:
     assert gnss.measure(BODY, START + 50 * MILLISECOND) is not None
     with pytest.raises(ValueError, match="no fix states"):
         GnssReceiver(SILENT, 20.0, START, np.random.default_rng(1)).force("float", START)
+
+
+def test_a_bias_is_constant_and_partly_random() -> None:
+    given = replace(model(), bias=Bias(0.0, 1.0, -2.0))
+    assert {off(fix) for fix in fixes(errors(given), 3.0)} == {(1.0, -2.0)}
+    drawn = replace(model(), bias=Bias(0.5))
+    each = [off(fixes(errors(drawn, place), 0.1)[0]) for place in range(400)]
+    assert np.std(each) == pytest.approx(0.5, rel=5 / math.sqrt(2 * 800))
+    assert abs(np.mean(each)) < 5 * 0.5 / math.sqrt(800)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from tests.made.examples import examples
 from tests.made.vehicles.sent_paths import PLANE, fixes, message, sent
+from transport.codec import encode
 from vehicles.car.gnss import Fix
 from vehicles.car.sending.path_history import PathHistory
 from vehicles.car.sending.sender import Sender
@@ -105,3 +106,21 @@ def test_positions_by_dead_reckoning_stand_in_for_missing_fixes(certain: bool) -
     assert pose.path_history()[0][0] == first.measured_at
     every_fourth = driven[:20] + driven[20:80:4] + driven[80:]
     assert not certain or worst_distance(pose, every_fourth) < 0.05
+
+
+def last(driven: Sequence[Fix], **limits: float) -> ReceivedPose:
+    *_, pose = sent(driven, **limits)  # type: ignore[arg-type]
+    return pose
+
+
+@given(st.integers(1, 22))
+def test_each_position_costs_few_bytes(extra: int) -> None:
+    circle = path_from_segments([Segment(600.0, 1 / 100.0)])
+    driven = list(fixes(circle, np.arange(0.0, 590.0, 1.0)))
+    sizes = [len(encode(last(driven[-400:], points=n).message)) for n in (1, 1 + extra)]
+    assert 0 < sizes[1] - sizes[0] <= 9 * extra
+
+
+def test_noise_of_half_a_metre_is_bounded_by_the_number_of_positions() -> None:
+    for pose in sent(list(fixes(STRAIGHT, np.arange(0.0, 300.0, 0.5), 0.5))):
+        assert len(pose.path_history()) <= 23

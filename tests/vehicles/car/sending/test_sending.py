@@ -180,3 +180,23 @@ def test_random_intervals_have_the_measured_shares(
     assert np.std(off) == pytest.approx(3.0, rel=0.03)  # the cutoff removes 1.3 %
     assert np.max(np.abs(off)) <= 9.0
     assert min(drawn) * MILLISECOND >= table.shortest
+
+
+def test_random_intervals_keep_their_mean_with_rare_ticks() -> None:
+    """A due message waits for the next tick, which does not extend the following interval."""
+    shares = IntervalDistribution(
+        [130 * MILLISECOND, 170 * MILLISECOND], [1.0, 1.0], 3 * MILLISECOND
+    )
+    rule = DrawnIntervalTrigger(shares, START, np.random.default_rng(2))
+    result = sent(rule, 300.0, gnss_hz=50.0, ticks_hz=50.0)
+    assert len(result) == pytest.approx(2000, abs=5 * 2000**0.5 * 20 / 150)
+    assert all(when % 20 == 0 for when, _ in result)
+
+
+@given(seed=st.integers(0, 50), jitter=st.integers(0, 3))
+def test_sequence_numbers_never_exceed_the_shortest_interval(seed: int, jitter: int) -> None:
+    """The gate of receivers relies on this."""
+    shares = IntervalDistribution([50 * MILLISECOND], [1.0], jitter * MILLISECOND)
+    rule = DrawnIntervalTrigger(shares, START, np.random.default_rng(seed))
+    for seq, (when, _) in enumerate(sent(rule, 2.0)):
+        assert seq * shares.shortest <= when * MILLISECOND

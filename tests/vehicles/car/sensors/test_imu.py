@@ -57,3 +57,11 @@ def test_invalid_noise_is_rejected(field: str, value: float) -> None:
 
 def test_an_exact_sensor_gives_the_state_at_every_instant() -> None:
     assert ExactSensor().measure(BODY, 12345) is BODY
+
+
+def test_readings_do_not_depend_on_how_many_are_drawn_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    drawn = readings(InertialNoise(), 200)
+    monkeypatch.setattr("vehicles.car.sensors.imu.BLOCK", 1)
+    assert readings(InertialNoise(), 200) == drawn

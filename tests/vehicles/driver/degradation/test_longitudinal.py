@@ -157,3 +157,18 @@ def test_behind_a_predecessor_never_received_it_brakes_hard_once_that_is_lost(
     assert instants
     assert min(instants) >= lost_at
     assert max(instants) < lost_at + 0.3 * SECOND
+
+
+def test_the_gap_opens_comfortably_at_high_loss_and_closes_again() -> None:
+    road = Road(GapKeeping(SpacingPolicy(8.0, 1.5), LIMITS), policy=SpacingPolicy(8.0, 1.5))
+    usual = road.spacing
+    for step in range(1500):  # one message in ten
+        road.tick(0.0, received=step % 25 == 0)
+    comfortable = DegradationSettings().comfortable
+    assert min(road.commands) >= -comfortable.deceleration - 1e-9
+    opened = road.ahead - road.place - usual
+    assert opened > 0.3 * road.speed
+    for _ in range(3000):
+        road.tick(0.0, received=True)
+    assert road.ahead - road.place == pytest.approx(usual, abs=0.1)
+    assert road.commands[-1] == pytest.approx(0.0, abs=0.01)

@@ -1,15 +1,17 @@
 """Modes of followers in a bend behind exact sources that fall silent, and their reasons."""
 
 import math
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 
 import pytest
 
-from tests.made.vehicles.exact_drives import PLANE, Step, drive, on, received_from
+from tests.made.vehicles.exact_drives import PLANE, Source, Step, drive, on, received_from
 from tests.made.vehicles.followers import (
     BEND,
+    STRAIGHT,
     follower,
     lateral,
     lead_of,
@@ -19,6 +21,7 @@ from tests.made.vehicles.followers import (
 from vehicles.car.sending.path_history import PathHistory
 from vehicles.driver.degradation.settings import DegradationSettings, Reaction
 from vehicles.driver.degradation.stopping import stopping_distance
+from vehicles.messages import GpsPose
 
 DEGRADE = DegradationSettings()
 SILENT = ((0.0, 4.0), (12.0, math.inf))
@@ -149,3 +152,24 @@ def test_extrapolate_continues_along_the_bend() -> None:
     assert "coast" in {step.decision.mode for step in steps}
     assert max(map(abs, lateral(BEND, steps))) < 0.4
     assert min(step.body.speed for step in steps) > 9.5
+
+
+@dataclass
+class RareSource(Source):
+    """A source that sends at 2 Hz, until 5 s after the start."""
+
+    def messages_by(self, now: int) -> Iterator[GpsPose]:
+        for message in super().messages_by(now):
+            if message.seq % 10 == 0 and message.seq <= 100:
+                yield replace(message, seq=message.seq // 10)
+
+
+def test_it_stops_within_the_known_path_before_a_rare_source_is_lost() -> None:
+    """At 2 Hz a source is lost after 5 s; the known path ends sooner."""
+    lead = RareSource("v1", STRAIGHT, 30.0, 6.0)
+    driver = follower(lead="v1", predecessor="v1", speed=6.0, degradation=DEGRADE)
+    steps = decided(drive(driver, on(STRAIGHT, 0.0, 6.0), 12.0, received_from(lead)))
+    status = {one.decision.mode: one.decision.situation.lead.status for one in steps[::-1]}
+    assert status["stop"] == "late"
+    assert min(one.decision.situation.known for one in steps if one.seconds > 1.0) > 0.0
+    assert steps[-1].body.speed < 0.1

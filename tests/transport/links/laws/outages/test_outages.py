@@ -12,7 +12,7 @@ from scipy import stats
 from tests.made.channels.laws import circle, long_run, random_outage, stretch, window
 from transport.links.laws.effect import Effect, Position, TransmissionContext
 from transport.links.laws.outages.by_place import AffectedVehicle
-from transport.links.laws.outages.random_outage import RandomOutage
+from transport.links.laws.outages.random_outage import CACHED_CELLS, RandomOutage
 from transport.links.link import keyed_draw
 from vehicles.schedule import SECOND
 
@@ -147,3 +147,14 @@ def test_a_verdict_alone_is_the_one_in_the_stream(on: int, off: int, requested: 
         context = TransmissionContext(seq, START + seq * step)
         assert alone.judge(draw, context) == ("outage" if stream[seq] else 0)
         assert effect.judge(draw, context) == alone.judge(draw, context)
+
+
+def test_links_and_outages_of_one_link_have_their_own_times() -> None:
+    effect, other = (random_outage(ON, OFF, START, k) for k in (0, 1))
+    draw, elsewhere = keyed_draw(1, "a", "b"), keyed_draw(1, "a", "c")
+    instants = range(0, 400 * SECOND, SECOND // 2)
+    here = [effect.is_off(draw, at) for at in instants]
+    assert here != [other.is_off(draw, at) for at in instants]
+    assert here != [effect.is_off(elsewhere, at) for at in instants]
+    assert here == [effect.is_off(draw, at) for at in instants]
+    assert len(effect._cells) <= CACHED_CELLS
