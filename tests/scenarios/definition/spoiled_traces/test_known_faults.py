@@ -13,7 +13,7 @@ import pytest
 from scenarios.definition.errors import ScenarioError
 from tests.made.spoiled.drive_files import TABLES, Table, gpx, kml, nmea, write_oxts
 from tests.made.spoiled.driven_paths import driven, written
-from tests.made.spoiled.record_faults import WEEKS_1024, moved_by
+from tests.made.spoiled.record_faults import moved_by
 from tests.made.spoiled.synthetic_drives import START, Drive, Fix, Recording
 
 COUNT, LENGTH_M, DURATION_S, SPEED = 24, 115.0, 11.5, 10.0
@@ -68,20 +68,6 @@ PAUSED = shifted(600.0, 12)
 KNOWN: dict[str, Known] = {
     "all speeds zero": Known(file="a.csv", data=Table().write(ZERO), remark="speed"),
     "all speeds zero, nmea": Known(file="a.nmea", data=nmea(ZERO), remark="speed"),
-    "three first times count from the start": Known(
-        file="a.csv",
-        data=Table(time="unix s").write(shifted(-START, 0, 3)),
-        left_out=(2, 3, 4), remark="time", length_m=100.0, duration_s=10.0,
-    ),
-    "four first times of another week": Known(
-        file="a.gpx", data=gpx(shifted(-WEEKS_1024, 0, 4)),
-        left_out=(1, 2, 3, 4), remark="time", length_m=95.0, duration_s=9.5,
-    ),
-    "first times in seconds, others in milliseconds": Known(
-        file="a.csv",
-        data=Table(time="unix ms").write(shifted(0.001 * START - START, 0, 3)),
-        left_out=(2, 3, 4), remark="time", length_m=100.0, duration_s=10.0,
-    ),
     "times without zone": Known(file="a.gpx", data=gpx(GOOD, "iso"), remark="UTC"),
     "one point at 0/0": Known(
         file="a.gpx", data=gpx(GOOD.edited([10], degrees=NO_FIX)), left_out=(11,), remark="fix"
