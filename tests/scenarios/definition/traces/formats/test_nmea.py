@@ -59,7 +59,6 @@ def ks_of(drive: RecordedDrive) -> list[int]:
         [line for k in KS for line in (gga(k), rmc(k, talker="GP"), rmc(k))],
         [line for k in KS for line in ([gga(k)] * (k != 2) + [rmc(k)])],
         [*map(gga, KS[:3]), *map(rmc, KS)],
-        [*map(gga, KS[2:]), *map(rmc, KS)],
     ],
 )
 def test_sentences_of_one_time_become_one_point_with_speed(lines: list[str]) -> None:

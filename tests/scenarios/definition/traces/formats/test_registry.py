@@ -81,7 +81,7 @@ def test_unknown_content_is_refused(tmp_path: Path, content: bytes, reason: str)
         ("drive.gpx", "no points in its tracks"),
         ("drive.kml", "no coordinates"),
         ("drive.nmea", "no valid GGA"),
-        ("drive.geojson", "no LineString"),
+        ("drive.geojson", "not valid JSON"),
     ],
 )
 def test_a_name_decides_on_the_reason(tmp_path: Path, name: str, reason: str) -> None:
