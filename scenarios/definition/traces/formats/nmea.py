@@ -116,7 +116,7 @@ def _add(
         point.altitude = as_number(fields[9]) + (0.0 if math.isnan(geoid) else geoid)
     _, first, status = POSITION_KINDS[kind]
     cells = fields[first : first + 4]
-    latitude, longitude = _angle(*cells[:2], "NS"), _angle(*cells[2:], "EW")
+    latitude, longitude = _angle(cells[0], cells[1], "NS"), _angle(cells[2], cells[3], "EW")
     if math.isfinite(latitude + longitude):
         if RANKS[kind] < point.rank:
             point.rank, point.number = RANKS[kind], number

@@ -7,9 +7,7 @@ from scenarios.definition.check.false_alarms import (
     all_lost_per_h,
     longest_silence_s,
     sampled_alarms,
-    times_beyond_limit,
 )
-from scenarios.definition.check.link_forecast import link_forecasts
 from scenarios.definition.scenario import load_scenario
 
 BURSTS = "links.loss={kind='gilbert_elliott',loss_ratio=0.4,burst_messages_mean=4}"
@@ -52,38 +50,6 @@ def test_bursts_of_four_have_the_alarms_that_follow_from_their_law() -> None:
     assert alarms_of(BURSTS, messages=100_000).per_s == pytest.approx(
         expected, rel=5.0 * (expected * 5000.0) ** -0.5
     )
-
-
-def test_laws_of_time_or_place_are_not_sampled() -> None:
-    links, deaf = link_forecasts(
-        load_scenario("lane_change", ["links.collisions={loss_ratio=0.3}"])
-    )
-    assert all(one.false_alarms_per_h for one in links)
-    assert all(one.all_lost_per_h is not None for one in deaf)
-    links, deaf = link_forecasts(load_scenario("lane_change", ["links.preset=tunnel"]))
-    assert {one.false_alarms_per_h for one in links} == {None}
-    assert {one.all_lost_per_h for one in deaf} == {None}
-
-
-@pytest.mark.parametrize(
-    "overrides",
-    [
-        "sending={kind='cam'}",
-        "gnss.fix='none'",
-        "links.outages=[{kind='window',from_s=5,to_s=7}]",
-    ],
-)
-def test_without_an_even_stream_nothing_is_counted(overrides: str) -> None:
-    scenario = load_scenario("lane_change", ["links.loss_ratio=0.4", overrides])
-    assert sampled_alarms(scenario, LINK, 100) is None
-
-
-def test_messages_that_come_late_do_not_end_a_silence() -> None:
-    arrivals = [(5, 0.25), (3, 0.65), (20, 1.0)]
-    (beyond_s,) = times_beyond_limit(arrivals, 0.5, (50.0, 20.0)).tolist()
-    # Taken at 0.25 s and at 1 s: the alarm is at the first instant of control after 0.75 s.
-    assert beyond_s == pytest.approx(1.0 - 0.76)
-    assert times_beyond_limit([], 0.5, (50.0,)).size == 0
 
 
 def test_both_sources_are_lost_at_once_as_often_as_chance_has_it() -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.definition.errors import ScenarioError
 from tests.made.spoiled.drive_files import TABLES, Table, gpx, kml, nmea, write_oxts
 from tests.made.spoiled.driven_paths import driven, written
 from tests.made.spoiled.record_faults import moved_by
@@ -165,27 +164,6 @@ def test_the_drive_has_its_figures(tmp_path: Path, known: Known) -> None:
     assert known.remark or known.left_out or known.lead == "set" or _quiet(warnings), warnings
 
 
-@pytest.mark.parametrize("known", KNOWN.values(), ids=KNOWN)
-def test_a_second_vehicle_drives_the_file(tmp_path: Path, known: Known) -> None:
-    written(tmp_path, "lead.gpx", gpx(GOOD))
-    written(tmp_path, "lead.csv", PLANE.write(GOOD))
-    plane = known.file.endswith("csv") and b"latitude" not in known.data
-    written(tmp_path, known.file, known.data)
-    more = f'[convoy]\nvehicles = 3\n[vehicle.v2]\nreplay = "{known.file}"\n'
-    if known.lead == "set":
-        with pytest.raises(ScenarioError, match="time"):
-            driven(tmp_path, "lead.csv" if plane else "lead.gpx", more=more)
-        return
-    drive = driven(tmp_path, "lead.csv" if plane else "lead.gpx", more=more)
-    replay = drive.scenario.replays["v2"]
-    assert abs(replay.road.path.north).max() < 0.05
-    assert replay.stations[-1] - replay.stations[0] == pytest.approx(known.length_m, abs=0.5)
-    if "cut" not in known.path:
-        assert replay.times[-1] - replay.times[0] == pytest.approx(known.duration_s, abs=0.6)
-    assert {*known.left_out} <= {*drive.listed}
-    assert re.search(known.remark, "\n".join(drive.report.warnings))
-
-
 def _quiet(warnings: str) -> bool:
     """Whether no warning is about the file."""
     return not re.search(r"\ba\.(csv|gpx|nmea|kml)", warnings)
@@ -198,12 +176,6 @@ def test_a_folder_of_oxts_files_is_a_drive(tmp_path: Path, given: str) -> None:
     assert drive.length == pytest.approx(LENGTH_M, abs=0.2)
     assert drive.scenario.duration_s == pytest.approx(DURATION_S, abs=0.6)
     assert drive.speed_at(60.0) == pytest.approx(SPEED, abs=0.2)
-
-
-def test_one_time_for_all_points_gives_no_speed(tmp_path: Path) -> None:
-    data = gpx(GOOD.edited(EVERY, time=START))
-    with pytest.raises(ScenarioError, match=r"24 points .*same time.*set"):
-        driven(tmp_path, written(tmp_path, "a.gpx", data))
 
 
 def test_times_in_milliseconds_are_reported(tmp_path: Path) -> None:

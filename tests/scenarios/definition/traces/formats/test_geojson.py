@@ -70,11 +70,6 @@ def test_times_are_read(content: Any) -> None:
     assert drive.clock == "unix"
 
 
-def test_points_have_speeds() -> None:
-    drive = read_geojson(json.dumps(collection(*(feature(at(p), speed=p[2]) for p in PLACES))))
-    assert drive.speed_mps.tolist() == [1, 2, 3]
-
-
 def test_unusable_positions_are_left_out() -> None:
     places = [PLACES[0], [None, 52], ["x", 52], 5, [{}, []], [10**400, 52], [13.2, 52.2, None]]
     drive = read_geojson(json.dumps({"type": "LineString", "coordinates": places}))

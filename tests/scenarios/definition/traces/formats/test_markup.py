@@ -104,13 +104,6 @@ def test_other_values_never_remove_a_point() -> None:
     assert drive.left_out.total == 0
 
 
-def test_without_times_there_is_no_clock() -> None:
-    drive = read_gpx('<gpx><trkpt lat="1" lon="2"/><trkpt lat="3" lon="4"/></gpx>')
-    assert drive.clock is None
-    assert np.isnan(drive.time_s).all()
-    assert drive.position.T.tolist() == [[1, 2], [3, 4]]
-
-
 @pytest.mark.parametrize("text", ["<gpx></gpx>", "<gpx", "<kml/>", gpx("")])
 def test_files_without_points_are_refused(text: str) -> None:
     with pytest.raises(TraceError, match="no points in its tracks, routes and waypoints"):
@@ -177,9 +170,3 @@ def test_lines_are_read_in_their_order(text: str) -> None:
 )
 def test_tracks_and_stamped_points_have_times(text: str) -> None:
     assert points_of(read_kml(text)) == [1, 2, 3]
-
-
-def test_words_that_are_no_coordinates_are_left_out() -> None:
-    drive = read_kml(kml(shape("13.1,52.1 x,52.2 13.3 13.4,52.4")))
-    assert drive.position[0].tolist() == [52.1, 52.4]
-    assert left_out(drive) == [(2, "longitude is 'x'"), (3, "no latitude")]

@@ -155,12 +155,6 @@ def test_dates_make_unix_times(
     assert (drive.time_s - drive.time_s[0]).tolist() == pytest.approx(list(times))
 
 
-def test_without_a_date_times_continue_over_midnight() -> None:
-    drive = read(gga(0, "235959.50"), gga(1, "000000.00"), gga(2, "000000.50"))
-    assert drive.time_s.tolist() == [86_399.5, 86_400.0, 86_400.5]
-    assert (drive.clock, drive.zero_s) == ("day", 0.0)
-
-
 def test_other_sentences_have_positions_speeds_and_dates() -> None:
     gll = [sentence(f"GPGLL,{place(k)},{clock(k)},A,A") for k in KS]
     gns = [sentence(f"GNGNS,{clock(k)},{place(k)},NA,12,0.8,100.0,40.0,,") for k in KS]

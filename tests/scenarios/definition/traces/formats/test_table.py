@@ -239,15 +239,6 @@ def test_exports_of_known_tools(text: str) -> None:
     assert drive.left_out.total == 0
 
 
-@pytest.mark.parametrize("damaged", ["1", "1" * 300, "# 5", "a b c d e f g h i j"])
-def test_a_damaged_row_does_not_hide_that_date_and_time_are_apart(damaged: str) -> None:
-    first, second = ROS["RTKLIB"].splitlines()[-2:]
-    header = ROS["RTKLIB"].splitlines()[-3]
-    drive = read_table("\n".join([header, first, first, damaged, second, second]))
-    same(drive.position[:, [0, -1]], BERLIN)
-    same(drive.time_s[[0, -1]], [0.0, 0.5])
-
-
 @pytest.mark.parametrize(("end", "count"), [("2,7", 3), ("2,7,8.", 4), ("2,", 3), ("2,7\n", 3)])
 def test_a_row_that_ends_within_its_position_is_left_out(end: str, count: int) -> None:
     drive = read_table(f"t_s,x_m,y_m\n0,1,2\n1,1.5,2.5\n1.5,3,4\n{end}")
@@ -275,11 +266,6 @@ def test_names_and_units_of_speeds(name: str) -> None:
     drive = read_table(f"x,y,{name}\n1,2,10\n1.5,2.5,-10")
     same(drive.speed_mps, [SPEEDS[name]] * 2)
     assert len(drive.remarks) == (SPEEDS[name] not in (10.0, math.nan) and SPEEDS[name] > 0)
-
-
-def test_of_several_speeds_that_in_a_known_unit_counts() -> None:
-    same(read_table("x,y,speed,speed_kmh\n1,2,99,36").speed_mps, [10.0])
-    same(read_table("x,y,speed_kmh,speed_mps\n1,2,99,10").speed_mps, [10.0])
 
 
 @pytest.mark.parametrize("name", ["alt", "Altitude", "ele", "elevation_m", "height(m)", "altMSL"])
@@ -388,17 +374,6 @@ def test_numbers_with_thousands_in_groups() -> None:
     german = read_table("t_s;east_m;north_m\n0;691.000,5;5.330.000,25\n1;9,5;-1.234,5")
     for drive in (english, german):
         same(drive.position, ([691_000.5, 9.5], [5_330_000.25, -1234.5]))
-
-
-def test_german_names() -> None:
-    drive = read_table(
-        "Datum;Uhrzeit;Breite;Länge;Höhe;Geschwindigkeit [km/h]\n"
-        "29.03.2026;12:00:00,5;52,5;13,4;35,5;36\n29.03.2026;12:00:01;52,6;13,5;36;72"
-    )
-    same(drive.position, BERLIN)
-    same(drive.time_s + drive.zero_s, [NOON + 0.5, NOON + 1.0])
-    same(drive.altitude_m, [35.5, 36.0])
-    same(drive.speed_mps, [10.0, 20.0])
 
 
 @pytest.mark.parametrize(("step", "geodetic"), [(1e-4, True), (0.02, False)])
