@@ -15,7 +15,6 @@ from scenarios.definition.check.drive_warnings import drive_warnings
 from scenarios.definition.check.lap import lap_warnings
 from scenarios.definition.check.link_forecast import (
     LinkForecast,
-    ReceiverForecast,
     laws_in_brief,
     link_forecasts,
 )
@@ -72,7 +71,7 @@ class CheckReport:
     path of segments: omitted points, holes, noise, the half width of the smoothing, the offset
     subtracted from coordinates, and the distance of the path from the points (rms) and between
     them as well (max). `drive` has more about it.
-    `explained` and `receivers` have the links and the followers on request.
+    `explained` has the links on request.
     """
 
     name: str
@@ -123,7 +122,6 @@ class CheckReport:
     warnings: tuple[str, ...]
     drive: DriveReport | None = None
     explained: tuple[LinkForecast, ...] = ()
-    receivers: tuple[ReceiverForecast, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,13 +160,11 @@ def whole_report(
     `explain` adds the forecasts of all links.
     """
     report = report_of(scenario)
-    links, receivers = link_forecasts(scenario) if explain else ((), ())
     return replace(
         report,
         warnings=(*report.warnings, *certificate_warnings(scenario)),
         drive=drive_report(drive, scenario) if drive is not None else None,
-        explained=links,
-        receivers=receivers,
+        explained=link_forecasts(scenario) if explain else (),
     )
 
 
