@@ -49,7 +49,7 @@ UNFIT: Final = re.compile(r"[0V]|N{1,2}")
 
 
 @dataclass(slots=True)
-class _Instant:
+class _NmeaPoint:
     """Values of the sentences of one time of day (s), NaN where unknown; `date` is in days."""
 
     number: int
@@ -72,9 +72,9 @@ def read_nmea(text: str) -> RecordedDrive:
     """
     left_out = LeftOutRecords()
     checked = bool(re.search(r"\$[A-Z]{2}(?:GGA|GNS|RMC|GLL),[^\r\n$*]*\*[0-9A-Fa-f]{2}", text))
-    instants: dict[tuple[float, int], _Instant] = {}
+    instants: dict[tuple[float, int], _NmeaPoint] = {}
     seen: Counter[tuple[float, str]] = Counter()
-    latest: _Instant | None = None
+    latest: _NmeaPoint | None = None
     for number, line in enumerate(re.split(r"\r\n|\n|\r", text), 1):
         if line.strip() and not BEGIN.search(line) and not line.startswith("!"):
             left_out.add(LeftOut(number, NOT_A_SENTENCE, NOT_A_SENTENCE))
@@ -90,7 +90,7 @@ def read_nmea(text: str) -> RecordedDrive:
             day_s = _day_seconds(fields[1 if kind == "ZDA" else POSITION_KINDS[kind][0]])
             count = -len(instants) if math.isnan(day_s) else seen[day_s, name]
             seen[day_s, name] += 1
-            latest = instants.setdefault((day_s, count), _Instant(number, day_s))
+            latest = instants.setdefault((day_s, count), _NmeaPoint(number, day_s))
             _add(latest, kind, fields, number, left_out)
     return _drive(list(instants.values()), left_out, checked=checked)
 
@@ -102,7 +102,7 @@ def _is_sound(body: str, checksum: str) -> bool:
 
 
 def _add(
-    point: _Instant, kind: str, fields: list[str], number: int, left_out: LeftOutRecords
+    point: _NmeaPoint, kind: str, fields: list[str], number: int, left_out: LeftOutRecords
 ) -> None:
     """Add the values of a sentence, whose position counts if its kind is the first."""
     if kind == "ZDA":
@@ -126,7 +126,7 @@ def _add(
         left_out.add(LeftOut(number, NOT_A_POSITION, f"position is {','.join(cells)!r:.40}"))
 
 
-def _drive(points: list[_Instant], left_out: LeftOutRecords, *, checked: bool) -> RecordedDrive:
+def _drive(points: list[_NmeaPoint], left_out: LeftOutRecords, *, checked: bool) -> RecordedDrive:
     times = _continued(np.array([point.day_s for point in points]))
     clock, zero_s, times = _dated(times, np.array([point.date for point in points]))
     listed = {record.number for record in left_out.records}
