@@ -24,7 +24,8 @@ from tests.made.scenarios.recorded_drives import (
 
 def back_and_forth() -> Drive:
     """A drive that turns back on the spot after 20 s."""
-    return [*drive(), *((20.1 + t, e, n, v) for t, e, n, v in drive()[:100][::-1])]
+    back = enumerate(drive()[:100][::-1])
+    return [*drive(), *((20.1 + 0.1 * k, e, n, v) for k, (_, e, n, v) in back)]
 
 
 @pytest.mark.parametrize("file", WRITERS)
