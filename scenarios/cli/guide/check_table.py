@@ -54,9 +54,6 @@ def _road(report: CheckReport) -> Iterator[Row]:
     yield "acceleration of the lead", changes
     if len(report.vehicles) > 1:
         yield "followers drive", _followers(report.gap_policy)
-    if report.held_braking_mps2 is not None:
-        held = f"up to {report.held_braking_mps2:.1f} m/s² from {report.speed_mps_max:.1f} m/s"
-        yield "braking without contact", f"{held} of the lead"
 
 
 def _drive(report: CheckReport) -> Iterator[Row]:

@@ -78,7 +78,7 @@ def _report(
         return
     listed: set[str] = set()
     if explain:
-        print_links(scenario.name, report.explained, report.receivers, Console())
+        print_links(scenario.name, report.explained, Console())
     elif report.drive is None or whole:
         print_report(report, Console())
     else:

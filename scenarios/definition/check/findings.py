@@ -12,11 +12,9 @@ import numpy as np
 from scenarios.definition.check.confirmation import confirmation_lines
 from scenarios.definition.check.drive_report import DriveReport, drive_report
 from scenarios.definition.check.drive_warnings import drive_warnings
-from scenarios.definition.check.hard_braking import HeldBraking, braking_warnings, held_braking
 from scenarios.definition.check.lap import lap_warnings
 from scenarios.definition.check.link_forecast import (
     LinkForecast,
-    ReceiverForecast,
     laws_in_brief,
     link_forecasts,
 )
@@ -69,13 +67,11 @@ class CheckReport:
     `tyres`, `masses_kg` (with driver and load), `offsets` from the path at the start, and `replays`
     of recorded drives. `laws` describes each link except latency, jitter, independent loss and
     rate. `gap_policy` is None if followers drive the lead's speed, `radius_m_min` on a straight
-    road.
-    `held_braking_mps2` is the hardest braking of the lead from its highest speed that followers
-    hold without contact, None unless they keep a gap. From `points` to `deviation_m_max` the fields
-    are about a recorded drive, and None for a path of segments: omitted points, holes, noise, the
-    half width of the smoothing, the offset subtracted from coordinates, and the distance of the
-    path from the points (rms) and between them as well (max). `drive` has more about it.
-    `explained` and `receivers` have the links and the followers on request.
+    road. From `points` to `deviation_m_max` the fields are about a recorded drive, and None for a
+    path of segments: omitted points, holes, noise, the half width of the smoothing, the offset
+    subtracted from coordinates, and the distance of the path from the points (rms) and between
+    them as well (max). `drive` has more about it.
+    `explained` has the links on request.
     """
 
     name: str
@@ -111,7 +107,6 @@ class CheckReport:
     speed_mps_max: float
     acceleration_mps2_max: float
     braking_mps2_max: float
-    held_braking_mps2: float | None
     lateral_acceleration_mps2_max: float
     points: int | None
     skipped_lines: int | None
@@ -127,7 +122,6 @@ class CheckReport:
     warnings: tuple[str, ...]
     drive: DriveReport | None = None
     explained: tuple[LinkForecast, ...] = ()
-    receivers: tuple[ReceiverForecast, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,13 +160,11 @@ def whole_report(
     `explain` adds the forecasts of all links.
     """
     report = report_of(scenario)
-    links, receivers = link_forecasts(scenario) if explain else ((), ())
     return replace(
         report,
         warnings=(*report.warnings, *certificate_warnings(scenario)),
         drive=drive_report(drive, scenario) if drive is not None else None,
-        explained=links,
-        receivers=receivers,
+        explained=link_forecasts(scenario) if explain else (),
     )
 
 
@@ -188,7 +180,7 @@ def report_of(scenario: Scenario) -> CheckReport:
     cars = {name: scenario.vehicle(name) for name in scenario.vehicle_names}
     changes = np.diff(run.speeds) / STEP
     trace = tables.path if isinstance(tables.path, PointsPath) else None
-    road, held = route.smoothed, _held(scenario, run)
+    road = route.smoothed
     return CheckReport(
         name=scenario.name,
         description=tables.description,
@@ -230,7 +222,6 @@ def report_of(scenario: Scenario) -> CheckReport:
         speed_mps_max=run.speed_range[1],
         acceleration_mps2_max=float(np.max(changes, initial=0.0)),
         braking_mps2_max=run.braking_max,
-        held_braking_mps2=held.braking if held else None,
         lateral_acceleration_mps2_max=run.lateral_max,
         points=len(set(trace.source_numbers)) or len(trace.east_m) if trace else None,
         skipped_lines=trace.skipped_lines if trace else None,
@@ -243,7 +234,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         coordinates_offset_m=(trace.east_offset_m, trace.north_offset_m) if trace else None,
         deviation_m_rms=road.deviation_rms if road else None,
         deviation_m_max=road.deviation_max if road else None,
-        warnings=(*confirmation_lines(scenario, wall_clock=True), *_warnings(scenario, run, held)),
+        warnings=(*confirmation_lines(scenario, wall_clock=True), *_warnings(scenario, run)),
     )
 
 
@@ -316,15 +307,10 @@ def _run(scenario: Scenario) -> _Run:
 
 def warnings(scenario: Scenario) -> tuple[str, ...]:
     """Return the warnings of a valid scenario, except those that need confirmation."""
-    run = _run(scenario)
-    return _warnings(scenario, run, _held(scenario, run))
+    return _warnings(scenario, _run(scenario))
 
 
-def _held(scenario: Scenario, run: _Run) -> HeldBraking | None:
-    return held_braking(scenario, run.speed_range[1])
-
-
-def _warnings(scenario: Scenario, run: _Run, held: HeldBraking | None) -> tuple[str, ...]:
+def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
     has_bends = float(np.max(np.abs(scenario.route.path.curvature))) > STRAIGHT
     result = (
         *drive_warnings(scenario),
@@ -338,7 +324,6 @@ def _warnings(scenario: Scenario, run: _Run, held: HeldBraking | None) -> tuple[
         *sampled_loop_warnings(scenario, run.speed_range),
         *_speed_warnings(scenario, run),
         *_acceleration_warnings(scenario, run),
-        *braking_warnings(held, run.braking_max),
         *slip_warnings(scenario, run.speeds, run.curvatures),
     )
     return tuple(dict.fromkeys(result))  # one file may be the path and replayed as well

@@ -1,18 +1,12 @@
 """Rules, laws and expected figures of each directed link."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 from scenarios.definition.channel.build import link_effects, link_stages, vehicles_between
 from scenarios.definition.channel.expected import expected_age_ms, expected_channel
 from scenarios.definition.channel.origins import OF_VEHICLES, rules_of, source_key
-from scenarios.definition.check.false_alarms import (
-    Alarms,
-    all_lost_per_h,
-    longest_silence_s,
-    sampled_alarms,
-)
 from scenarios.definition.check.preview import spacing_to
 from scenarios.definition.scenario import Scenario
 from vehicles.schedule import MILLISECOND
@@ -35,8 +29,7 @@ class LinkForecast:
     `rules` apply to the link, the most specific first. Figures that depend on more than the laws
     are None. Those of a radio are for `distance_m`, the spacing at the lead's first speed, with all
     vehicles in between obstructing it. `age_ms_mean` is the age of the newest message at a command,
-    for periodic messages and losses of a two-state chain. `false_alarms_per_h` is the rate of
-    silences longer than `silence_s_max` in a sample, after which the sender counts as lost.
+    for periodic messages and losses of a two-state chain.
     """
 
     sender: str
@@ -52,40 +45,10 @@ class LinkForecast:
     latency_ms_mean: float | None
     latency_ms_deviation: float | None
     age_ms_mean: float | None
-    silence_s_max: float
-    false_alarms_per_h: float | None = field(compare=False)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReceiverForecast:
-    """Rate per hour at which a follower loses all its sources although they send.
-
-    Links are independent; None without a sample.
-    """
-
-    receiver: str
-    all_lost_per_h: float | None
-
-
-def link_forecasts(
-    scenario: Scenario,
-) -> tuple[tuple[LinkForecast, ...], tuple[ReceiverForecast, ...]]:
-    links: list[LinkForecast] = []
-    of_receiver: dict[str, list[Alarms | None]] = {}
-    samples: dict[LinkForecast, Alarms | None] = {}
-    for link in scenario.links:
-        forecast = link_forecast(scenario, link)
-        alike = replace(forecast, sender="", receiver="")
-        if alike not in samples:
-            samples[alike] = sampled_alarms(scenario, link)
-        alarms = samples[alike]
-        links.append(replace(forecast, false_alarms_per_h=alarms.per_h if alarms else None))
-        if link[1] != scenario.vehicle_names[0]:  # the lead does not need what it receives
-            of_receiver.setdefault(link[1], []).append(alarms)
-    return tuple(links), tuple(
-        ReceiverForecast(receiver=name, all_lost_per_h=all_lost_per_h(alarms))
-        for name, alarms in of_receiver.items()
-    )
+def link_forecasts(scenario: Scenario) -> tuple[LinkForecast, ...]:
+    return tuple(link_forecast(scenario, link) for link in scenario.links)
 
 
 def link_forecast(scenario: Scenario, link: tuple[str, str]) -> LinkForecast:
@@ -125,8 +88,6 @@ def link_forecast(scenario: Scenario, link: tuple[str, str]) -> LinkForecast:
         latency_ms_mean=expected.latency_ms_mean,
         latency_ms_deviation=expected.latency_ms_deviation,
         age_ms_mean=None if age_ms is None else age_ms + source.gnss.latency / MILLISECOND,
-        silence_s_max=longest_silence_s(source, setup),
-        false_alarms_per_h=None,
     )
 
 

@@ -79,11 +79,6 @@ class StraightDrive:
                 delays.append((visible_at - context.sent_at) / MILLISECOND)
         return SampledChannel(np.array(lost, dtype=np.bool_), np.array(delays), dropped)
 
-    def arrivals(self, messages: int) -> list[tuple[int, int]]:
-        """Return number and time of arrival (ns) of each message that arrives."""
-        judged = self._judged(messages)
-        return [(context.seq, visible_at) for context, visible_at, reason in judged if not reason]
-
     def _judged(self, messages: int) -> Iterator[tuple[TransmissionContext, int, str]]:
         """Yield each message, its time of arrival (ns), and the reason of its drop."""
         stages = link_stages(self.table)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.definition.traces.recorded_drive import Floats, Mask, RecordedDrive
+from scenarios.definition.traces.recorded_drive import Floats, RecordedDrive
 
 LONGEST_HOLD = 1.5
 """Longest time (s) for which a recorder repeats a position; a longer one is a standstill."""
@@ -32,7 +32,7 @@ def without_repeats(drive: RecordedDrive) -> tuple[RecordedDrive, float]:
     repeats, which is returned as it is.
     """
     steps = np.diff(drive.position)
-    changes = np.concatenate(([True], _changes(steps)))
+    changes = np.concatenate(([True], (steps != 0.0).any(axis=0)))
     starts = np.flatnonzero(changes)
     lengths = np.diff(np.concatenate((starts, [drive.count])))
     if len(starts) < FEWEST_RUNS or len(starts) == drive.count:
@@ -48,8 +48,7 @@ def without_repeats(drive: RecordedDrive) -> tuple[RecordedDrive, float]:
     stands = lengths > STANDSTILL_HOLDS * usual
     if timed:
         stands &= held >= SHORTEST_STANDSTILL
-    new = ~_returns(drive.position[:, starts], lengths, usual)
-    kept = np.sort(np.concatenate((starts[new], lasts[stands])))
+    kept = np.sort(np.concatenate((starts, lasts[stands])))
     count = drive.count - len(kept)
     remark = f"every position is recorded {usual:.3g} times: {count} repeats are ignored"
     if interval > 0.0:
@@ -59,29 +58,6 @@ def without_repeats(drive: RecordedDrive) -> tuple[RecordedDrive, float]:
             f"{count} repeats are ignored"
         )
     return drive.selected(kept).with_remarks(remark), interval
-
-
-def _returns(distinct: Floats, lengths: NDArray[np.int64], usual: float) -> Mask:
-    """Mark positions that return after a short other one: a wrong record within a hold."""
-    same = (distinct[:, 2:] == distinct[:, :-2]).all(axis=0)
-    whole = lengths[:-2] + lengths[1:-1] + lengths[2:]
-    returns = np.zeros(len(lengths), bool)
-    returns[2:] = same & (lengths[1:-1] < usual) & (whole <= 1.5 * usual)
-    return returns
-
-
-def _changes(steps: Floats) -> Mask:
-    """Mark steps to a new position; where one axis follows a record later, only its step."""
-    moved = steps != 0.0
-    changes = np.asarray(moved.any(axis=0))
-    axis = np.where(moved.all(axis=0), 0, moved[0].astype(int) - moved[1].astype(int))
-    halves = np.zeros(len(axis), bool)
-    halves[:-1] = (axis[:-1] != 0) & (axis[1:] == -axis[:-1])
-    for first in (-1, 1):
-        split = halves & (axis == first)
-        if 2 * int(split.sum()) > 0.8 * int(changes.sum()):
-            return np.asarray(changes & ~split)
-    return changes
 
 
 def _repeats(lengths: NDArray[np.int64]) -> bool:

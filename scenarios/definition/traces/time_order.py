@@ -4,19 +4,9 @@ from bisect import bisect_right
 from dataclasses import replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from scenarios.definition.traces.disorder import (
-    LEAP,
-    MOST_LEAPS,
-    SHORT,
-    Complex,
-    disorder_of,
-    excursions_of,
-    is_shuffled,
-    longest_order,
-    usual_interval,
-)
 from scenarios.definition.traces.recorded_drive import (
     METRES_PER_DEGREE,
     NO_TIMES,
@@ -26,13 +16,10 @@ from scenarios.definition.traces.recorded_drive import (
     RecordedDrive,
 )
 
-HOUR, DAY = 3600.0, 86_400.0
-
 LARGEST = 1e15
 """Largest time (s); larger ones are unusable."""
 
-MOST_LEAPING = 0.25
-"""Largest share of points before or after the drive that are left out for their time."""
+DAY = 86_400.0
 
 LONGEST_PAUSE = 100 * DAY
 """Step in time (s) beyond which the clock was wrong; smaller ones are a drive of several days."""
@@ -40,22 +27,27 @@ LONGEST_PAUSE = 100 * DAY
 COARSE = 1.5
 """Mean number of moving points of the same time from which on times are coarse."""
 
-MOST_REMARKED = 5
-"""Number of leaps of the clock that are stated in full."""
+SHORT = 5
+"""Largest number of successive records whose times are wrong; more of them follow a leap."""
 
-SLOWEST = 0.5
-"""Speed (m/s) below which a distance does not show how long a step takes."""
+FAR_OFF = 20.0
+"""Distance of a time from the median of its neighbours, in usual intervals, that is a fault."""
 
-MOST_DAYS_IN_SECONDS = 3.0
-"""Number of days above which messages state times in days."""
+MOST_WRONG = 0.25
+"""Share of records of a wrong time above which times are unusable."""
+
+MOST_LEAPS = 0.1
+"""Share of records with a leap of the clock above which times are unusable."""
+
+SOURCES = 3
+"""Largest number of sources that alternate in a file."""
 
 
 def in_time_order(drive: RecordedDrive) -> RecordedDrive:
     """Return the drive with times that never decrease along its points, or without times.
 
-    Positions decide: records out of order are sorted, wrong and missing times are interpolated,
-    times after a leap of the clock are shifted. Only records on another clock before or after the
-    drive are left out.
+    Records are sorted by time where that shortens the path. Wrong and missing times are
+    interpolated, times after a leap of the clock are shifted.
     """
     times = np.where(np.abs(drive.time_s) <= LARGEST, drive.time_s, np.nan)
     reason = _unusable(times)
@@ -64,15 +56,21 @@ def in_time_order(drive: RecordedDrive) -> RecordedDrive:
             return drive
         return _untimed(drive, reason)
     steps = np.diff(times)
-    if bool(((steps > 0.0) & (steps <= LEAP)).all()):  # False for NaN, too
+    if bool(((steps > 0.0) & (steps <= LONGEST_PAUSE)).all()):  # False for NaN, too
         return drive
     missing = int(np.isnan(times).sum())
     if missing:
         have = "record has" if missing == 1 else "records have"
         drive = drive.with_remarks(f"{missing} {have} no usable time: it is interpolated")
-    drive = _without_other_clocks(replace(drive, time_s=times))
-    drive = _sorted(_without_duplicates(drive))
-    drive = _with_one_clock(drive)
+    drive = _without_duplicates(replace(drive, time_s=times))
+    for find_wrong in (_far_off, _off_the_order):
+        timed = np.flatnonzero(np.isfinite(drive.time_s))
+        steps = np.diff(drive.time_s[timed])
+        if bool(((steps < 0.0) | (steps > DAY)).any()):
+            drive = _without_wrong(drive, timed[find_wrong(drive.time_s[timed])])
+            drive = _sorted(drive)
+    if np.isfinite(drive.time_s).any():
+        drive = _with_one_clock(drive)
     if not np.isfinite(drive.time_s).any():
         return drive
     return _spread(_filled(drive))
@@ -96,7 +94,7 @@ def _unusable(times: Floats) -> str | None:
     return None
 
 
-def _plane(drive: RecordedDrive) -> Complex:
+def _plane(drive: RecordedDrive) -> NDArray[np.complex128]:
     """Return positions (m) as east + i north, exact enough to compare distances."""
     first, second = drive.position
     if not drive.geodetic:
@@ -106,73 +104,29 @@ def _plane(drive: RecordedDrive) -> Complex:
     return np.asarray((east + 1j * first) * METRES_PER_DEGREE)
 
 
-def _where(drive: RecordedDrive, k: int) -> str:
-    return f"{drive.unit} {drive.numbers[k]}"
-
-
-def _span(seconds: float) -> str:
-    days = seconds / DAY
-    return f"{seconds:.6g} s" if days < MOST_DAYS_IN_SECONDS else f"{days:.6g} days"
-
-
-def _signed(seconds: float) -> str:
-    return ("+" if seconds > 0.0 else "-") + _span(abs(seconds))
-
-
 def _untimed(drive: RecordedDrive, reason: str) -> RecordedDrive:
     untimed = replace(drive, time_s=np.full(drive.count, np.nan), clock=None, zero_s=0.0)
     return untimed.with_remarks(f"{reason}: {NO_TIMES}") if reason else untimed
 
 
-# ---- Records that are left out or moved
-
-
-def _without_other_clocks(drive: RecordedDrive) -> RecordedDrive:
-    """Leave out the few records before or after the drive that are more than LEAP off."""
-    timed = np.flatnonzero(np.isfinite(drive.time_s))
-    times = drive.time_s[timed]
-    edges = np.flatnonzero(np.abs(np.diff(times)) > LEAP / 2.0) + 1
-    if not edges.size:
-        return drive
-    starts = np.concatenate(([0], edges))
-    ends = np.concatenate((edges, [len(times)]))
-    longest = int(np.argmax(ends - starts))
-    first, last = int(starts[longest]), int(ends[longest]) - 1
-    for most_back in (LEAP / 2.0, LEAP):  # a part a day back may be an excursion or a leap
-        for start, end in zip(starts[::-1].tolist(), ends[::-1].tolist(), strict=True):
-            if end <= first and -most_back <= times[first] - times[end - 1] <= LEAP:
-                first = start
-        for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
-            if start > last and -most_back <= times[start] - times[last] <= LEAP:
-                last = end - 1
-    marked = np.zeros(drive.count, bool)
-    marked[timed[:first]] = True
-    marked[timed[last + 1 :]] = True
-    if marked.sum() > MOST_LEAPING * drive.count:
-        return drive
-
-    def reason(k: int) -> str:
-        at = float(drive.time_s[k])
-        nearest = min((times[first], times[last]), key=lambda other: abs(other - at))
-        side = "after the last" if at > nearest else "before the first"
-        return f"its time is {_span(abs(at - nearest))} {side} of the drive"
-
-    return drive.without(marked, "wrong time", reason)
+def _usual_interval(times: Floats) -> float:
+    """Return the interval (s) of most records, of one of up to SOURCES that alternate; or 1."""
+    intervals = []
+    for apart in range(1, SOURCES + 1):
+        steps = np.abs(times[apart:] - times[:-apart])
+        steps = steps[(steps > 0.0) & (steps <= LONGEST_PAUSE)]
+        if steps.size:
+            intervals.append(float(np.quantile(steps, 0.4)))
+    return min(intervals, default=1.0)
 
 
 def _without_duplicates(drive: RecordedDrive) -> RecordedDrive:
     """Ignore records of the same time and position as an earlier one, or without time as it."""
     first, second = drive.position
-    times = drive.time_s
-    if bool((np.diff(times) >= 0.0).all()):
-        repeated = np.zeros(drive.count, bool)
-        repeated[1:] = (np.diff(times) == 0.0) & ~np.diff(drive.position).any(axis=0)
-    else:
-        order = np.lexsort((second, first, times))
-        columns = np.vstack((np.nan_to_num(times, nan=np.inf), drive.position))[:, order]
-        same = (columns[:, 1:] == columns[:, :-1]).all(axis=0)
-        repeated = np.zeros(drive.count, bool)
-        repeated[order[1:][same]] = True
+    order = np.lexsort((second, first, drive.time_s))
+    columns = np.vstack((np.nan_to_num(drive.time_s, nan=np.inf), drive.position))[:, order]
+    repeated = np.zeros(drive.count, bool)
+    repeated[order[1:][(columns[:, 1:] == columns[:, :-1]).all(axis=0)]] = True
     count = int(repeated.sum())
     if not count:
         return drive
@@ -182,136 +136,92 @@ def _without_duplicates(drive: RecordedDrive) -> RecordedDrive:
 
 
 def _sorted(drive: RecordedDrive) -> RecordedDrive:
-    """Remove wrong times, and sort records that are out of order."""
-    timed = np.flatnonzero(np.isfinite(drive.time_s))
-    if bool((np.diff(drive.time_s[timed]) >= 0.0).all()):
+    """Sort records by time if the path becomes no longer and keeps the usual interval.
+
+    Laps on a clock that starts again are shorter, too, but have records at shorter intervals.
+    """
+    times, places = drive.time_s, _plane(drive)
+    timed = np.flatnonzero(np.isfinite(times))
+    order = timed[np.argsort(times[timed], kind="stable")]
+    if order.size < 2 or np.array_equal(order, timed):
         return drive
-    if timed.size == drive.count and is_shuffled(drive.time_s, _plane(drive)):
-        count = drive.count - int(longest_order(drive.time_s, bisect_right).sum())
-        remark = f"{count} records are out of order and sorted by time"
-        return drive.selected(np.argsort(drive.time_s, kind="stable")).with_remarks(remark)
-    usual = usual_interval(drive.time_s[timed])
-    right = drive.time_s.copy()
-    excursions = excursions_of(right[timed], _plane(drive)[timed], timed, usual)
-    remarks = _without_excursions(drive, right, timed, excursions)
-    timed = np.flatnonzero(np.isfinite(right))
-    disorder = disorder_of(right[timed], _plane(drive)[timed], timed, usual)
-    right[timed[disorder.wrong]] = np.nan
-    remarks += _without_excursions(drive, right, timed, disorder.runs)
-    remarks = _limited(remarks)
-    _list_wrong(drive, right)
-    key = np.arange(drive.count, dtype=float)
-    moved = disorder.key % 1.0 != 0.0
-    key[timed[moved]] = timed[np.floor(disorder.key[moved]).astype(int)] + 0.5
-    key[timed[disorder.key < 0.0]] = -0.5
-    order = np.lexsort((right, key))
-    count = int((moved & (disorder.key != np.arange(len(timed)) - 0.5)).sum())
-    if count:
-        verb = "record is" if count == 1 else "records are"
-        remarks.append(f"{count} {verb} out of order and sorted by time")
-    drive = replace(drive, time_s=right).with_remarks(*remarks)
-    return drive.selected(order) if count else drive
+    if np.median(np.diff(times[order])) < 0.6 * _usual_interval(times[timed]):
+        return drive
+    in_time, in_file = (float(np.abs(np.diff(places[one])).sum()) for one in (order, timed))
+    if in_time > (1.0 + 1e-9) * in_file:
+        return drive
+    everywhere = np.arange(drive.count)
+    everywhere[timed] = order
+    remark = f"{int((order != timed).sum())} records are out of order and sorted by time"
+    return drive.selected(everywhere).with_remarks(remark)
 
 
-def _without_excursions(
-    drive: RecordedDrive, right: Floats, timed: NDArray[np.int64], runs: list[tuple[int, int]]
-) -> list[str]:
-    """Shift long runs of `right` times between their neighbours, and remove short ones."""
-    remarks = []
-    for first, last in runs:
-        run = timed[first : last + 1]
-        times = right[run]
-        before, after = right[timed[[first - 1, last + 1]]].tolist()
-        spare = after - before - float(times[-1] - times[0])
-        if run.size <= SHORT or not (spare >= 0.0 and bool((np.diff(times) >= 0.0).all())):
-            right[run] = np.nan
-            continue
-        shift = before + spare / 2.0 - float(times[0])
-        right[run] += shift
-        remarks.append(
-            f"{_where(drive, int(run[0]))}: the clock is {_signed(-shift)} off for {run.size} "
-            "records: their times are shifted"
-        )
-    return remarks
+def _far_off(times: Floats) -> Mask:
+    """Mark times far off those of three records on either side."""
+    if times.size < 7:
+        return np.zeros(times.size, bool)
+    medians = np.median(sliding_window_view(np.pad(times, 3, mode="reflect"), 7), axis=1)
+    return np.asarray(np.abs(times - medians) > FAR_OFF * _usual_interval(times))
 
 
-def _list_wrong(drive: RecordedDrive, right: Floats) -> None:
-    wrong = np.flatnonzero(np.isfinite(drive.time_s) & np.isnan(right))
-    usable = np.flatnonzero(np.isfinite(right))
-    expected = np.interp(wrong, usable, right[usable])
-    filled = right.copy()
-    filled[wrong] = expected
-    corrected = replace(drive, time_s=filled)
-    for k, off in zip(wrong.tolist(), (drive.time_s[wrong] - expected).tolist(), strict=True):
-        reason = f"its time is {_signed(off)} off and is interpolated"
-        corrected.list_fault(k, WRONG_TIME, reason)
+def _off_the_order(times: Floats) -> Mask:
+    """Mark the short runs of times off a longest sequence that never decreases."""
+    off = ~_longest_order(times)
+    edges = np.flatnonzero(np.diff(off, prepend=False, append=False))
+    for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        off[begin:end] = end - begin <= SHORT
+    return off
 
 
-# ---- Leaps of the clock
+def _longest_order(times: Floats) -> Mask:
+    """Mark a longest subsequence that never decreases (patience sorting)."""
+    ends: list[float] = []
+    ended_by: list[int] = []
+    previous: list[int] = []
+    for k, time in enumerate(times.tolist()):
+        pile = bisect_right(ends, time)
+        previous.append(ended_by[pile - 1] if pile else -1)
+        ends[pile : pile + 1] = [time]
+        ended_by[pile : pile + 1] = [k]
+    marked = np.zeros(times.size, bool)
+    k = ended_by[-1]
+    while k >= 0:
+        marked[k] = True
+        k = previous[k]
+    return marked
+
+
+def _without_wrong(drive: RecordedDrive, wrong: NDArray[np.int64]) -> RecordedDrive:
+    if wrong.size > MOST_WRONG * drive.count:
+        return _untimed(drive, f"time runs back at {wrong.size} of {drive.count} points")
+    for k in wrong.tolist():
+        drive.list_fault(k, WRONG_TIME, "its time is wrong and is interpolated")
+    times = drive.time_s.copy()
+    times[wrong] = np.nan
+    return replace(drive, time_s=times)
 
 
 def _with_one_clock(drive: RecordedDrive) -> RecordedDrive:
     """Shift the times after leaps of the clock; the longest part keeps its times."""
     timed = np.flatnonzero(np.isfinite(drive.time_s))
-    times, places = drive.time_s[timed], _plane(drive)[timed]
-    usual = usual_interval(times)
-    steps, distances = np.diff(times), np.abs(np.diff(places))
-    leaps = np.flatnonzero((steps < 0.0) | (steps > LONGEST_PAUSE) | _stops(steps, distances))
+    times = drive.time_s[timed]
+    steps = np.diff(times)
+    leaps = np.flatnonzero((steps < 0.0) | (steps > LONGEST_PAUSE))
     if not leaps.size:
         return drive
-    if leaps.size > max(MOST_REMARKED, MOST_LEAPS * len(times)):
-        return _untimed(drive, f"time runs back at {leaps.size} of {len(times)} points")
-    steady = np.abs(steps) <= 10.0 * usual
-    steady[leaps] = False
-    shifts = np.array([_shift(k, steady, steps, distances, usual) for k in leaps.tolist()])
-    bounds = np.concatenate(([0], leaps + 1, [len(times)]))
-    main = int(np.argmax(np.diff(bounds)))
-    offsets = np.concatenate(([0.0], np.cumsum(shifts)))
-    offsets -= offsets[main]
+    if leaps.size > max(SHORT, MOST_LEAPS * times.size):
+        return _untimed(drive, f"time runs back at {leaps.size} of {times.size} points")
+    bounds = np.concatenate(([0], leaps + 1, [times.size]))
+    offsets = np.concatenate(([0.0], np.cumsum(_usual_interval(times) - steps[leaps])))
+    offsets -= offsets[np.argmax(np.diff(bounds))]
     column = drive.time_s.copy()
     column[timed] = times + np.repeat(offsets, np.diff(bounds))
     remarks = [
-        f"{_where(drive, int(timed[k + 1]))}: the clock leaps by {_signed(-shift)}: times "
-        f"{'before' if part < main else 'after'} it are shifted"
-        for part, (k, shift) in enumerate(zip(leaps.tolist(), shifts.tolist(), strict=True))
+        f"{drive.unit} {drive.numbers[timed[k + 1]]}: the clock leaps by {steps[k]:+.6g} s: "
+        "times are shifted"
+        for k in leaps.tolist()
     ]
-    return replace(drive, time_s=column).with_remarks(*_limited(remarks))
-
-
-def _stops(steps: Floats, distances: Floats) -> Mask:
-    """Mark the one or two usual steps of a drive that take no time although their neighbours do."""
-    marked = (steps == 0.0) & (distances > 0.0)
-    if not 0 < int(marked.sum()) <= 2:
-        return np.zeros(len(steps), bool)
-    positive = steps[steps > 0.0]
-    usual = float(np.median(positive)) if positive.size else 1.0
-    following = np.concatenate((steps[1:], [usual]))
-    pace = float(np.median(distances[steps > 0.0])) if positive.size else 0.0
-    is_usual = (distances > 0.5 * pace) & (distances < 3.0 * pace)  # further: a wrong position
-    return np.asarray(marked & (following < 1.5 * usual) & is_usual)
-
-
-def _shift(k: int, steady: Mask, steps: Floats, distances: Floats, usual: float) -> float:
-    """Return what to add to the times after leap `k`, in whole hours if these fit."""
-    near = np.arange(max(0, k - 5), min(len(steps), k + 6))
-    near = near[steady[near]]
-    span = float(steps[near].sum())
-    speed = float(distances[near].sum()) / span if span > 0.0 else 0.0
-    expected = max(usual, float(distances[k]) / speed) if speed > SLOWEST else usual
-    shift = expected - float(steps[k])
-    hours = HOUR * round(shift / HOUR)
-    if hours and 0.5 * usual <= steps[k] + hours <= 2.0 * expected:
-        return float(hours)
-    return shift
-
-
-def _limited(remarks: list[str]) -> list[str]:
-    more = len(remarks) - MOST_REMARKED
-    last = [f"the clock leaps at {more} more places"] if more > 0 else []
-    return [*remarks[:MOST_REMARKED], *last]
-
-
-# ---- Missing and coarse times
+    return replace(drive, time_s=column).with_remarks(*remarks)
 
 
 def _filled(drive: RecordedDrive) -> RecordedDrive:
@@ -322,7 +232,7 @@ def _filled(drive: RecordedDrive) -> RecordedDrive:
         return drive
     timed = np.flatnonzero(known)
     times = drive.time_s[timed]
-    usual = usual_interval(times)
+    usual = _usual_interval(times)
     column = drive.time_s.copy()
     place = np.searchsorted(timed, missing)
     early, late = missing[place == 0], missing[place == len(timed)]

@@ -6,16 +6,12 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.library import TEMPLATE
 from scenarios.definition.scenario import (
     Scenario,
-    drills,
-    library,
     load_scenario,
     scenario_from_text,
 )
 from tests.made.scenarios.messages import STRAIGHT
-from tests.made.scenarios.recorded_drives import drive, write_log
 
 CURVED = """
 name = "curved"
@@ -99,14 +95,6 @@ def test_a_path_of_another_kind_takes_the_place_of_the_whole_path(tmp_path: Path
     assert path.laps == 1
 
 
-def test_a_base_may_omit_keys_of_the_extending_file(tmp_path: Path) -> None:
-    base = "[path]\nsmoothing_m = 3.0\n[control]\npreview_s = 1.5\n"
-    text = f"name = 'mine'\n[path]\nkind = 'points'\n{POINTS}"
-    scenario = extending(tmp_path, base, text)
-    assert scenario.tables.path.model_dump()["smoothing_m"] == 3.0
-    assert scenario.tables.control.preview_s == 1.5
-
-
 def test_a_chain_goes_over_folders_and_shipped_scenarios(tmp_path: Path) -> None:
     (tmp_path / "deep").mkdir()
     (tmp_path / "middle.toml").write_text('extends = "paper_a"\n[speed]\nset_mps = 12.0\n')
@@ -117,17 +105,6 @@ def test_a_chain_goes_over_folders_and_shipped_scenarios(tmp_path: Path) -> None
     assert scenario.tables.path == base.tables.path
     assert scenario.tables.gnss.value.position_noise == 0.0  # of paper_base
     assert scenario.tables.loading.value.rear_passengers == 2  # of paper_a
-
-
-def test_a_text_without_a_file_may_extend_a_shipped_scenario() -> None:
-    scenario = scenario_from_text('extends = "lane_change"\nname = "mine"\n')
-    assert scenario.tables.path == load_scenario("lane_change").tables.path
-
-
-def test_a_file_may_bear_the_name_of_the_shipped_scenario_that_it_extends(tmp_path: Path) -> None:
-    path = tmp_path / "lane_change.toml"
-    path.write_text('extends = "lane_change"\nname = "mine"\n')
-    assert load_scenario(path).name == "mine"
 
 
 def test_a_trace_is_sought_beside_the_file_that_names_it(tmp_path: Path) -> None:
@@ -147,16 +124,6 @@ def test_a_trace_is_sought_beside_the_file_that_names_it(tmp_path: Path) -> None
     assert len(load_scenario(mine).tables.path.model_dump()["east_m"]) < 40
 
 
-def test_a_trace_set_over_a_shipped_scenario_is_searched_in_the_working_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    rows = "\n".join(f"{second},{second * 10.0},0.0" for second in range(40))
-    (tmp_path / "mine.csv").write_text(f"t_s,x_m,y_m\n{rows}\n")
-    monkeypatch.chdir(tmp_path)
-    scenario = load_scenario("highway", overrides=["path.file=mine.csv"])
-    assert scenario.tables.path.model_dump()["source"] == "mine.csv"
-
-
 def test_overrides_are_laid_over_the_merged_tables(tmp_path: Path) -> None:
     scenario = extending(
         tmp_path, CURVED, "duration_s = 12.0\n", "duration_s=14.0", "path.segments.0.length_m=500"
@@ -171,29 +138,6 @@ def test_the_text_of_an_extending_scenario_is_all_of_it(tmp_path: Path) -> None:
     again = scenario_from_text(scenario.text)
     assert again.tables == scenario.tables
     assert again.text == scenario.text
-
-
-def test_the_folder_of_a_run_is_a_recorded_drive(tmp_path: Path) -> None:
-    write_log(tmp_path / "run.mcap", drive())
-    mine = tmp_path / "mine.toml"
-    mine.write_text(f'extends = "../{tmp_path.name}"\n[convoy]\nvehicles = 2\n')
-    scenario = load_scenario(mine)
-    assert (scenario.tables.convoy.vehicles, scenario.tables.speed.lead) == (2, "recorded")
-
-
-def test_no_scenario_that_ships_repeats_the_road_of_another() -> None:
-    roads = [load_scenario(name).tables.path for name in library()]
-    written = [
-        text
-        for path in (Path(__file__).parents[3] / "scenarios" / "library").rglob("*.toml")
-        if path.parent.name not in {"presets", "drills"}  # drills have no road: see below
-        and "kind = " in (text := path.read_text(encoding="utf-8"))
-        and path.stem != TEMPLATE
-    ]
-    different = {str(road.model_dump()) for road in roads}
-    # One of the paper's files and two of Plexe's extend the kind and have segments of their own.
-    assert len(written) == len(different) - 3 < len(roads)
-    assert {str(load_scenario(name).tables.path.model_dump()) for name in drills()} <= different
 
 
 # --- What is refused
@@ -238,11 +182,6 @@ def test_files_in_a_circle_are_refused_with_the_whole_chain(tmp_path: Path) -> N
     assert refused(c) == f"{c}: extends: files in a circle: {c}, {c}"
 
 
-def test_a_base_that_is_no_toml_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ScenarioError, match=r"base\.toml: not valid TOML.*line 1"):
-        extending(tmp_path, "name = \n", "")
-
-
 @pytest.mark.parametrize(
     ("base", "text", "override", "expected"),
     [
@@ -283,18 +222,7 @@ def test_a_refusal_names_the_file_that_gives_the_key(
     assert line.removeprefix(f"{tmp_path}/").startswith(expected)
 
 
-def test_a_trace_that_is_missing_beside_the_base_is_the_base_s_problem(tmp_path: Path) -> None:
-    base = "name = 'base'\n[path]\nkind = 'trace'\nfile = 'drive.csv'\n"
-    with pytest.raises(ScenarioError, match=r"base\.toml: path\.file: .*drive\.csv: no such file"):
-        extending(tmp_path, base, "seed = 2\n")
-
-
 def test_what_a_file_extends_cannot_be_overridden(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text(STRAIGHT)
     line = refused(tmp_path / "mine.toml", "extends=lane_change")
     assert line == "--set extends=lane_change: allowed in a scenario file only"
-
-
-def test_a_misspelt_extends_is_recognised() -> None:
-    with pytest.raises(ScenarioError, match=r"extend: unknown key, did you mean extends\?"):
-        scenario_from_text(f'extend = "lane_change"\n{STRAIGHT}')

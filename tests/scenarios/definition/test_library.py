@@ -118,14 +118,6 @@ def test_the_motorway_is_driven_as_it_was_recorded() -> None:
     assert report.duration_s == pytest.approx(run_in + 59.9, abs=0.2)
 
 
-def test_the_lossy_scenario_has_its_losses() -> None:
-    scenario = load_scenario("lossy_lane_change")
-    links = list(scenario.links.values())
-    assert len(links) == 5
-    assert all(link.loss_ratio >= 0.2 and link.jitter_ms > 0.0 for link in links)
-    assert max(scenario.route.gaps) < 5.0
-
-
 def test_the_template_is_a_scenario() -> None:
     scenario = scenario_from_text(template())
     assert scenario.duration_s == pytest.approx(40.0, abs=0.1)  # 800 m at 20 m/s
@@ -148,14 +140,6 @@ def test_the_documented_parameters_are_those_of_the_default_car() -> None:
     assert len(documented) == 11
 
 
-@pytest.mark.parametrize("name", [one for one in library() if one.startswith("paper_")])
-def test_the_paper_s_scenarios_drive_the_paper_s_car(name: str) -> None:
-    scenario = load_scenario(name)
-    for vehicle in scenario.vehicle_names:
-        assert scenario.vehicle(vehicle).assumed_parameters == LINCOLN_MKZ
-        assert scenario.vehicle(vehicle).parameters.tyres == "linear"
-
-
 def test_commented_keys_of_the_template_are_valid() -> None:
     whole = uncommented(template())
     tables = ScenarioTables.model_validate(whole)
@@ -164,8 +148,3 @@ def test_commented_keys_of_the_template_are_valid() -> None:
     assert set(tables.vehicle["v3"].model_fields_set) >= {"control", "gnss", "loading", "gap_m"}
     kinds = [TypeAdapter(PathTable).validate_python(path) for path in path_examples(template())]
     assert [path.kind for path in kinds] == ["trace"]
-
-
-def test_descriptions_define_their_terms() -> None:
-    for name in library():
-        assert not re.search(r"\bn_[fr]\b", load_scenario(name).tables.description), name

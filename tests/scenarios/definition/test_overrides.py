@@ -69,18 +69,3 @@ def test_an_invalid_list_or_table_names_its_invalid_part(text: str, part: str) -
         parse_override(text)
     assert "not valid TOML" in str(refused.value)
     assert part in str(refused.value)
-
-
-def test_an_override_may_be_written_without_quotes_and_with_indices() -> None:
-    scenario = scenario_from_text(
-        STRAIGHT,
-        overrides=[
-            "information_flow.lateral=predecessor",
-            "path.segments.0.length_m=500",
-            "path.segments[1].length_m=700",
-            "link.0={sender='*', receiver='v2', loss_ratio=0.5}",
-        ],
-    )
-    assert scenario.vehicle("v2").flow.lateral == ("v1",)
-    assert scenario.route.length == pytest.approx(1200.0)
-    assert scenario.links["v1", "v2"].loss_ratio == 0.5

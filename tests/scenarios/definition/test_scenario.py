@@ -1,24 +1,19 @@
 """Scenario files: what they resolve to."""
 
-import re
 import tomllib
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.check.findings import warnings
 from scenarios.definition.scenario import load_scenario, scenario_from_text
 from tests.made.examples import examples
 from tests.made.scenarios.messages import STRAIGHT
 from vehicles.car.parameters import LINCOLN_MKZ, Gains
 
 DEFAULT_CAR = replace(LINCOLN_MKZ, tyres="brush", steering_rate_limit=1.18)
-
-COORDINATES = "t_s,x_m,y_m\n" + "".join(f"{k},{10 * k},0\n" for k in range(20))
 
 
 def test_defaults_are_the_paper_s() -> None:
@@ -129,33 +124,6 @@ loss_ratio = 0.1
     assert scenario.links["v3", "v4"].loss_ratio == 0.0
 
 
-def test_a_scenario_s_text_holds_all_of_it(tmp_path: Path) -> None:
-    (tmp_path / "drive.csv").write_text(COORDINATES + "13,nonsense,0\n")
-    text = """
-name = "whole"
-[path]
-kind = "trace"
-file = "drive.csv"
-[speed]
-lead = "recorded"
-[[link]]
-sender = "*"
-receiver = "v2"
-loss_ratio = 0.25
-[vehicle.v3.control]
-alpha_ratio = 1.0
-"""
-    scenario = scenario_from_text(text, folder=tmp_path)
-    (tmp_path / "drive.csv").unlink()
-    again = scenario_from_text(scenario.text, folder=tmp_path)
-    assert again.tables == scenario.tables
-    assert again.duration_s == scenario.duration_s
-    assert again.links == scenario.links
-    assert again.vehicle("v3") == scenario.vehicle("v3")
-    assert warnings(again) == warnings(scenario)
-    assert "drive.csv: 1 record is left out" in warnings(again)[0]
-
-
 def test_the_seed_argument_wins_over_file_and_override() -> None:
     assert scenario_from_text(STRAIGHT, overrides=["seed=5"]).seed == 5
     assert scenario_from_text(STRAIGHT, overrides=["seed=5"], seed=7).seed == 7
@@ -203,27 +171,6 @@ def test_every_kind_of_value_survives_the_text(
     # What a file may say of a link or a vehicle is as it was given, without defaults.
     written = tomllib.loads(scenario.text)
     assert (written["link"], written["vehicle"]) == (tables["link"], tables["vehicle"])
-
-
-def test_the_title_names_the_overrides() -> None:
-    plain = load_scenario("lane_change")
-    assert plain.title == "lane_change, seed 1, α 0.5, loss 0 %"
-    assert (plain.overrides, plain.slug) == ((), "lane_change")
-    settings = ["convoy.gap_m=3", "links.loss_ratio=0.4"]
-    scenario = load_scenario("lane_change", settings, seed=7)
-    assert scenario.overrides == (*settings, "seed=7")
-    assert scenario.title == (
-        "lane_change, seed 7, α 0.5, loss 40 %, convoy.gap_m=3, links.loss_ratio=0.4"
-    )
-    assert scenario.slug == "lane_change-convoy.gap_m=3-links.loss_ratio=0.4-seed=7"
-    some = ["vehicle.v3.control.alpha_ratio=0.8", 'link=[{sender="v1",receiver="v2",loss_ratio=1}]']
-    mixed = load_scenario("lane_change", some)
-    assert mixed.title.startswith("lane_change, seed 1, α 0.5 to 0.8, loss 0 to 100 %, vehicle.v3")
-    assert re.fullmatch(r"[A-Za-z0-9_.=-]{1,80}", mixed.slug)
-    long = load_scenario("lane_change", [*settings, *some, "gnss.rate_hz=10"])
-    longer = load_scenario("lane_change", [*settings, *some, "gnss.rate_hz=11"])
-    assert len(long.slug) == len(longer.slug) == 80
-    assert long.slug != longer.slug
 
 
 def test_a_scenario_knows_its_overrides_from_its_own_text_and_adds_more() -> None:

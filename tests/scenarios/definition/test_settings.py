@@ -7,7 +7,6 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from scenarios.definition.schema.base_table import overlay
 from scenarios.definition.schema.settings_table import SettingsTable, one_of, table_with
 from vehicles.setting import Setting
 
@@ -34,12 +33,6 @@ class Sensor:
 
 
 Keys = SettingsTable[Sensor]
-
-
-def test_keys_have_the_unit_before_any_qualifier() -> None:
-    assert list(Keys.model_fields) == [
-        *("angle_deg", "wait_ms_max", "late_ms", "places_m", "kind_of_word", "drift", "blind")
-    ]
 
 
 def test_defaults_are_those_of_the_class() -> None:
@@ -80,12 +73,6 @@ def test_values_are_si_and_whole_times_nanoseconds() -> None:
 def test_what_the_class_does_not_allow_is_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(ValidationError):
         Keys.model_validate(wrong)
-
-
-def test_written_keys_are_laid_over_others() -> None:
-    base = Keys.model_validate({"late_ms": 3.0, "drift": {"deviation_m": 1.0}})
-    own = Keys.model_validate({"angle_deg": 1.0})
-    assert overlay(base, own).value == Sensor(math.radians(1.0), late=3_000_000, drift=Drift(1.0))
 
 
 def test_a_table_is_one_of_several_by_its_kind() -> None:

@@ -52,40 +52,12 @@ def test_the_lead_of_a_closed_path_receives_its_followers(
     assert scenario_from_text(scenario.text).tables == scenario.tables
 
 
-def test_the_lead_of_an_earlier_log_received_nobody() -> None:
-    scenario = load_scenario("church_lot")
-    text = scenario.text.replace("lead_keeps_gap = true\n", "")
-    assert text != scenario.text
-    earlier = scenario_from_text(text, recorded=True)
-    assert earlier.vehicle("v1").senders == ()
-
-
-ENTRIES = (
-    'link=[{sender="*", receiver="v3", loss_ratio=0.1, jitter_ms=5.0},'
-    '{sender="v1", receiver="*", latency_ms=70.0},{sender="v1", receiver="v3", loss_ratio=0.5}]'
-)
-
-
-def test_the_more_specific_entry_wins_key_by_key() -> None:
-    links = load_scenario("lane_change", ["convoy.vehicles=3", "links.rate_hz=7.0", ENTRIES]).links
-    assert links == {
-        ("v1", "v2"): LinkTable(latency_ms=70.0, rate_hz=7.0),
-        ("v1", "v3"): LinkTable(latency_ms=70.0, jitter_ms=5.0, loss_ratio=0.5, rate_hz=7.0),
-        ("v2", "v3"): LinkTable(jitter_ms=5.0, loss_ratio=0.1, rate_hz=7.0),
-    }
-
-
 def test_each_key_becomes_its_effect() -> None:
     table = LinkTable(latency_ms=12.5, jitter_ms=30.0, loss_ratio=0.25, rate_hz=5.0)
     rate, loss, latency, jitter = link_effects(table, RATE_HZ)
     assert isinstance(rate, Decimation)
     assert rate.kept == 1 / 4
     assert (loss, latency, jitter) == (Loss(0.25), Latency(12_500_000), Jitter(30_000_000))
-
-
-def test_a_link_has_no_effects_that_are_not_configured() -> None:
-    assert len(link_effects(LinkTable(), RATE_HZ)) == 1
-    assert len(link_effects(LinkTable(jitter_ms=1, loss_ratio=0.1, rate_hz=5), RATE_HZ)) == 4
 
 
 @pytest.mark.parametrize(
@@ -237,8 +209,3 @@ def test_wrong_sources_get_one_line(overrides: tuple[str, ...], parts: tuple[str
     (line,) = str(refused.value).splitlines()
     for part in parts:
         assert part in line
-
-
-def test_consensus_needs_no_predecessor() -> None:
-    consensus = (*GAP, "control.longitudinal=consensus", "information_flow.longitudinal=lead")
-    assert load_scenario("lane_change", consensus).vehicle("v3").flow.longitudinal == ("v1",)

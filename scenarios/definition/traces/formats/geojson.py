@@ -1,20 +1,12 @@
 """GeoJSON: line strings, or else points in their order."""
 
-import contextlib
 import json
-import re
 from collections.abc import Iterator, Mapping
 from itertools import zip_longest
 from typing import Any, Final
 
 from scenarios.definition.traces.formats.point_columns import PointColumns
-from scenarios.definition.traces.recorded_drive import (
-    DAMAGE,
-    LeftOut,
-    LeftOutRecords,
-    RecordedDrive,
-    TraceError,
-)
+from scenarios.definition.traces.recorded_drive import RecordedDrive, TraceError
 
 LINE_TIMES: Final = ("coordTimes", "times", "coordinateTimes")
 """Properties of a line with the times of its positions, also within coordinateProperties."""
@@ -22,14 +14,6 @@ LINE_TIMES: Final = ("coordTimes", "times", "coordinateTimes")
 TIMES: Final = ("time", "timestamp", "datetime", "utc", "t_s")
 SPEEDS: Final = ("speed", "speed_mps", "velocity")
 """Properties of a point."""
-
-BEGIN: Final = re.compile(r"[{\[]")
-
-MOST_DAMAGES: Final = 20
-"""Number of damaged places behind which reading goes on."""
-
-TOKENS: Final = re.compile(r'"(?:[^"\\]|\\.)*"|[\[\]{}]')
-CLOSING: Final = {"[": "]", "{": "}"}
 
 Json = Mapping[str, Any]
 
@@ -39,21 +23,17 @@ def read_geojson(text: str) -> RecordedDrive:
 
     Lines may have times in the property coordTimes, points in time or timestamp.
     """
-    left_out = LeftOutRecords()
     lines, points = PointColumns(), PointColumns()
-    for document, damage in _documents(text):
-        for geometry, properties in _geometries(document, {}):
-            _add_geometry(geometry, properties, lines, points)
-        if damage:
-            number = max(len(lines.times), len(points.times)) + 1
-            left_out.add(LeftOut(number, DAMAGE, damage))
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise TraceError(f"not valid JSON, perhaps truncated: {error}") from error
+    for geometry, properties in _geometries(content, {}):
+        _add_geometry(geometry, properties, lines, points)
     chosen = lines if lines.times else points
     if not chosen.times:
-        damages = [record.reason for record in left_out.records[:1]]
-        raise TraceError(
-            (damages or ["no LineString, MultiLineString or Point with coordinates"])[0]
-        )
-    return chosen.drive(left_out)
+        raise TraceError("no LineString, MultiLineString or Point with coordinates")
+    return chosen.drive()
 
 
 def _add_geometry(
@@ -73,42 +53,6 @@ def _add_geometry(
         _add(points, places, _text(time), speed)
     elif kind == "MultiPoint":
         _add_line(points, places, _line_times(properties))
-
-
-def _documents(text: str) -> Iterator[tuple[Any, str]]:
-    """Yield the values in a text, usually a single one, and the damage that ends each, or "".
-
-    A sequence of features has many.
-    """
-    decode, begin, damages = json.JSONDecoder().raw_decode, BEGIN.search(text), 0
-    while begin and damages <= MOST_DAMAGES:
-        damage = ""
-        try:
-            value, end = decode(text, begin.start())
-        except (ValueError, RecursionError) as error:
-            end = max(getattr(error, "pos", len(text)), begin.end())
-            damage, damages = f"not valid JSON, perhaps truncated: {error}", damages + 1
-            value = None
-            if isinstance(error, ValueError):
-                value = _closed(text[begin.start() : end])
-        yield value, damage
-        begin = BEGIN.search(text, end)
-
-
-def _closed(text: str) -> Any:
-    """Return the value of a truncated text up to its last complete list or object."""
-    open_: list[str] = []
-    cut, depth = 0, 0
-    for token in TOKENS.finditer(text):
-        sign = token[0]
-        if sign in CLOSING:
-            open_.append(CLOSING[sign])
-        elif open_ and sign == open_[-1]:
-            open_.pop()
-            cut, depth = token.end(), len(open_)
-    with contextlib.suppress(ValueError, RecursionError):
-        return json.loads(text[:cut] + "".join(reversed(open_[:depth])))
-    return None
 
 
 def _geometries(content: object, properties: Json) -> Iterator[tuple[Json, Json]]:

@@ -67,7 +67,7 @@ def read_kml(text: str) -> RecordedDrive:
         "Track": shapes.end_track,
         "Placemark": shapes.end_placemark,
     }
-    read_elements(text, starts, ends, shapes.end_at_damage, words=("coordinates",))
+    read_elements(text, starts, ends, shapes.end_at_damage)
     points = next((points for points in shapes.columns.values() if points.times), None)
     if points is None:
         raise TraceError(f"no coordinates in its lines, tracks and points{_first(shapes.left_out)}")

@@ -1,14 +1,20 @@
 """NMEA 0183: the sentences of one instant become one point."""
 
+import functools
 import math
-from typing import Any, Final
+import operator
+import re
+from collections import Counter
+from dataclasses import dataclass
+from datetime import date
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from scenarios.definition.traces.formats.nmea_sentences import KINDS, Integers, sentences_in
+from scenarios.definition.traces.formats.time_cells import as_number
 from scenarios.definition.traces.recorded_drive import (
     NO_FIX,
+    NOT_A_POSITION,
     Clock,
     Floats,
     LeftOut,
@@ -17,48 +23,133 @@ from scenarios.definition.traces.recorded_drive import (
     TraceError,
 )
 
-Rows = NDArray[Any]
-
 DAY: Final = 86_400.0
+
+KNOT: Final = 1852.0 / 3600.0
+"""Knot (m/s)."""
 
 CONTINUOUS_S: Final = 600.0
 """Largest step of the time between points that have one date in common."""
+
+SENTENCE: Final = re.compile(
+    r"\$([A-OQ-Z][A-Z](?:GGA|GNS|RMC|GLL|ZDA|VTG)),([^$*]*)(?:\*([0-9A-Fa-f]{2})?)?"
+)
+BEGIN: Final = re.compile(r"\$[A-Z]")
+NO_CHECKSUM: Final = "wrong or missing checksum"
+NOT_A_SENTENCE: Final = "not a sentence"
+
+POSITION_KINDS: Final = {
+    "GGA": (1, 2, 6), "GNS": (1, 2, 6), "RMC": (1, 3, 2), "GLL": (5, 1, 6)
+}  # fmt: skip
+"""Fields of time, latitude and status by kind; the position of the first kind counts."""
+
+RANKS: Final = {kind: rank for rank, kind in enumerate(POSITION_KINDS)}
+UNFIT: Final = re.compile(r"[0V]|N{1,2}")
+"""Status of a position without a valid fix."""
+
+
+@dataclass(slots=True)
+class _NmeaPoint:
+    """Values of the sentences of one time of day (s), NaN where unknown; `date` is in days."""
+
+    number: int
+    day_s: float
+    rank: int = len(RANKS)
+    latitude: float = math.nan
+    longitude: float = math.nan
+    altitude: float = math.nan
+    speed: float = math.nan
+    date: float = math.nan
+    unfit: bool = False
 
 
 def read_nmea(text: str) -> RecordedDrive:
     """Read the positions of GGA, GNS, RMC and GLL, with the speeds of RMC or VTG.
 
-    Each kind of sentence is in its own order; sentences of different kinds and of the same time
-    become one point, wherever they are in the file. Dates of RMC or ZDA make Unix times; without
-    a date times of day continue over midnight. Raises TraceError without a sentence.
+    Sentences of the same time become one point, in the order of their first one. Dates of RMC or
+    ZDA make Unix times; without a date times of day continue over midnight. Checksums may be
+    missing if all sentences lack them. Raises TraceError without a position.
     """
     left_out = LeftOutRecords()
-    rows, checked = sentences_in(text, left_out)
-    rows = _with_speeds(rows)
-    if not rows.size:
-        raise TraceError(_none(left_out))
-    points, times = _merged(rows, _continued(rows))
-    clock, zero_s, times = _dated(times, points["date"])
-    located = np.isfinite(points["latitude"])
+    checked = bool(re.search(r"\$[A-Z]{2}(?:GGA|GNS|RMC|GLL),[^\r\n$*]*\*[0-9A-Fa-f]{2}", text))
+    instants: dict[tuple[float, int], _NmeaPoint] = {}
+    seen: Counter[tuple[float, str]] = Counter()
+    latest: _NmeaPoint | None = None
+    for number, line in enumerate(re.split(r"\r\n|\n|\r", text), 1):
+        if line.strip() and not BEGIN.search(line) and not line.startswith("!"):
+            left_out.add(LeftOut(number, NOT_A_SENTENCE, NOT_A_SENTENCE))
+        for name, body, checksum in SENTENCE.findall(line):
+            if checked and not _is_sound(f"{name},{body}", checksum):
+                left_out.add(LeftOut(number, NO_CHECKSUM, NO_CHECKSUM))
+                continue
+            fields, kind = [name, *body.split(","), *[""] * 12], name[2:]
+            if kind == "VTG":
+                if latest and math.isnan(latest.speed):
+                    latest.speed = as_number(fields[5]) * KNOT
+                continue
+            day_s = _day_seconds(fields[1 if kind == "ZDA" else POSITION_KINDS[kind][0]])
+            count = -len(instants) if math.isnan(day_s) else seen[day_s, name]
+            seen[day_s, name] += 1
+            latest = instants.setdefault((day_s, count), _NmeaPoint(number, day_s))
+            _add(latest, kind, fields, number, left_out)
+    return _drive(list(instants.values()), left_out, checked=checked)
+
+
+def _is_sound(body: str, checksum: str) -> bool:
+    return bool(checksum) and functools.reduce(
+        operator.xor, body.encode("ascii", "replace"), 0
+    ) == int(checksum, 16)
+
+
+def _add(
+    point: _NmeaPoint, kind: str, fields: list[str], number: int, left_out: LeftOutRecords
+) -> None:
+    """Add the values of a sentence, whose position counts if its kind is the first."""
+    if kind == "ZDA":
+        point.date = _days(fields[2:5])
+        return
+    if kind == "RMC":
+        point.speed = as_number(fields[7]) * KNOT
+        point.date = _days([fields[9][:2], fields[9][2:4], fields[9][4:]])
+    elif kind in {"GGA", "GNS"}:
+        geoid = as_number(fields[11 if kind == "GGA" else 10])
+        point.altitude = as_number(fields[9]) + (0.0 if math.isnan(geoid) else geoid)
+    _, first, status = POSITION_KINDS[kind]
+    cells = fields[first : first + 4]
+    latitude, longitude = _angle(cells[0], cells[1], "NS"), _angle(cells[2], cells[3], "EW")
+    if math.isfinite(latitude + longitude):
+        if RANKS[kind] < point.rank:
+            point.rank, point.number = RANKS[kind], number
+            point.latitude, point.longitude = latitude, longitude
+            point.unfit = bool(UNFIT.fullmatch(fields[status]))
+    elif cells[0] and cells[2]:
+        left_out.add(LeftOut(number, NOT_A_POSITION, f"position is {','.join(cells)!r:.40}"))
+
+
+def _drive(points: list[_NmeaPoint], left_out: LeftOutRecords, *, checked: bool) -> RecordedDrive:
+    times = _continued(np.array([point.day_s for point in points]))
+    clock, zero_s, times = _dated(times, np.array([point.date for point in points]))
     listed = {record.number for record in left_out.records}
-    for k in np.flatnonzero(~located & (points["kind"] != KINDS.index("ZDA"))).tolist():
-        if (number := int(points["number"][k])) not in listed:
-            left_out.add(LeftOut(number, NO_FIX, NO_FIX, float(times[k])))
+    located = np.array([math.isfinite(point.latitude) for point in points], dtype=bool)
+    for k in np.flatnonzero(~located).tolist():
+        if points[k].number not in listed:
+            left_out.add(LeftOut(points[k].number, NO_FIX, NO_FIX, float(times[k])))
     if not located.any():
-        raise TraceError(_none(left_out))
+        reason = "no valid GGA, RMC, GLL or GNS sentence"
+        raise TraceError(", ".join((reason, *left_out.lines("line")[:1])))
     remarks = [] if checked else ["sentences have no checksums: wrong values may remain"]
-    if unfit := int(points["unfit"][located].sum()):
+    kept, times = [point for point in points if math.isfinite(point.latitude)], times[located]
+    if unfit := sum(point.unfit for point in kept):
         have = "position has" if unfit == 1 else "positions have"
         remarks.append(f"{unfit} {have} quality 0 or status V: used like the others")
-    points, times = points[located], times[located]
     return RecordedDrive(
         geodetic=True,
         unit="line",
-        numbers=points["number"].copy(),
-        position=np.array((points["latitude"], points["longitude"])),
-        altitude_m=points["altitude"].copy(),
+        numbers=np.array([point.number for point in kept]),
+        position=np.array([(point.latitude, point.longitude) for point in kept]).T,
+        altitude_m=np.array([point.altitude for point in kept]),
         time_s=times,
-        speed_mps=points["speed"].copy(),
+        speed_mps=np.array([point.speed for point in kept]),
         clock=clock if np.isfinite(times).any() else None,
         zero_s=zero_s,
         left_out=left_out,
@@ -66,112 +157,12 @@ def read_nmea(text: str) -> RecordedDrive:
     )
 
 
-def _none(left_out: LeftOutRecords) -> str:
-    first = left_out.lines("line")[:1]
-    return ", ".join(("no valid GGA, RMC, GLL or GNS sentence", *first))
-
-
-def _with_speeds(rows: Rows) -> Rows:
-    """Move speeds of VTG to the sentence before each, unless there are speeds of RMC."""
-    is_vtg = rows["kind"] == KINDS.index("VTG")
-    if not is_vtg.any():
-        return rows
-    others: Rows = rows[~is_vtg]
-    if others.size and not np.isfinite(others["speed"]).any():
-        before = np.searchsorted(np.flatnonzero(~is_vtg), np.flatnonzero(is_vtg)) - 1
-        others["speed"][np.maximum(before, 0)] = rows["speed"][is_vtg]
-    return others
-
-
-def _streams(rows: Rows) -> list[Integers]:
-    """Return the places of the sentences of each kind and talker, the one with the most first.
-
-    A kind of higher precedence comes first if it has at least half as many positions.
-    """
-    names, stream = np.unique(rows["kind"] * 65536 + rows["talker"], return_inverse=True)
-    located = np.bincount(stream, np.isfinite(rows["latitude"]), minlength=names.size)
-    few = 2 * located < located.max()
-    order = np.lexsort((-located, names // 65536, few))
-    return [np.flatnonzero(stream == k) for k in order.tolist()]
-
-
-def _continued(rows: Rows) -> Floats:
-    """Return the times of day, continued over midnight within each stream."""
-    times, begin = rows["day_s"].copy(), math.nan
-    for places in _streams(rows):
-        known = places[np.isfinite(times[places])]
-        if not known.size:
-            continue
+def _continued(times: Floats) -> Floats:
+    """Return the times of day, continued over midnight."""
+    known = np.flatnonzero(np.isfinite(times))
+    if known.size:
         times[known] += DAY * np.cumsum(np.diff(times[known], prepend=times[known[0]]) < -DAY / 2)
-        if math.isfinite(begin):  # the streams begin on both sides of midnight
-            times[known] -= DAY * np.rint((times[known[0]] - begin) / DAY)
-        else:
-            begin = times[known[0]]
     return times
-
-
-def _merged(rows: Rows, times: Floats) -> tuple[Rows, Floats]:
-    """Join the sentences of one instant, and return the points in the order of the first stream."""
-    streams = _streams(rows)
-    precedence, repeat = np.empty(rows.size, np.int64), np.empty(rows.size, np.int64)
-    for rank, places in enumerate(streams):
-        precedence[places] = rank
-        repeat[places] = _repeats(times[places])
-    order = np.lexsort((precedence, repeat, times))
-    changed = np.diff(times[order], prepend=math.nan) != 0  # also at unknown times
-    changed |= np.diff(repeat[order], prepend=-1) != 0
-    group = np.cumsum(changed) - 1
-    sorted_rows = rows[order]
-    points = sorted_rows[changed]
-    located = np.isfinite(sorted_rows["latitude"])
-    for names, known in (
-        (("latitude", "longitude", "number", "kind", "unfit"), located),
-        (("altitude",), np.isfinite(sorted_rows["altitude"])),
-        (("speed",), np.isfinite(sorted_rows["speed"])),
-        (("date",), np.isfinite(sorted_rows["date"])),
-    ):
-        groups, firsts = np.unique(group[known], return_index=True)
-        for name in names:
-            points[name][groups] = sorted_rows[name][known][firsts]
-    group_of = np.empty(rows.size, np.int64)
-    group_of[order] = group
-    sequence = _sequence(streams, group_of)
-    return points[sequence], times[order][changed][sequence]
-
-
-def _repeats(times: Floats) -> Integers:
-    """Return how often each time occurred before."""
-    order = np.lexsort((np.arange(times.size), times))
-    changed = np.diff(times[order], prepend=math.nan) != 0
-    begins = np.flatnonzero(changed)
-    repeats = np.empty(times.size, np.int64)
-    repeats[order] = np.arange(times.size) - begins[np.cumsum(changed) - 1]
-    return repeats
-
-
-def _sequence(streams: list[Integers], group_of: Integers) -> Integers:
-    """Return the order of groups: that of the first stream, others next to their neighbours.
-
-    The neighbour is the sentence before in the same stream, or else the one behind, so that streams
-    may be logged one after the other. Streams without common times are in the order of the file.
-    """
-    first, count = streams[0], int(group_of.max()) + 1
-    anchor_of = np.full(count, -1)
-    anchor_of[group_of[first]] = first
-    anchor, side = anchor_of.copy(), np.full(count, 0)
-    for places in reversed(streams[1:]):
-        own = anchor_of[group_of[places]]
-        shared = np.flatnonzero(own >= 0)
-        if shared.size:
-            behind = np.searchsorted(shared, np.arange(places.size), side="right") - 1
-            neighbour = own[shared[np.maximum(behind, 0)]]
-        else:
-            behind = np.searchsorted(first, places) - 1
-            neighbour = first[np.maximum(behind, 0)]
-        free, before = own < 0, behind < 0
-        anchor[group_of[places[free]]] = neighbour[free]
-        side[group_of[places[free]]] = (places + 1 - before * (group_of.size + 1))[free]
-    return np.lexsort((side, anchor))
 
 
 def _dated(times: Floats, dates: Floats) -> tuple[Clock, float, Floats]:
@@ -193,3 +184,31 @@ def _dated(times: Floats, dates: Floats) -> tuple[Clock, float, Floats]:
     result = times.copy()
     result[known] += begin - begin[0]
     return "unix", float(begin[0]), result
+
+
+def _angle(cell: str, hemisphere: str, signs: str) -> float:
+    """Return the degrees of a cell dddmm.mmm, NaN without a hemisphere."""
+    minutes_at = max((cell + ".").index(".") - 2, 0)
+    whole, minutes = as_number(cell[:minutes_at]), as_number(cell[minutes_at:])
+    letter = hemisphere.strip().upper()
+    if not whole >= 0.0 or not letter or letter not in signs:
+        return math.nan
+    angle = whole + minutes / 60.0
+    return -angle if letter == signs[1] else angle
+
+
+def _day_seconds(cell: str) -> float:
+    """Convert a time hhmmss.sss to seconds since midnight."""
+    hour, minute, second = as_number(cell[:2]), as_number(cell[2:4]), as_number(cell[4:])
+    usable = hour < 24.0 and minute < 60.0 and second < 61.0
+    return hour * 3600.0 + minute * 60.0 + second if usable else math.nan
+
+
+def _days(cells: list[str]) -> float:
+    """Return the days since 1970 of day, month and year; years of two digits are 1980 to 2079."""
+    try:
+        day, month, year = (int(cell) for cell in cells)
+        year += 2000 if year < 80 else 1900 if year < 100 else 0
+        return float((date(year, month, day) - date(1970, 1, 1)).days)
+    except ValueError:
+        return math.nan

@@ -19,8 +19,8 @@ from scenarios.definition.traces.formats.columns.table_layout import (
     padded,
 )
 from scenarios.definition.traces.formats.columns.table_times import in_likely_unit, times_of
-from scenarios.definition.traces.formats.columns.units import ANGLES, LENGTHS, SPEEDS, degrees
-from scenarios.definition.traces.formats.time_cells import ABSURD, TimeColumn, as_numbers
+from scenarios.definition.traces.formats.columns.units import ANGLES, LENGTHS, SPEEDS
+from scenarios.definition.traces.formats.time_cells import TimeColumn, as_numbers
 from scenarios.definition.traces.recorded_drive import (
     ALTITUDES_M,
     FASTEST,
@@ -52,7 +52,6 @@ class _Rows:
     speed: list[Floats] = field(default_factory=list)
     times: list[list[str]] = field(default_factory=list)
     bad: list[tuple[int, str, str]] = field(default_factory=list)
-    converted: bool = False
 
 
 def read_table(text: str) -> RecordedDrive:
@@ -94,8 +93,9 @@ def _add_block(rows: _Rows, lines: Sequence[str], start: int, layout: TableLayou
     counts = [len(row) for row in split]
     if min(counts) < len(columns.names):
         split = [padded(row, len(columns.names)) for row in split]
-    axes = range(len(columns.position))
-    position = np.array([_coordinates(rows, split, columns, axis) for axis in axes])
+    position = np.array(
+        [as_numbers([row[column.place] for row in split]) for column in columns.position]
+    )
     longer = [k for k, count in enumerate(counts) if count > layout.most]
     spoiled = {k for k in longer if any(cell.strip() for cell in split[k][layout.most :])}
     position[:, list(spoiled)] = np.nan
@@ -116,21 +116,6 @@ def _add_block(rows: _Rows, lines: Sequence[str], start: int, layout: TableLayou
         cells.extend([row[place] for row in split])
 
 
-def _coordinates(rows: _Rows, split: list[list[str]], columns: TableColumns, axis: int) -> Floats:
-    place = columns.position[axis].place
-    cells = [row[place] for row in split]
-    if columns.hemispheres:
-        letter = columns.hemispheres[axis].place
-        rows.converted = True
-        return np.array([degrees(row[place], row[letter].strip(" \"'")) for row in split])
-    values = as_numbers(cells)
-    if columns.kind == "geodetic":
-        unread = np.flatnonzero(np.isnan(values))
-        values[unread] = [degrees(cells[k]) for k in unread.tolist()]
-        rows.converted |= bool((np.abs(values[unread]) < ABSURD).any())
-    return values
-
-
 def _reason(column: NamedColumn, row: list[str]) -> tuple[str, str]:
     """Return kind and reason of a row with an unreadable position in a column."""
     cell = row[column.place].strip()
@@ -149,20 +134,15 @@ def _drive(rows: _Rows, layout: TableLayout) -> RecordedDrive:
         else np.empty((len(columns.position), 0))
     )
     position = _scaled_position(position, columns, remarks)
-    if rows.converted:
-        remarks.append("positions in degrees and minutes are converted")
     altitude = _scaled(rows.altitude, columns.altitude, LENGTHS, count, remarks)
-    if columns.kind == "ecef":
-        *geodetic, height = _geodetic(position)
-        position, altitude = np.array(geodetic), altitude if columns.altitude else height
-    geodetic_ = columns.kind != "plane"
-    if not geodetic_ and columns.position[0].unit is None and _in_degrees(position):
-        position, geodetic_ = position[::-1], True
+    geodetic = columns.geodetic
+    if not geodetic and columns.position[0].unit is None and _in_degrees(position):
+        position, geodetic = position[::-1], True
         x, y = (column.name for column in columns.position)
         remarks.append(f"{x} and {y} are read as longitude and latitude: in m all are one place")
     times = TimeColumn(np.full(count, np.nan), None, 0.0, ())
     if source:
-        times = in_likely_unit(times_of(source, rows.times), source, position, geodetic=geodetic_)
+        times = in_likely_unit(times_of(source, rows.times), source, position, geodetic=geodetic)
     rows.times.clear()
     unusable = ~((altitude >= ALTITUDES_M[0]) & (altitude <= ALTITUDES_M[1]))
     altitude[unusable | (altitude == NO_ALTITUDE)] = np.nan
@@ -175,7 +155,7 @@ def _drive(rows: _Rows, layout: TableLayout) -> RecordedDrive:
             left_out.add(LeftOut(rows.numbers[k], kind, reason, float(times.seconds[k])))
         good[k] = False
     return RecordedDrive(
-        geodetic=geodetic_,
+        geodetic=geodetic,
         unit="line",
         numbers=np.array(rows.numbers, dtype=np.int64)[good],
         position=position[:, good],
@@ -207,7 +187,7 @@ def _scaled(
 
 
 def _scaled_position(position: Floats, columns: TableColumns, remarks: list[str]) -> Floats:
-    units, own = (ANGLES, "deg") if columns.kind == "geodetic" else (LENGTHS, "m")
+    units, own = (ANGLES, "deg") if columns.geodetic else (LENGTHS, "m")
     unit = columns.position[0].unit
     latitudes = position[0][np.isfinite(position[0])]
     if unit is None and own == "deg" and latitudes.size:
@@ -235,11 +215,3 @@ def _in_degrees(position: Floats) -> bool:
     extent = float(np.max(np.ptp(near, axis=1)))
     is_drive = 0.0 < step < DEGREES_STEP and extent > 5.0 * step
     return is_drive and extent < 1.0 and 2 * near.shape[1] > position.shape[1]
-
-
-def _geodetic(position: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return latitude, longitude (deg) and height (m) of earth-centred coordinates."""
-    from pymap3d import ecef2geodetic  # noqa: PLC0415 - not in a vehicle's process
-
-    latitude, longitude, height = ecef2geodetic(*position)
-    return latitude, longitude, height

@@ -43,18 +43,10 @@ DIGIT: Final = re.compile(r"\d")
 GROUPED: Final = re.compile(r"[+-]?\d{1,3}(?:(?:,\d{3})+\.|(?:\.\d{3})+,)\d+")
 """A number with thousands in groups, such as 1,234.5 and 1.234,5."""
 
-DAYS: Final = re.compile(r"(\d+) days?,? (.+)")
-"""A duration of Python or pandas, such as 0 days 00:00:01.5."""
-
 TIME: Final = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?(?:\s*([AaPp])[Mm]\b)?")
 YEAR_AND_SLASH: Final = re.compile(r"\d{4}/")
 YEAR_FIRST: Final = re.compile(r"(\d{4})\D(\d{1,2})\D(\d{1,2})$")
 YEAR_LAST: Final = re.compile(r"(\d{1,2})([./-])(\d{1,2})\2(\d{4})$")
-
-GPS_EPOCH_S: Final = 315_964_800.0
-"""Unix time of the begin of GPS time, 6 January 1980."""
-
-WEEK_S: Final = 604_800.0
 
 LEAP_SECONDS: Final = tuple(
     (datetime(*date, tzinfo=UTC) - EPOCH).total_seconds()
@@ -91,9 +83,6 @@ def read_times(cells: Sequence[str], unit: str | None = None) -> TimeColumn:
     if 2 * sum(_is_number(cell) for cell in sample) > len(sample):
         return _numbers(stripped, unit)
     remarks: set[str] = set()
-    if 2 * sum(bool(DAYS.match(cell)) for cell in sample) > len(sample):
-        micros = np.fromiter(map(_duration, stripped), float, len(stripped))
-        return TimeColumn(micros / 1e6, None, 0.0, ())
     if 2 * sum(bool(TIME.fullmatch(cell.removesuffix("Z"))) for cell in sample) > len(sample):
         micros = np.fromiter(map(_time_of_day, stripped), float, len(stripped))
         return TimeColumn(micros / 1e6, "day", 0.0, ())
@@ -175,12 +164,6 @@ def first_usual(seconds: Floats) -> float:
     known = seconds[np.isfinite(seconds)]
     middle = np.partition(known, known.size // 2)[known.size // 2]
     return float(np.floor(known[np.argmax(np.abs(known - middle) < 1e6)]))
-
-
-def _duration(cell: str) -> float:
-    """Return the microseconds of a duration."""
-    match = DAYS.match(cell)
-    return int(match[1]) * 86_400e6 + _time_of_day(match[2]) if match else math.nan
 
 
 def _time_of_day(cell: str) -> float:

@@ -1,6 +1,1 @@
-"""Errors of a receiver in a recorded drive.
-
-jump_suspects  points at which a jump may begin
-jumps          outliers
-stands         standstills with a drifting position
-"""
+"""Errors of a receiver in a recorded drive: jumps, and standstills that drift."""

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.definition.traces.receiver_errors.jump_suspects import UNLIKELY
+from scenarios.definition.traces.receiver_errors.jumps import UNLIKELY
 from vehicles.geometry.bridges import noise_deviation
 
 FEWEST = 8

@@ -225,13 +225,6 @@ def test_equal_links_share_a_block() -> None:
     assert "at a command: 120 ms on average, at a sending rate of 20 Hz" in flat
 
 
-def test_large_numbers_have_no_exponent() -> None:
-    text = printed("check", "lane_change", "--explain", "--set", "links.preset=bursty")
-    assert re.search(r"silences +.*0\.5 s.*: \d{3} per hour", text)
-    assert re.search(r"losses of all sources .*0\.5 s", text)
-    assert "e+" not in text
-
-
 def test_unpredictable_figures_are_marked() -> None:
     flat = " ".join(printed("check", "--explain", "--set", "links.preset=tunnel").split())
     assert "loss not predictable" in flat

@@ -12,11 +12,9 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.definition.schema.change_tables import CutTable, HealTable, LinkChangeTable
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.definition.topology import usual_links
 from tests.made.examples import examples
 from transport.links.laws.effect import TransmissionContext
 from transport.links.link import Link, Verdict
-from transport.links.staged_messages import StagedMessages, judge_stream
 from vehicles.schedule import SECOND
 
 NAMES = ("v1", "v2", "v3", "v4")
@@ -118,26 +116,6 @@ def test_a_message_alone_is_judged_as_in_the_stream(
     ]
 
 
-@given(st.lists(changes(), max_size=4), st.lists(changes(), min_size=1, max_size=4))
-@examples(8, 50)
-def test_changes_of_other_links_do_not_matter(
-    done: list[LinkChange], others: list[LinkChange]
-) -> None:
-    elsewhere = [one for one in others if not links_of(one, NAMES, [PAIR])]
-    for seq in range(0, 60, 7):
-        with_others = link([*elsewhere, *done]).judge(context(seq))
-        assert with_others == link(done).judge(context(seq))
-
-
-@given(st.lists(changes(), max_size=6), st.integers(0, 5 * SECOND))
-@examples(8, 50)
-def test_what_comes_later_changes_nothing_before(done: list[LinkChange], at: int) -> None:
-    before = [one for one in done if round(one.at_s * SECOND) <= at]
-    for seq in range(60):
-        if seq * PERIOD <= at:
-            assert link(done).judge(context(seq)) == link(before).judge(context(seq))
-
-
 def test_it_begins_and_ends_to_the_nanosecond() -> None:
     sure = LinkTable(latency_ms=10.0)
     cut = link([CutTable(kind="cut", at_s=1.000_000_001, for_s=0.5)], sure)
@@ -147,38 +125,6 @@ def test_it_begins_and_ends_to_the_nanosecond() -> None:
         for at in (begin - 1, begin, begin + SECOND // 2 - 1, begin + SECOND // 2)
     ]
     assert outcomes == ["", "cut", "cut", ""]
-
-
-def test_a_message_that_the_link_does_not_carry_by_its_rate_is_not_cut() -> None:
-    cut = link([CutTable(kind="cut", at_s=0.0)], LinkTable(rate_hz=10.0))
-    assert [cut.judge(context(seq)).reason for seq in range(4)] == ["cut", "rate", "cut", "rate"]
-
-
-@given(st.lists(changes(), max_size=6), st.data())
-@examples(8, 50)
-def test_a_queue_behind_a_changed_link_does_not_depend_on_when_bytes_came(
-    done: list[LinkChange], data: st.DataObject
-) -> None:
-    """Tick by tick, in time for its least delay, it comes to what it does all at once."""
-    table = LinkTable.model_validate(
-        {"latency_ms": 30.0, "queue": {"bytes_per_s": 2000.0, "depth_messages": 3},
-         "delay": {"kind": "uniform", "delay_ms_min": 0.0, "delay_ms_max": 90.0,
-                   "order": "in_order"}}
-    )  # fmt: skip
-    contexts = [context(seq) for seq in range(100)]
-    at_once = judge_stream(link(done, table), contexts)
-    one = link(done, table)
-    line, settled = StagedMessages(one), dict[int, tuple[Verdict, int]]()
-    tick_ns = data.draw(st.sampled_from([SECOND // 50, SECOND // 7, SECOND]))
-    coming = iter(contexts)
-    following = next(coming, None)
-    for tick in range(START, START + 60 * SECOND, tick_ns):
-        while following is not None and following.sent_at <= one.latest_sent_at(tick):
-            line.join(following, one.judge(following))
-            following = next(coming, None)
-        for judged, verdict in line.resolve(tick):
-            settled[judged.seq] = verdict, tick
-    assert [settled[seq][0] for seq in range(100)] == at_once
 
 
 def test_a_link_to_a_lead_that_receives_can_be_changed() -> None:
@@ -216,14 +162,3 @@ def test_an_impossible_change_gets_one_line(entry: str, line: str) -> None:
     with pytest.raises(ScenarioError) as refused:
         scenario(f"[[change]]\nat_s = 1.0\n{entry}\n")
     assert str(refused.value) == f"scenario: {line}"
-
-
-def test_every_link_is_known_by_some_change() -> None:
-    everything = CutTable(kind="cut", at_s=0.0)
-    assert links_of(everything, NAMES, usual_links(NAMES)) == list(usual_links(NAMES))
-    ahead = CutTable(kind="cut", at_s=0.0, sender="predecessor")
-    assert links_of(ahead, NAMES, usual_links(NAMES)) == [
-        ("v1", "v2"),
-        ("v2", "v3"),
-        ("v3", "v4"),
-    ]

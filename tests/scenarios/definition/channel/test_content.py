@@ -74,9 +74,3 @@ def test_a_link_s_own_content_is_laid_over_the_convoy_s_key_by_key() -> None:
     assert found["v1", "v3"] == ContentLaw(duplicate_ratio=0.2, frame_check=False)
     assert found["v1", "v2"] == ContentLaw(duplicate_ratio=0.1, frame_check=False)
     assert load_scenario("lane_change").links["v1", "v2"].content is None
-
-
-def test_the_scenario_in_a_log_is_the_same() -> None:
-    content = "links.content={false=[{kind='frozen', from_s=1.0}, {kind='ghost', left_m=2.0}]}"
-    scenario = load_scenario("lane_change", [content])
-    assert scenario_from_text(scenario.text).tables == scenario.tables

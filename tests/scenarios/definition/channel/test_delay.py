@@ -1,15 +1,13 @@
 """From the keys of a scenario to delays, queue and order; recorded delays are read once."""
 
-from bisect import bisect_left, bisect_right
 from math import inf
 from pathlib import Path
-from random import Random
 
 import pytest
 from scipy.stats import gamma, truncnorm
 
-from scenarios.definition.channel.build import link_effects, link_stages, usual_delay_ms
-from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
+from scenarios.definition.channel.build import link_effects, link_stages
+from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.definition.schema.link_tables import LinkTable
 from tests.made.scenarios.messages import STRAIGHT
 from tests.made.transport.links import link
@@ -85,15 +83,6 @@ def test_queue_and_order_stand_behind_the_effects() -> None:
     assert link_stages(LinkTable()) == ()
 
 
-def test_what_most_messages_take() -> None:
-    assert usual_delay_ms(LinkTable(latency_ms=20.0, jitter_ms=5.0)) == 25.0
-    for law, most in (
-        ({"kind": "constant", "delay_ms": 3.0}, 23.0),
-        ({"kind": "gamma", **TWO}, 60.0),
-    ):
-        assert usual_delay_ms(LinkTable.model_validate({"delay": law})) == pytest.approx(most)
-
-
 def test_an_entry_changes_one_key_of_a_law_and_replaces_one_of_another_kind() -> None:
     scenario = scenario_from_text(
         STRAIGHT
@@ -140,28 +129,3 @@ def test_recorded_delays_are_in_the_scenario_that_depends_on_no_file_any_more(
         }  # fmt: skip
         assert (found["v1", "v3"] or {})["recorded_ms"] == (7.0,)
     assert again.text == scenario.text
-
-
-@pytest.mark.parametrize("count", [999, 1000, 1001, 1500, 25_000])
-def test_of_many_recorded_delays_a_thousand_quantiles_stay(tmp_path: Path, count: int) -> None:
-    random = Random(count)
-    given = [round(random.expovariate(0.05), 6) for _ in range(count)]
-    (tmp_path / "a.csv").write_text("delay_ms\n" + "\n".join(map(str, given)), encoding="utf-8")
-    kind = "links.delay={kind='empirical', file='a.csv'}"
-    scenario = scenario_from_text(STRAIGHT, overrides=[kind], folder=tmp_path)
-    kept = scenario.tables.links.model_dump()["delay"]["recorded_ms"]
-    if count <= 1000:
-        assert kept == tuple(sorted(given))
-    assert len(kept) == min(count, 1000)
-    # The largest distance of both distributions is at a recorded delay, or just below it.
-    given.sort()
-    off = max(
-        abs(side(kept, one) / len(kept) - side(given, one) / count)
-        for one in given[:: max(count // 500, 1)]
-        for side in (bisect_left, bisect_right)
-    )
-    assert off <= 0.001
-
-
-def test_a_scenario_without_recorded_delays_stays_as_it_is() -> None:
-    assert "recorded_ms" not in load_scenario("lane_change").text

@@ -165,9 +165,3 @@ def test_a_file_of_delays_is_refused_with_its_line(tmp_path: Path, text: str, wh
     (line,) = error_lines("links.delay={kind='empirical', file='a.csv'}", tmp_path)
     assert "links.delay.file: a.csv: " in line
     assert why in line
-
-
-def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_bytes(b"delay_ms\n\xff\xfe\n")
-    (line,) = error_lines("links.delay={kind='empirical', file='a.csv'}", tmp_path)
-    assert "not a text" in line

@@ -71,14 +71,6 @@ def test_a_chain_beside_independent_losses_has_the_burst_of_its_transitions(
     assert found.burst_messages == pytest.approx(loss / ends, rel=1e-6)
 
 
-@given(RATIOS)
-def test_independent_losses_alone_are_as_ever(loss: float) -> None:
-    found = expected_channel(LinkTable(loss_ratio=loss))
-    assert found.loss_ratio == loss
-    assert found.burst_messages == pytest.approx(1.0 / (1.0 - loss))
-    assert (found.loss_inflation, found.latency_inflation) == (1.0, 1.0)
-
-
 @pytest.mark.parametrize(
     "keys",
     [
@@ -140,13 +132,6 @@ def test_a_loss_that_depends_on_more_than_the_laws_is_unknown(
         assert found.burst_messages is None
 
 
-def test_a_law_with_memory_under_a_rate_has_no_burst_of_its_own() -> None:
-    table = link_table(loss=GILBERT, rate_hz=10.0)
-    assert expected_channel(table, 20.0).burst_messages is None
-    assert expected_channel(table, 10.0).burst_messages == pytest.approx(8.0)
-    assert expected_channel(table, 20.0).loss_ratio == pytest.approx(0.2)
-
-
 def test_wrong_bits_count_as_losses() -> None:
     found = expected_channel(link_table(content={"bit_error_ratio": 1e-3}, loss_ratio=0.2))
     assert found.loss_ratio == pytest.approx(1.0 - 0.8 * 0.999 ** (8 * USUAL_MESSAGE_BYTES))
@@ -174,21 +159,6 @@ def test_delays_add_up(keys: dict[str, object]) -> None:
     assert delays.std() == pytest.approx(found.latency_ms_deviation, rel=0.06)
 
 
-@pytest.mark.parametrize(
-    "keys",
-    [
-        {"delay": {"kind": "constant", "delay_ms": 3.0, "order": "in_order"}},
-        {"queue": {"bytes_per_s": 5000.0}},
-        {"loss": {"kind": "log", "delays_ns": "20000000x9"}},
-    ],
-)
-def test_delays_that_depend_on_other_messages_are_unknown(keys: dict[str, object]) -> None:
-    found = expected_channel(link_table(**keys))
-    assert found.latency_ms_mean is None
-    assert found.latency_ms_deviation is None
-    assert expected_age_ms(found, 20.0) is None
-
-
 @pytest.mark.parametrize(("p", "r"), [(0.2, 0.8), (0.03, 0.125), (0.5, 0.1)])
 def test_the_age_at_a_command_is_that_of_a_drawn_chain(p: float, r: float) -> None:
     """Messages each 50 ms, known 27 ms later; commands each 20 ms, and at any instant."""
@@ -204,15 +174,6 @@ def test_the_age_at_a_command_is_that_of_a_drawn_chain(p: float, r: float) -> No
         last = np.searchsorted(known, commands - 27.0, side="right") - 1
         age = (commands - known[np.maximum(last, 0)])[last >= 0].mean()
         assert expected_age_ms(expected, 20.0, rate_hz) == pytest.approx(age, rel=0.05)
-
-
-def test_without_loss_the_age_at_commands_is_exact() -> None:
-    """20 ms, then each 10 ms more up to the next message: 20, 30, 40, 50, 60 ms."""
-    expected = expected_channel(LinkTable())
-    assert expected_age_ms(expected, 20.0, 50.0) == pytest.approx(40.0)
-    assert expected_age_ms(expected, 20.0) == pytest.approx(45.0)
-    late = expected_channel(LinkTable(latency_ms=24.0))
-    assert expected_age_ms(late, 20.0, 50.0) == pytest.approx(50.0)  # 30 to 70 ms
 
 
 @given(st.floats(0.0, 0.95), st.floats(1.0, 100.0))
@@ -253,11 +214,3 @@ def test_links_within_their_laws_are_not_reported(keys: dict[str, object]) -> No
     assert reported_links(link_table(**keys), 12) == 0
     other = expected_channel(link_table(**keys))
     assert other.loss_inflation >= 1.0
-
-
-def test_a_vehicle_s_own_silence_is_not_the_link_s_loss() -> None:
-    tally = LinkTally()
-    for seq in range(300):
-        off = "transmitter_off" if 100 <= seq < 180 else ""
-        tally.add(verdict("v1", "v2", seq, dropped=off, latency_ms=20.0))
-    assert list(request_deviations(("v1", "v2"), LinkTable(), tally)) == []

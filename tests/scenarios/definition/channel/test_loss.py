@@ -69,14 +69,6 @@ def test_each_kind_is_its_law_and_described(settings: str, law: Effect) -> None:
     assert not found.describe().endswith(".")
 
 
-def test_mean_values_are_those_configured() -> None:
-    law, _ = effects("links.loss={kind='gilbert_elliott', loss_ratio=0.35, burst_messages_mean=7}")
-    assert isinstance(law, GilbertElliott)
-    assert law.probabilities == pytest.approx((0.35 / 0.65 / 7.0, 1.0 / 7.0, 0.0, 1.0))
-    assert long_run(law)[0] == pytest.approx(0.35)
-    assert long_run(law)[1] == pytest.approx(7.0)
-
-
 def test_laws_act_besides_the_plain_keys() -> None:
     found = effects(
         "links={rate_hz=10.0, loss_ratio=0.1, jitter_ms=5.0, "

@@ -91,15 +91,3 @@ def test_a_radio_that_is_off_is_off_on_all_its_links() -> None:
     assert effects(scenario, "v2", "v3") == [sending, hearing, from_start]
     assert effects(scenario, "v1", "v3") == [hearing, from_start]
     assert effects(scenario, "v3", "v4") == [from_start]
-
-
-def test_an_entry_without_outages_can_take_them_from_a_link() -> None:
-    scenario = load_scenario(
-        "lane_change",
-        [
-            "links.outages=[{kind='window', from_s=0, to_s=1}]",
-            "link=[{sender='v1', receiver='v2', outages=[]}]",
-        ],
-    )
-    assert effects(scenario, "v1", "v2") == []
-    assert len(effects(scenario, "v2", "v3")) == 1

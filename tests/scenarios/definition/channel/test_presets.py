@@ -6,11 +6,9 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from scenarios.cli.guide.check_table import print_report
 from scenarios.cli.summary_tables import print_summary
 from scenarios.definition.channel import presets as presets_module
 from scenarios.definition.channel.presets import presets, read_preset
-from scenarios.definition.check.findings import report_of
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, library, load_scenario, scenario_from_text
 from scenarios.definition.schema.link_tables import LinkTable
@@ -21,7 +19,6 @@ from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.scenarios.messages import STRAIGHT
 from transport.links.laws.radio.obstruction import LossPerVehicle
 from transport.links.laws.radio.path_loss import PathLossRadio
-from transport.links.laws.radio.table_radio import TableRadio
 
 SHIPPED = {
     "clear", "lossy", "bursty", "tunnel", "lead_lost", "congested",
@@ -103,29 +100,6 @@ def test_what_stands_beside_a_preset_overrides_it_key_by_key() -> None:
     assert links.radio.shadowing.obstructed_deviation_db == 3.0
 
 
-def test_a_table_of_another_kind_takes_the_place_of_the_preset_s() -> None:
-    radio = '[links.radio]\nkind = "table"\ndistance_m = [9.0]\ndelivery_ratio = [0.5]\n'
-    links = with_links(f'[links]\npreset = "nlosv_etsi"\n{radio}').tables.links
-    assert links.radio == TableRadio(kind="table", distance_m=(9.0,), delivery_ratio=(0.5,))
-
-
-def test_what_is_set_beside_a_preset_stays_in_either_order() -> None:
-    for changes in (
-        ["links.preset=lossy", "links.latency_ms=44.0"],
-        ["links.latency_ms=44.0", "links.preset=lossy"],
-    ):
-        links = load_scenario("lossy_lane_change", changes).tables.links
-        assert (links.loss_ratio, links.latency_ms, links.jitter_ms) == (0.2, 44.0, 0.0)
-
-
-def test_a_file_with_a_preset_takes_no_links_from_its_base(tmp_path: Path) -> None:
-    file = tmp_path / "mine.toml"
-    text = 'extends = "lossy_lane_change"\nname = "mine"\n[links]\npreset = "clear"\n'
-    file.write_text(text, encoding="utf-8")
-    links = load_scenario(file).tables.links
-    assert (links.loss_ratio, links.jitter_ms, links.latency_ms) == (0.0, 0.0, 20.0)
-
-
 def test_an_entry_with_a_preset_takes_nothing_from_the_convoy() -> None:
     scenario = with_links(
         '[links]\npreset = "ieee80211p_jam"\nlatency_ms = 70.0\n'
@@ -144,14 +118,6 @@ def test_an_entry_with_a_preset_takes_nothing_from_the_convoy() -> None:
     )
 
 
-def test_a_preset_is_a_tie_with_any_key_of_an_entry_as_specific() -> None:
-    with pytest.raises(ScenarioError, match=r"link\[1\]\.jitter_ms: given by link\[0\] too"):
-        with_links(
-            '[[link]]\nsender = "lead"\nreceiver = "*"\npreset = "lossy"\n'
-            '[[link]]\nsender = "*"\nreceiver = "follower"\njitter_ms = 5.0\n'
-        )
-
-
 @pytest.mark.parametrize(
     ("links", "key"),
     [
@@ -165,13 +131,6 @@ def test_an_unknown_preset_is_refused_with_the_names(links: str, key: str) -> No
     (line,) = no.value.lines
     assert all(name in line for name in SHIPPED)
     assert "preset_source" not in line
-
-
-def test_a_misspelt_preset_is_guessed_and_one_of_some_links_is_not_for_one() -> None:
-    with pytest.raises(ScenarioError, match=r"did you mean bursty\?"):
-        with_links('[links]\npreset = "bursti"\n')
-    with pytest.raises(ScenarioError, match=r'"lead_lost", allowed in \[links\] only'):
-        with_links('[[link]]\nsender = "v1"\nreceiver = "*"\npreset = "lead_lost"\n')
 
 
 RUNS = ("nlosv_etsi", "nlosv_3gpp_truck", "lte_v2x_dense", "ieee80211p_jam")
@@ -195,22 +154,3 @@ def test_a_run_with_a_preset_repeats_and_names_it(name: str, tmp_path: Path) -> 
     out = io.StringIO()
     print_summary(summary, None, Console(file=out, width=120))
     assert f"v1 → v2, {name}" in out.getvalue()
-
-
-def test_check_prints_the_name() -> None:
-    out = io.StringIO()
-    report = report_of(load_scenario("lane_change", ["links.preset=nlosv_etsi"]))
-    print_report(report, Console(file=out, width=80))
-    assert "nlosv_etsi, 20 ms" in out.getvalue()
-    assert report.links["v1 → v2"]["preset_source"].startswith("ETSI")
-
-
-def test_where_vehicles_in_between_hide_the_lead_the_run_has_not_failed(tmp_path: Path) -> None:
-    """Six cars in between let nothing through: a link like that is not broken."""
-    overrides = ["links.preset=nlosv_etsi", "duration_s=3.0", "convoy.vehicles=9"]
-    run_virtual(load_scenario("lane_change", overrides), tmp_path, Stop())
-    summary = from_json((tmp_path / SUMMARY_NAME).read_text(encoding="utf-8"))
-    delivered = {(link.sender, link.receiver): link.delivered for link in summary.links}
-    assert delivered["v1", "v9"] == 0
-    assert delivered["v8", "v9"] > 50
-    assert summary.outcome == "completed"

@@ -6,7 +6,6 @@ from math import sqrt
 import pytest
 
 from scenarios.definition.channel.build import link_effects
-from scenarios.definition.channel.presets import read_preset
 from scenarios.definition.scenario import load_scenario
 from transport.links.laws.effect import Position, TransmissionContext
 from transport.links.laws.radio.table_radio import TableRadio
@@ -85,27 +84,3 @@ def test_its_law_is_the_published_table_exactly(name: str) -> None:
         assert law.ratio(way) == pytest.approx(share, abs=1e-12)
     held = law.reservations
     assert HELD.get(name) == (held and pytest.approx(held.mean_messages))
-
-
-def test_two_radios_lose_as_much_in_other_bursts() -> None:
-    """The same share over 150 m; bursts as long as resources are held, and again if unlucky."""
-    bursts = {}
-    for name in ("lte_v2x_dense", "lte_v2x_oneshot"):
-        one, sender = link(name, 1), Position(150.0, 0.0, 150.0)
-        fates = "".join(
-            "x"
-            if one.judge(TransmissionContext(seq, 0, 90, sender, Position(0.0, 0.0, 0.0))).reason
-            else "."
-            for seq in range(30_000)
-        )
-        lost = [run for run in fates.split(".") if run]
-        bursts[name] = sum(map(len, lost)) / len(lost)
-    for name, mean in bursts.items():
-        assert mean == pytest.approx(HELD[name] / 0.778, rel=0.2), bursts
-
-
-@pytest.mark.parametrize("name", [*PUBLISHED, "nlosv_etsi", "nlosv_3gpp_car", "nlosv_3gpp_truck"])
-def test_a_radio_preset_has_a_source(name: str) -> None:
-    preset = read_preset(name)
-    assert preset.links["radio"]
-    assert "arXiv" in preset.source or "3GPP" in preset.source

@@ -7,7 +7,6 @@ import pytest
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.scenario import load_scenario
-from transport.links.laws.basic import Loss
 from transport.links.laws.effect import Position, TransmissionContext
 from transport.links.laws.vehicles_between import Road, VehiclesBetween
 from transport.links.link import Link
@@ -52,8 +51,3 @@ def test_beyond_its_reach_little_is_received() -> None:
             losses = radio.losses(radio.range_m + 1.0)
             assert losses is not None
             assert losses.loss > 0.99
-
-
-def test_only_radios_have_a_reach() -> None:
-    assert Loss(0.1).range_m is None
-    assert Loss(0.1).losses(10.0) == Loss(0.1).losses(None)

@@ -6,7 +6,7 @@ import pytest
 
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
+from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.scenarios.messages import STRAIGHT
@@ -34,25 +34,6 @@ def test_a_pattern_is_read_and_depends_on_no_file_any_more(tmp_path: Path, text:
     again = scenario_from_text(read.text)
     assert again.tables == read.tables
     assert 'source = "loss.csv"' in read.text
-
-
-def test_a_pattern_of_one_link_leaves_the_others_alone(tmp_path: Path) -> None:
-    (tmp_path / "loss.csv").write_text(PATTERN)
-    entry = "{sender='v1', receiver='v3', loss={kind='pattern', file='loss.csv'}}"
-    read = scenario(tmp_path, f"link=[{entry}]", "links.loss_ratio=0.1")
-    assert len(link_effects(read.links["v1", "v3"], 20.0)) == 3
-    assert len(link_effects(read.links["v1", "v2"], 20.0)) == 2
-    assert scenario_from_text(read.text).links == read.links
-
-
-def test_the_file_is_sought_beside_the_file_that_names_it(tmp_path: Path) -> None:
-    (tmp_path / "below").mkdir()
-    (tmp_path / "below" / "loss.csv").write_text(PATTERN)
-    base = STRAIGHT + "[links]\nloss = { kind = 'pattern', file = 'loss.csv' }\n"
-    (tmp_path / "below" / "base.toml").write_text(base)
-    (tmp_path / "a.toml").write_text('extends = "below/base.toml"\nname = "a"\n')
-    law, _ = link_effects(load_scenario(tmp_path / "a.toml").links["v1", "v2"], 20.0)
-    assert isinstance(law, RecordedPattern)
 
 
 REFUSED = {
@@ -154,29 +135,6 @@ def test_a_record_is_put_into_the_scenario(earlier: Path) -> None:
             judged = link.judge(TransmissionContext(number, 1000))
             assert (judged.reason, judged.visible_at) == (reason, 1000 + delay)
             assert link.judge(TransmissionContext(number + law.length, 0)).reason == reason
-
-
-def test_any_link_may_repeat_any_other(earlier: Path) -> None:
-    other = "loss={kind='log', file='run/run.mcap', sender='v1', receiver='v3', after_end='pass'}"
-    again = scenario(
-        earlier,
-        "duration_s=6",
-        "links.loss_ratio=0.5",
-        f"link=[{{sender='v2', receiver='v3', latency_ms=30.0, {other}}}]",
-    )
-    law, delay = link_effects(again.links["v2", "v3"], 20.0)
-    recorded = verdicts(earlier / "run" / "run.mcap")["v1", "v3"]
-    assert isinstance(law, EarlierRun)
-    for number, (_, reason, nanoseconds) in recorded.items():
-        assert law.judge(no_chance, TransmissionContext(number, 0)) == (reason or 0)
-        assert delay.judge(no_chance, TransmissionContext(number, 0)) == nanoseconds
-    beyond = TransmissionContext(10_000, 0)
-    assert (law.judge(no_chance, beyond), delay.judge(no_chance, beyond)) == (0, 30_000_000)
-    assert len(link_effects(again.links["v1", "v3"], 20.0)) == 2  # the others are as they were
-
-
-def no_chance(purpose: str, seq: int) -> float:
-    raise AssertionError(f"{purpose} of {seq} needs no chance")
 
 
 def test_a_link_that_the_log_does_not_hold_is_named_with_those_it_does(earlier: Path) -> None:

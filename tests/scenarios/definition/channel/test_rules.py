@@ -3,16 +3,9 @@
 import itertools
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from scenarios.definition.channel.rules import ANY, ROLES, specificity
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.definition.schema.link_tables import LinkEntry
-from scenarios.definition.topology import usual_links
-
-NAMES = ("v1", "v2", "v3", "v4")
 
 
 def with_entries(*entries: str) -> Scenario:
@@ -61,41 +54,6 @@ def test_a_tie_is_refused_with_both_entries_and_the_key() -> None:
             '{sender="lead", receiver="*", loss_ratio=0.2}',
             '{sender="*", receiver="follower", loss_ratio=0.3}',
         )
-
-
-def test_entries_that_share_no_key_or_no_link_are_no_tie() -> None:
-    losses(
-        '{sender="lead", receiver="*", loss_ratio=0.2}',
-        '{sender="*", receiver="follower", jitter_ms=3.0}',
-    )
-    losses(
-        '{sender="v1", receiver="v3", loss_ratio=0.2}',
-        '{sender="v2", receiver="v3", loss_ratio=0.3}',
-    )
-
-
-@given(
-    st.sampled_from([*NAMES, *ROLES, ANY]), st.sampled_from([*NAMES, *ROLES, ANY]),
-    st.sampled_from(usual_links(NAMES)),
-)  # fmt: skip
-def test_each_end_counts_for_itself(sender: str, receiver: str, pair: tuple[str, str]) -> None:
-    def grade(sender: str, receiver: str) -> int | None:
-        return specificity(LinkEntry(sender=sender, receiver=receiver), NAMES, *pair)
-
-    both, first, second = grade(sender, receiver), grade(sender, ANY), grade(ANY, receiver)
-    if first is None or second is None:
-        assert both is None
-    else:
-        assert both == first + second
-
-
-def test_a_vehicle_called_like_a_role_is_meant_by_its_name() -> None:
-    overrides = [
-        'convoy.names=["front", "lead", "last"]',
-        'link=[{sender="lead", receiver="*", loss_ratio=0.5}]',
-    ]
-    links = load_scenario("lane_change", overrides).links
-    assert {pair for pair, link in links.items() if link.loss_ratio} == {("lead", "last")}
 
 
 def test_every_entry_without_a_link_gets_a_line() -> None:

@@ -6,7 +6,7 @@ from scenarios.definition.check import confirmation
 from scenarios.definition.check.confirmation import confirmation_lines, confirmed_lines
 from scenarios.definition.check.findings import report_of
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.scenario import drills, library, load_scenario
+from scenarios.definition.scenario import load_scenario
 
 LOOP = (
     "path={kind='segments', laps=3, segments=[{length_m=157.08, radius_m=25.0, turn='left'}]}",
@@ -52,22 +52,3 @@ def test_a_virtual_run_warns_of_seconds_in_place_of_milliseconds() -> None:
     assert "did you mean 20?" in line
     without = load_scenario("lane_change", ["links.latency_ms=0"])
     assert confirmed_lines(without, wall_clock=False, confirmed=False) == ()
-
-
-@pytest.mark.parametrize(
-    ("name", "overrides"),
-    [
-        ("church_lot", ("convoy.vehicles=8",)),
-        ("church_lot", ("convoy.vehicles=20", "duration_s=10")),
-        ("lane_change", (*LOOP, "convoy.vehicles=6")),
-        ("lane_change", (*LOOP, "convoy.vehicles=10", "duration_s=30")),
-        ("lane_change", ("convoy.vehicles=2", "links.latency_ms=1")),
-        ("lane_change", ("convoy.vehicles=80",)),
-        *((name, ()) for name in (*library(), *drills())),
-    ],
-)
-def test_it_needs_none(
-    name: str, overrides: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(confirmation, "_cores", lambda: 4)
-    assert confirmation_lines(load_scenario(name, overrides), wall_clock=True) == ()

@@ -36,18 +36,3 @@ def test_check_warns_of_curves_that_no_tyre_holds() -> None:
         assert fact in line
     assert check("lane_change", [*slippery, "parameters.tyres=linear"]).warnings == ()
     assert check("lane_change", ["parameters.friction_ratio=0.3"]).warnings == ()
-
-
-def test_check_advises_keys_that_an_oscillating_lead_has() -> None:
-    oscillating = ["speed.lead=oscillating", "speed.oscillation.amplitude_mps=0", "duration_s=10"]
-    lines = check("lane_change", [*oscillating, "parameters.friction_ratio=0.15"]).warnings
-    assert any("speed.set_mps" in line for line in lines)
-    assert not any("speed.profile" in line for line in lines)
-
-
-def test_check_warns_of_an_oscillation_that_never_begins() -> None:
-    lines = [
-        check("plexe_sinusoidal", [f"speed.oscillation.from_s={at}", "duration_s=20"]).warnings
-        for at in (19.9, 20.0)
-    ]
-    assert [sum("speed.oscillation.from_s" in one for one in found) for found in lines] == [0, 1]

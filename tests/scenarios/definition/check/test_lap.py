@@ -7,7 +7,7 @@ import pytest
 
 from scenarios.definition.check.findings import warnings
 from scenarios.definition.check.lap import lap_warnings
-from scenarios.definition.scenario import Scenario, drills, library, load_scenario
+from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.virtual.unlogged_run import run_unlogged
 from vehicles.car.parameters import least_spacing
 
@@ -48,28 +48,6 @@ def test_the_predicted_speed_fills_the_lap(vehicles: int, headway_s: float) -> N
     assert numbers == pytest.approx([FASTEST_MPS, expected], abs=0.06)
     assert f"v{vehicles}" in line
     assert line in warnings(scenario)
-
-
-@pytest.mark.parametrize(
-    ("vehicles", "headway_s", "duration_s", "more"),
-    [
-        (6, 2.0, 60.0, ""),  # fits at full speed
-        (40, 2.0, 60.0, ""),  # does not fit standing: needs confirmation in place of a warning
-        (6, 4.0, 25.0, ""),  # ends before the first lap
-        (6, 4.0, 60.0, "speed.lead_keeps_gap=false"),
-        (1, 4.0, 60.0, ""),
-    ],
-)
-def test_a_lead_that_is_not_slowed_down_has_no_warning(
-    vehicles: int, headway_s: float, duration_s: float, more: str
-) -> None:
-    scenario = loop(vehicles=vehicles, headway_s=headway_s, duration_s=duration_s, more=more)
-    assert list(lap_warnings(scenario)) == []
-
-
-def test_shipped_scenarios_have_no_such_warning() -> None:
-    for name in (*library(), *drills()):
-        assert list(lap_warnings(load_scenario(name))) == [], name
 
 
 def test_the_lead_of_a_full_lap_drives_the_predicted_speed() -> None:

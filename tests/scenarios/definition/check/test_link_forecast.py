@@ -5,7 +5,6 @@ import pytest
 from scenarios.definition.channel.presets import presets, read_preset
 from scenarios.definition.check.link_forecast import (
     LinkForecast,
-    laws_in_brief,
     link_forecast,
     link_forecasts,
 )
@@ -52,24 +51,6 @@ def test_the_most_specific_rule_is_named_first_and_each_law_s_own() -> None:
     assert forecast.latency_ms_mean == pytest.approx(24.0)
 
 
-def test_a_preset_of_one_link_takes_nothing_from_the_convoy() -> None:
-    forecast = link("v3", "v4", ENTRIES, "links.jitter_ms=3.0")
-    assert forecast.rules == ("link[2] (predecessor → v4)",)
-    assert forecast.preset == "bursty"
-    assert forecast.preset_source == read_preset("bursty").source
-    assert words(forecast)["latency 20 ms"] == "link[2].preset = bursty (predecessor → v4)"
-    assert forecast.burst_messages_mean == pytest.approx(8.0)
-    assert forecast.latency_ms_deviation == 0.0
-
-
-def test_a_vehicle_s_own_silence_is_a_key_of_the_vehicle() -> None:
-    silent = "vehicle.v2.transmitter_off=[{from_s=1.0,to_s=2.0}]"
-    forecast = link("v2", "v3", silent)
-    assert words(forecast)["transmitter off from 1 to 2 s"] == "vehicle.v2.transmitter_off"
-    assert (forecast.loss_ratio, forecast.age_ms_mean) == (None, None)
-    assert link("v1", "v3", silent).loss_ratio == 0.0
-
-
 def test_figures_of_a_radio_are_for_the_distance_at_the_start() -> None:
     preset = read_preset("ieee80211p_jam").links["radio"]
     forecast = link("v1", "v3", "links.preset=ieee80211p_jam", "convoy.gap_m=20.07")
@@ -93,16 +74,6 @@ def test_the_rate_of_a_link_ages_its_messages() -> None:
     assert forecast.age_ms_mean == pytest.approx(20.0 + 100.0 - 10.0)
 
 
-def test_messages_that_are_sent_more_rarely_are_older() -> None:
-    forecast = link("v1", "v2", 'sending={kind="fixed",rate_hz=5.0}')
-    assert forecast.rate_hz == 5.0
-    assert forecast.age_ms_mean == pytest.approx(20.0 + 100.0 - 10.0)
-    late = link("v1", "v2", "gnss.latency_ms=30.0").age_ms_mean
-    assert late == pytest.approx(20.0 + 25.0 - 5.0 + 30.0)
-    uneven = link("v1", "v2", 'sending.kind="cam"')
-    assert (uneven.rate_hz, uneven.age_ms_mean) == (5.0, None)
-
-
 THREE = "convoy.vehicles=3"
 """Links without and with a car in between."""
 
@@ -111,29 +82,10 @@ THREE = "convoy.vehicles=3"
 @pytest.mark.parametrize("name", [*presets(), *library()])
 def test_every_law_of_what_ships_has_words_and_a_key(name: str) -> None:
     shipped = load_scenario(name) if name in library() else scenario(THREE, f"links.preset={name}")
-    for forecast in link_forecasts(shipped)[0]:
+    for forecast in link_forecasts(shipped):
         assert forecast.rules
         assert forecast.laws
         for law in forecast.laws:
             assert law.words
             assert law.key.startswith(("links.", "link["))
             assert "\n" not in law.words
-
-
-CONTENT = (
-    "links.content={duplicate_ratio=0.1,bit_error_ratio=0.001,reorder_ratio=0.2,"
-    'false=[{kind="offset",east_m=3.0,from_s=4.0}]}'
-)
-
-
-def test_in_brief_stands_what_acts_besides_the_plain_keys() -> None:
-    assert laws_in_brief(scenario("links.jitter_ms=4", "links.loss_ratio=0.1"), ("v1", "v2")) == ""
-    facts = laws_in_brief(scenario(CONTENT, "links.queue={bytes_per_s=5000.0}"), ("v1", "v2"))
-    for part in (
-        "20 % held back", "10 % duplicated", "bit error ratio 0.001",
-        "false content: offset from 4", "queue of 10 messages",
-    ):  # fmt: skip
-        assert part in facts
-    here = 'links.outages=[{kind="circle",latitude_deg=37.0,longitude_deg=-122.0,radius_m=50.0}]'
-    origin = "origin={latitude_deg=37.0,longitude_deg=-122.0}"
-    assert "nan" not in laws_in_brief(scenario(here, origin), ("v1", "v2"))

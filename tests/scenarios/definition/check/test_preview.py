@@ -2,9 +2,7 @@
 
 import pytest
 
-from scenarios.definition.check.findings import check, report_of
-from scenarios.definition.scenario import scenario_from_text
-from tests.made.scenarios.messages import STRAIGHT
+from scenarios.definition.check.findings import check
 
 SLOW_POSES = ("gnss.rate_hz=2.0",)
 LATE = ("links.latency_ms=180.0",)
@@ -64,29 +62,6 @@ def test_every_law_of_loss_thins_the_poses_alike(law: str) -> None:
     expected = check("lane_change", half).warnings
     assert expected
     assert check("lane_change", other).warnings == expected
-
-
-def test_only_the_link_that_is_late_counts() -> None:
-    late = 'link=[{sender="v2",receiver="v3",latency_ms=180.0}]'
-    assert check("lane_change", [late]).warnings == ()  # the lead reaches further
-    (line,) = check("lane_change", [late, *ALONE]).warnings
-    assert line.startswith("v3: at 30 m/s the path of v2")
-
-
-def test_a_straight_path_has_no_corners_to_cut() -> None:
-    settings = ["links.latency_ms=590.0"]
-    assert not report_of(scenario_from_text(STRAIGHT, overrides=settings)).warnings
-
-
-def test_at_walking_pace_the_preview_is_never_too_short() -> None:
-    assert check("lane_change", ["convoy.gap_m=0.1", "speed.set_mps=1.5"]).warnings == ()
-
-
-def test_the_remedy_is_the_rate_that_lacks() -> None:
-    (by_fixes,) = check("lane_change", SLOW_POSES).warnings
-    assert "Raise gnss.rate_hz or" in by_fixes
-    (by_rule,) = check("lane_change", ["sending={kind='fixed', rate_hz=2.0}"]).warnings
-    assert "Raise the rate of sending or" in by_rule
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from math import hypot
 import pytest
 
 from scenarios.definition.check.findings import check
-from scenarios.definition.scenario import library, load_scenario
+from scenarios.definition.scenario import load_scenario
 from scenarios.studies.many.variant import Variant
 
 
@@ -29,33 +29,11 @@ def test_sufficient_receivers_get_no_warning(overrides: tuple[str, ...]) -> None
     assert warning_lines(*overrides) == []
 
 
-def test_shipped_scenarios_get_no_warning() -> None:
-    for name in library():
-        assert not any("receivers differ" in line for line in check(name).warnings), name
-
-
 def test_receivers_by_code_alone_are_named_with_how_far_they_differ() -> None:
     (line,) = warning_lines("gnss.preset=single")
     assert line.startswith("v2, v3, v4: ")
     assert f"{2.0 * hypot(1.5, 1.5):.1f} m" in line
     assert "leaves 0.8 m" in line
-
-
-def test_only_followers_affected_by_a_poor_receiver_are_named() -> None:
-    (line,) = warning_lines("vehicle.v3.gnss.preset=single")
-    assert line.startswith("v3, v4: ")
-    assert "up to 3.0 m" in line
-    (line,) = warning_lines("vehicle.v4.gnss.bias={east_m=0.9}")
-    assert line.startswith("v4: ")
-    assert "up to 0.9 m" in line
-    (line,) = warning_lines("gnss.preset=single", "control.own_state=exact")
-    assert "up to 3.0 m" in line
-
-
-def test_a_state_that_comes_later_counts() -> None:
-    later = "gnss.fix_states={kind='schedule', entries=[{at_s=5.0, state='single'}]}"
-    (line,) = warning_lines(later)
-    assert "up to 4.2 m" in line
 
 
 def test_only_warned_receivers_leave_the_lane_on_clean_links() -> None:
@@ -67,20 +45,3 @@ def test_only_warned_receivers_leave_the_lane_on_clean_links() -> None:
 
     assert departures("single") == 3
     assert departures("rtk_float") == 0
-
-
-@pytest.mark.parametrize(
-    ("overrides", "warned"),
-    [
-        (("gnss.preset=rtk_fixed",), False),
-        (("gnss.preset=rtk_float",), True),
-        (("gnss.common_drift={deviation_m=3.0}",), False),
-        (("vehicle.v4.gnss.bias={east_m=0.4}",), True),
-        (("gnss.preset=single",), False),  # they leave the lane: another warning
-    ],
-)
-def test_errors_that_followers_cannot_notice_are_stated(
-    overrides: tuple[str, ...], *, warned: bool
-) -> None:
-    lines = [line for line in check("lane_change", overrides).warnings if "off the lead" in line]
-    assert len(lines) == warned

@@ -143,31 +143,6 @@ def test_a_similar_own_class_is_suggested(
     assert f"{name}.Modelled?" in refused.value.lines[0]
 
 
-def test_a_longitudinal_controller_needs_followers_that_keep_a_gap(module: Module) -> None:
-    name = module(EXAMPLES["control.longitudinal"].code)
-    with pytest.raises(
-        ScenarioError, match=r'longitudinal: given .*, but speed.followers = "same"'
-    ):
-        load_scenario("lane_change", [f"control.longitudinal={name}.ConstantTimeGap"])
-
-
-def test_a_shipped_law_refuses_settings_that_do_not_fit_it() -> None:
-    ploeg = "control.longitudinal=ploeg"
-    with pytest.raises(ScenarioError, match=r"control\.longitudinal.*headway_s"):
-        load_scenario("highway", overrides=[ploeg, "speed.gap.headway_s=0"])
-    with pytest.raises(ScenarioError, match=r"speed\.followers"):
-        load_scenario("lane_change", overrides=[ploeg])
-
-
-def test_parameters_without_a_class_are_refused_where_they_are_given() -> None:
-    with pytest.raises(ScenarioError) as refused:
-        load_scenario("highway", ["control.longitudinal.kp=1"])
-    (line,) = refused.value.lines
-    assert line.startswith("--set: control.longitudinal")
-    for fact in ("use", "kp", '"cacc"'):
-        assert fact in line
-
-
 def test_parameters_reach_the_class_also_by_vehicle_and_model(module: Module) -> None:
     name = module(LATERAL)
     own = f"vehicle.v2.control.controller={{use='{name}.Modelled',share=0.25}}"
@@ -176,15 +151,6 @@ def test_parameters_reach_the_class_also_by_vehicle_and_model(module: Module) ->
     first, second = (scenario.vehicle(one).controller().steer(errors, 9.0) for one in ("v1", "v2"))
     assert second.steering == 0.25 * first.steering != 0.0
     assert scenario.plug_ins == [f"{name}.Law", f"{name}.Modelled"]
-
-
-def test_a_shipped_class_is_stored_by_its_short_name() -> None:
-    dotted = load_scenario("lane_change", ["control.controller=vehicles.driver.steering.Stanley"])
-    short = load_scenario("lane_change", ["control.controller=stanley"])
-    assert dotted.tables.control == short.tables.control
-    assert short.plug_ins == []
-    usual = load_scenario("lane_change")
-    assert 'controller = "slip_compensated"' in usual.text
 
 
 CHANNEL = """
@@ -423,8 +389,3 @@ def test_a_measure_that_fails_is_left_out_with_a_warning(module: Module, tmp_pat
     assert [line.partition(": holds() ")[2] for line in summary.warnings] == [
         "raised ZeroDivisionError: division by zero; left out from then on"
     ] * 2
-
-
-def test_a_figure_that_is_no_number_is_refused(module: Module) -> None:
-    with pytest.raises(ScenarioError, match=r"figure\[0\]: figure .*: value\(\) returned 'far'"):
-        load_scenario("lane_change", [f"figure=['{module(MEASURES)}.Text']"])

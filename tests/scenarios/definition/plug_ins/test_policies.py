@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import pytest
 
-from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.virtual.unlogged_run import run_unlogged
 from vehicles.messages import Message, Tracking
@@ -115,12 +114,6 @@ def test_a_policy_of_ones_own_stops_a_car_and_warns(module: Module) -> None:
     assert all(row.reason.startswith("chosen by the policy") for row in stopping[:1])
 
 
-def test_a_policy_that_inherits_the_shipped_one_equals_it(module: Module) -> None:
-    lossy = "links.loss_ratio=0.8"
-    own, shipped = tracking(f"{module(CODE)}.Shipped", lossy), tracking("degrade", lossy)
-    assert list(map(repr, own)) == list(map(repr, shipped))
-
-
 def test_both_parts_of_the_shipped_policy_are_replaced(module: Module) -> None:
     name = module(CODE)
     scenario = scenario_of(f"{name}.Parts")
@@ -134,8 +127,3 @@ def test_both_parts_of_the_shipped_policy_are_replaced(module: Module) -> None:
     faulty = run_unlogged(scenario_of(f"{name}.Faulty"))
     assert faulty.outcome == "failed"
     assert f"reaction '{name}.Faulty': modes().decide() returned 'creep', expected" in faulty.reason
-
-
-def test_a_mode_of_the_lead_is_refused(module: Module) -> None:
-    with pytest.raises(ScenarioError, match=r"reaction: .*mode\(\) returned 'path', expected one"):
-        scenario_of(f"{module(CODE)}.Wrong")

@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 import scenarios.api as convoy
-from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.plug_ins.point import instant_draw
 from scenarios.runs.node.sink import BusSink
@@ -85,9 +84,3 @@ def test_random_decisions_are_replayed(module: Module, tmp_path: Path) -> None:
     first = convoy.run(tmp_path / "own.toml", out=tmp_path / "first")
     again = convoy.replay(first, ["v1"], out=tmp_path / "again")
     assert again.vehicles["v3"].true.error_m.tolist() == first.vehicles["v3"].true.error_m.tolist()
-
-
-def test_a_class_that_needs_more_than_a_draw_is_refused(module: Module) -> None:
-    code = CODE.replace("settings, draw):\n        super", "settings, draw, more):\n        super")
-    with pytest.raises(ScenarioError, match=r"parameters, gains, settings, draw=draw\): TypeError"):
-        scenario_of(module(code))

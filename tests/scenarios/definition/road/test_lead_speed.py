@@ -24,31 +24,6 @@ def test_a_set_speed_is_lowered_for_a_curve_and_taken_up_again() -> None:
     assert any("lowered to 12.2 m/s" in warning for warning in report.warnings)
 
 
-BEND = """{ length_m = 200.0 }, { length_m = 60.0, radius_m = 50.0, turn = 'left' },
-    { length_m = 400.0 }"""
-
-
-@pytest.mark.parametrize(
-    ("segments", "changes", "facts"),
-    [
-        ("{ length_m = 1000.0 }", {5.0: 12.0}, None),
-        ("{ length_m = 1000.0 }", {5.0: 12.0, 10.0: 16.0, 15.0: 8.0}, None),
-        (BEND, {2.0: 12.0}, None),
-        (BEND, {2.0: 18.0}, "the set speed of 18 m/s is lowered to 12.2 m/s in curves"),
-        (BEND, {17.0: 5.0}, "the set speed of 20 m/s is lowered to 12.2 m/s in curves"),
-    ],
-)
-def test_a_change_of_the_set_speed_is_not_reported_as_a_curve(
-    segments: str, changes: dict[float, float], facts: str | None
-) -> None:
-    text = STRAIGHT.replace("{ length_m = 1000.0 }", segments) + "".join(
-        f"[[change]]\nkind = 'speed'\nat_s = {at_s}\nspeed_mps = {speed}\n"
-        for at_s, speed in changes.items()
-    )
-    lines = [one for one in report_of(scenario_from_text(text)).warnings if "is lowered" in one]
-    assert [one.partition(":")[0] for one in lines] == ([facts] if facts else [])
-
-
 def test_a_profile_is_driven_exactly_without_curves() -> None:
     text = STRAIGHT + (
         "[speed]\nlead = 'profile'\n"

@@ -11,7 +11,7 @@ from scenarios.definition.check.findings import report_of
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from tests.made.scenarios.recorded_drives import Drive
-from tests.made.scenarios.rough_drives import FORMATS, ON_THE_SPOT, Course, Rough, path_errors
+from tests.made.scenarios.rough_drives import FORMATS, Course, Rough, path_errors
 
 Legs = tuple[tuple[float, float, int], ...]
 """Length (m), curvature (1/m), and direction of driving (1 forwards, -1 in reverse)."""
@@ -100,18 +100,6 @@ def test_the_smoothing_holds_a_turn_together(
     assert any("half width of" in line for line in report.warnings) == (width > 8.0 or off > 1.0)
 
 
-def test_a_given_half_width_is_kept(tmp_path: Path) -> None:
-    scenario = read(driven(((200.0, 0.0, 1),)), tmp_path, keys="smoothing_m = 12.0")
-    assert report_of(scenario).smoothing_m == 12.0
-
-
-def test_the_log_of_a_scenario_has_the_same_path(tmp_path: Path) -> None:
-    rough = Rough(course=turn(8.0), noise=2.0, rate_hz=1.0, speed=4.0)
-    scenario = read(rough.points(), tmp_path)
-    again = scenario_from_text(scenario.text).route.path
-    assert np.array_equal(again.east, scenario.route.path.east)
-
-
 @pytest.mark.parametrize(
     ("legs", "form", "parts", "keys"),
     [
@@ -134,19 +122,6 @@ def test_parts_that_a_car_drives_forwards_are_named(
     assert named == pytest.approx(keys, abs=0.3)
 
 
-def test_the_longest_three_of_many_parts_are_named(tmp_path: Path) -> None:
-    legs = [(60.0 + 10.0 * k, 0.0, 1) if k % 2 == 0 else (10.0, 0.0, -1) for k in range(11)]
-    line = refusal(driven(tuple(legs)), tmp_path)
-    ends = [(90.7, 129.0), (133.9, 179.1), (184.0, 236.7)]
-    assert parts_of(line) == [pytest.approx(end, abs=0.5) for end in ends]
-    assert "and 3 more" in line
-
-
-def test_a_turn_on_the_spot_is_not_a_road(tmp_path: Path) -> None:
-    line = refusal(Rough(course=ON_THE_SPOT, speed=2.0).points(), tmp_path)
-    assert parts_of(line) == [pytest.approx(end, abs=0.3) for end in ((0.0, 74.4), (76.4, 150.9))]
-
-
 def parts_of(line: str) -> list[tuple[float, ...]]:
     return [
         tuple(map(float, ends)) for ends in re.findall(r"([\d.]+) to ([\d.]+) [sm] \(\d+ m\)", line)
@@ -164,28 +139,3 @@ def test_each_named_part_can_be_driven(tmp_path: Path, form: str) -> None:
         assert road is not None
         lengths.append(road.lap_length)
     assert lengths == [pytest.approx(313.0, abs=2.0), pytest.approx(502.0, abs=2.0)]
-
-
-def with_replay(drive: Drive, folder: Path, keys: str = "") -> Scenario:
-    """A straight lead, and a follower that replays `drive`."""
-    (folder / "lead.csv").write_bytes(FORMATS["csv"](driven(((400.0, 0.0, 1),))))
-    (folder / "own.csv").write_bytes(FORMATS["csv"](drive))
-    text = 'name = "a"\n[path]\nkind = "trace"\nfile = "lead.csv"\n'
-    return scenario_from_text(f'{text}[vehicle.v2]\nreplay = "own.csv"\n{keys}\n', folder=folder)
-
-
-def test_the_named_parts_of_a_replay_are_replayed(tmp_path: Path) -> None:
-    drive = driven(THREE_POINT_TURN)
-    with pytest.raises(ScenarioError) as caught:
-        with_replay(drive, tmp_path)
-    (line,) = caught.value.lines
-    keys = dict(re.findall(r"vehicle\.v2\.(replay_\w+) = ([\d.]+)", line))
-    assert {key: float(value) for key, value in keys.items()} == {
-        "replay_to_s": pytest.approx(104.4, abs=0.3),
-        "replay_from_s": pytest.approx(107.9, abs=0.3),
-    }
-    assert "path." not in line
-    for (key, value), lasts in zip(keys.items(), (104.4, 167.8), strict=True):
-        table = with_replay(drive, tmp_path, f"{key} = {value}").tables.vehicle["v2"].drive
-        assert table is not None
-        assert table.time_s[-1] == pytest.approx(lasts, abs=0.3)

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.definition.check.findings import report_of
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, scenario_from_text
 
@@ -59,21 +58,6 @@ def test_the_end_of_a_part_ends_the_run(tmp_path: Path) -> None:
     assert scenario.duration_s == pytest.approx(32.0 + scenario.route.run_in, abs=0.1)
 
 
-@pytest.mark.parametrize(("rule", "warns"), [("cut", True), ("keep", False)])
-def test_clocks_part_where_the_lead_does_without_a_pause(
-    tmp_path: Path, rule: str, warns: bool
-) -> None:
-    pause = (20.0, 120.0)
-    scenario = load(
-        tmp_path,
-        path=f'pauses = "{rule}"',
-        lead=straight(pause=pause),
-        own=straight(LATER, pause),
-    )
-    lines = [line for line in report_of(scenario).warnings if "pauses are cut" in line]
-    assert [("120.0 s" in line, "from 20.0 s" in line) for line in lines] == warns * [(True, True)]
-
-
 @pytest.mark.parametrize(
     ("replay", "key", "why"),
     [
@@ -89,11 +73,3 @@ def test_a_part_that_the_replayed_drive_does_not_have_is_refused(
     (line,) = caught.value.lines
     assert key in line
     assert why in line
-
-
-@pytest.mark.parametrize("key", ["replay_from_s = 1.0", "replay_to_s = 1.0", 'replay_topic = "a"'])
-def test_keys_of_a_part_need_a_replay(tmp_path: Path, key: str) -> None:
-    (tmp_path / "lead.csv").write_text(straight())
-    text = 'name = "a"\n[path]\nkind = "trace"\nfile = "lead.csv"\n[vehicle.v2]\n'
-    with pytest.raises(ScenarioError, match=f"{key.partition(' ')[0]}: given without replay"):
-        scenario_from_text(text + key, folder=tmp_path)

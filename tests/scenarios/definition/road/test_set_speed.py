@@ -78,15 +78,6 @@ def test_a_higher_set_speed_is_lowered_in_the_bend_that_comes() -> None:
     assert math.sqrt(3.0 * 50.0) < 25.0  # so the bend counts
 
 
-def test_a_later_change_goes_on_from_the_earlier_one() -> None:
-    twice = scenario(
-        'kind = "speed"\nat_s = 4.0\nspeed_mps = 6.0\nacceleration_mps2 = 1.0',
-        'kind = "speed"\nat_s = 6.0\nspeed_mps = 9.0\nacceleration_mps2 = 1.0',
-    ).route.profile
-    for at, speed in ((4.0, 10.0), (6.0, 8.0), (7.0, 9.0), (20.0, 9.0)):
-        assert twice.at(at)[0] == pytest.approx(speed, abs=1e-6)
-
-
 @given(st.floats(0.0, 20.0), st.floats(0.0, 150.0), st.floats(0.0, 10.0))
 def test_a_car_that_sets_off_is_slow_enough_where_it_is(
     at: float, ahead: float, speed: float
@@ -103,9 +94,3 @@ def test_a_car_that_sets_off_is_slow_enough_where_it_is(
         assert now - before <= 1.5 * STEP + 1e-6
         assert now * now * abs(plan.path.curvature_at(way)) <= 3.0 * 1.1
         before = now
-
-
-def test_a_ramp_shorter_than_the_resolution_of_time_is_one_knot() -> None:
-    change = SpeedChangeTable(kind="speed", at_s=0.0, speed_mps=1e-233, acceleration_mps2=1.0)
-    plan = scenario().route.plan.changed(0.0, change)
-    assert plan.setting_off(3.9, 0.0, 0.0).at(4.0)[0] < 1e-9

@@ -30,14 +30,6 @@ def test_the_lead_brakes_to_a_pause_at_speed_and_accelerates_after_it() -> None:
     assert profile.distance(80.0) == pytest.approx(STOP, abs=2.0)
 
 
-def test_a_pause_too_short_to_stop_keeps_its_times() -> None:
-    times, stations = paused(10.0)
-    fast = [0.5 * t for t in times]
-    profile, _ = recorded(fast, stations, ())
-    assert profile.distance(fast[-1]) == pytest.approx(stations[-1], abs=1.0)
-    assert profile.distance(fast[50]) == pytest.approx(stations[50], abs=1.0)
-
-
 def test_a_recorded_stop_keeps_its_own_braking() -> None:
     before = np.arange(0.0, 10.0, 0.1)
     s_before = 10.0 * before - 0.5 * before**2  # 1 m/s² to a stop at 50 m

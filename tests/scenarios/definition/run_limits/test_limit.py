@@ -5,8 +5,7 @@ import pytest
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.run_limits import Limit, limits_of, parsed_limit
 from scenarios.definition.scenario import load_scenario
-from scenarios.definition.schema.limit_rows import LIMITS, WORDS, LimitRow
-from scenarios.definition.schema.limit_tables import LimitsTable
+from scenarios.definition.schema.limit_rows import LIMITS, WORDS
 
 CONVOY = ("v1", "v2", "v3")
 
@@ -33,17 +32,6 @@ def test_a_limit_that_is_none_is_refused_with_the_known_ones(text: str) -> None:
         assert word in str(refused.value)
 
 
-@pytest.mark.parametrize("vehicle", ["", "v3."])
-@pytest.mark.parametrize("row", WORDS.values(), ids=WORDS)
-def test_a_limit_may_be_given_by_its_key(row: LimitRow, vehicle: str) -> None:
-    if row.event:
-        with pytest.raises(ScenarioError, match=f"did you mean {vehicle}{row.word}"):
-            parsed_limit(f"{vehicle}{row.key}=0", CONVOY)
-    else:
-        limit = parsed_limit(f"{vehicle}{row.key}=0.25", CONVOY)
-        assert limit == parsed_limit(f"{vehicle}{row.word}=0.25", CONVOY)
-
-
 @pytest.mark.parametrize(
     ("text", "hint"),
     [
@@ -55,19 +43,6 @@ def test_a_limit_may_be_given_by_its_key(row: LimitRow, vehicle: str) -> None:
 def test_a_limit_of_an_unknown_vehicle_or_a_lead_without_such_figure(text: str, hint: str) -> None:
     with pytest.raises(ScenarioError, match=f"--limit: given '{text}', .*{hint.rstrip('?')}"):
         parsed_limit(text, CONVOY)
-
-
-def test_the_lead_can_collide() -> None:
-    assert parsed_limit("v1.collision", CONVOY) == Limit("collisions_max", 0, "v1")
-
-
-def test_limits_of_a_scenario_come_in_the_order_of_their_keys() -> None:
-    table = LimitsTable.model_validate(
-        {"v3": {"stops_max": 1, "true_gap_m_min": 2.0}, "true_gap_m_min": 4.0, "collisions_max": 0}
-    )
-    assert [limit.name for limit in limits_of(table)] == [
-        "collisions_max", "v3.stops_max", "true_gap_m_min", "v3.true_gap_m_min",
-    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(

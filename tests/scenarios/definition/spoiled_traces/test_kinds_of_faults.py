@@ -81,9 +81,6 @@ KINDS: dict[str, Kind] = {
     "sparse speeds": Kind(forms=SPEEDS[:2], fault=record_faults.sparse_speeds),
     "garbage speeds": Kind(forms=SPEEDS[:2], fault=record_faults.garbage_speeds),
     "absurd speed": Kind(forms=SPEEDS[:3], fault=record_faults.absurd_speed),
-    "before the fix": Kind(
-        forms=DATED, fault=record_faults.before_the_fix, counted=True, remark=True
-    ),
     "wrong time": Kind(forms=DATED, fault=record_faults.wrong_time, counted=True, remark=True),
     "unreadable times": Kind(forms=CSV, fault=record_faults.unreadable_times, remark=True),
     "times without zone": Kind(forms=("zoneless gpx", "zoneless geodetic csv"), remark=True),

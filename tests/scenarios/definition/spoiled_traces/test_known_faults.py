@@ -10,10 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.definition.errors import ScenarioError
 from tests.made.spoiled.drive_files import TABLES, Table, gpx, kml, nmea, write_oxts
 from tests.made.spoiled.driven_paths import driven, written
-from tests.made.spoiled.record_faults import WEEKS_1024, moved_by
+from tests.made.spoiled.record_faults import moved_by
 from tests.made.spoiled.synthetic_drives import START, Drive, Fix, Recording
 
 COUNT, LENGTH_M, DURATION_S, SPEED = 24, 115.0, 11.5, 10.0
@@ -68,20 +67,6 @@ PAUSED = shifted(600.0, 12)
 KNOWN: dict[str, Known] = {
     "all speeds zero": Known(file="a.csv", data=Table().write(ZERO), remark="speed"),
     "all speeds zero, nmea": Known(file="a.nmea", data=nmea(ZERO), remark="speed"),
-    "three first times count from the start": Known(
-        file="a.csv",
-        data=Table(time="unix s").write(shifted(-START, 0, 3)),
-        left_out=(2, 3, 4), remark="time", length_m=100.0, duration_s=10.0,
-    ),
-    "four first times of another week": Known(
-        file="a.gpx", data=gpx(shifted(-WEEKS_1024, 0, 4)),
-        left_out=(1, 2, 3, 4), remark="time", length_m=95.0, duration_s=9.5,
-    ),
-    "first times in seconds, others in milliseconds": Known(
-        file="a.csv",
-        data=Table(time="unix ms").write(shifted(0.001 * START - START, 0, 3)),
-        left_out=(2, 3, 4), remark="time", length_m=100.0, duration_s=10.0,
-    ),
     "times without zone": Known(file="a.gpx", data=gpx(GOOD, "iso"), remark="UTC"),
     "one point at 0/0": Known(
         file="a.gpx", data=gpx(GOOD.edited([10], degrees=NO_FIX)), left_out=(11,), remark="fix"
@@ -179,27 +164,6 @@ def test_the_drive_has_its_figures(tmp_path: Path, known: Known) -> None:
     assert known.remark or known.left_out or known.lead == "set" or _quiet(warnings), warnings
 
 
-@pytest.mark.parametrize("known", KNOWN.values(), ids=KNOWN)
-def test_a_second_vehicle_drives_the_file(tmp_path: Path, known: Known) -> None:
-    written(tmp_path, "lead.gpx", gpx(GOOD))
-    written(tmp_path, "lead.csv", PLANE.write(GOOD))
-    plane = known.file.endswith("csv") and b"latitude" not in known.data
-    written(tmp_path, known.file, known.data)
-    more = f'[convoy]\nvehicles = 3\n[vehicle.v2]\nreplay = "{known.file}"\n'
-    if known.lead == "set":
-        with pytest.raises(ScenarioError, match="time"):
-            driven(tmp_path, "lead.csv" if plane else "lead.gpx", more=more)
-        return
-    drive = driven(tmp_path, "lead.csv" if plane else "lead.gpx", more=more)
-    replay = drive.scenario.replays["v2"]
-    assert abs(replay.road.path.north).max() < 0.05
-    assert replay.stations[-1] - replay.stations[0] == pytest.approx(known.length_m, abs=0.5)
-    if "cut" not in known.path:
-        assert replay.times[-1] - replay.times[0] == pytest.approx(known.duration_s, abs=0.6)
-    assert {*known.left_out} <= {*drive.listed}
-    assert re.search(known.remark, "\n".join(drive.report.warnings))
-
-
 def _quiet(warnings: str) -> bool:
     """Whether no warning is about the file."""
     return not re.search(r"\ba\.(csv|gpx|nmea|kml)", warnings)
@@ -212,12 +176,6 @@ def test_a_folder_of_oxts_files_is_a_drive(tmp_path: Path, given: str) -> None:
     assert drive.length == pytest.approx(LENGTH_M, abs=0.2)
     assert drive.scenario.duration_s == pytest.approx(DURATION_S, abs=0.6)
     assert drive.speed_at(60.0) == pytest.approx(SPEED, abs=0.2)
-
-
-def test_one_time_for_all_points_gives_no_speed(tmp_path: Path) -> None:
-    data = gpx(GOOD.edited(EVERY, time=START))
-    with pytest.raises(ScenarioError, match=r"24 points .*same time.*set"):
-        driven(tmp_path, written(tmp_path, "a.gpx", data))
 
 
 def test_times_in_milliseconds_are_reported(tmp_path: Path) -> None:

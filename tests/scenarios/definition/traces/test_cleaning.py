@@ -93,23 +93,6 @@ def test_jumps_are_left_out_and_nothing_else(
     assert max(jump.size for jump in found.jumps) == pytest.approx(1.25 * size, rel=0.35)
 
 
-@pytest.mark.parametrize("count", [11, 20, 30, 45])
-@pytest.mark.parametrize("noise", [0.005, 0.1])
-def test_an_offset_of_seconds_with_sharp_ends_is_left_out(count: int, noise: float) -> None:
-    rows = np.array(Rough(course=SWEEP, speed=15.0, noise=noise, seed=count).points())
-    rows[150 : 150 + count, 1:3] += (5.0, -3.0)
-    found = cleaned(rows[:, 1:3].T.copy(), rows[:, 0])
-    assert sorted(set(range(len(rows))) - set(found.kept.tolist())) == [*range(150, 150 + count)]
-    assert [(jump.first, jump.last) for jump in found.jumps] == [(150, 149 + count)]
-
-
-def test_a_lasting_offset_stays() -> None:
-    rows = np.array(Rough(course=SWEEP, speed=15.0).points())
-    rows[150:230, 1:3] += (5.0, -3.0)  # 8 s
-    jumps = cleaned(rows[:, 1:3].T.copy(), rows[:, 0]).jumps
-    assert sum(jump.last - jump.first + 1 for jump in jumps) <= 20
-
-
 @examples(8, 60)
 @given(
     speed=st.floats(15.0, 35.0),

@@ -1,6 +1,5 @@
 """A recorded drive in place of a scenario: its path, its recorded speed, overrides, errors."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +11,10 @@ from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.definition.schema.path_tables import PointsPath
 from scenarios.studies.many.sweeps.plan import planned
 from scenarios.studies.many.variant import variant_of
-from tests.made.scenarios.messages import STRAIGHT
 from tests.made.scenarios.recorded_drives import (
     CSV,
     WRITERS,
     Drive,
-    as_gpx,
     as_plane_csv,
     drive,
     driven,
@@ -27,7 +24,8 @@ from tests.made.scenarios.recorded_drives import (
 
 def back_and_forth() -> Drive:
     """A drive that turns back on the spot after 20 s."""
-    return [*drive(), *((20.1 + t, e, n, v) for t, e, n, v in drive()[:100][::-1])]
+    back = enumerate(drive()[:100][::-1])
+    return [*drive(), *((20.1 + 0.1 * k, e, n, v) for k, (_, e, n, v) in back)]
 
 
 @pytest.mark.parametrize("file", WRITERS)
@@ -92,33 +90,6 @@ def test_a_log_and_its_folder_are_drives_of_the_lead_or_another_vehicle(tmp_path
     assert lead.origin != second.origin
 
 
-@pytest.mark.parametrize("inside", ["", "oxts", "oxts/data"])
-def test_a_folder_of_kitti_is_named_by_its_drive(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, inside: str
-) -> None:
-    packets = tmp_path / "residential" / "oxts" / "data"
-    packets.mkdir(parents=True)
-    for k in range(12):
-        numbers = [49.0 + 1e-4 * k, 8.4, *[0.0] * 28]
-        (packets / f"{k:010d}.txt").write_text(" ".join(map(str, numbers)))
-    folder = tmp_path / "residential" / inside
-    monkeypatch.chdir(folder)
-    for given in (folder, "."):
-        scenario = load_scenario(given)
-        assert scenario.name == "residential"
-        assert isinstance(scenario.tables.path, PointsPath)
-        assert scenario.tables.path.source == folder.name
-
-
-def test_a_scenario_extends_a_drive(tmp_path: Path) -> None:
-    (tmp_path / "drive.gpx").write_bytes(as_gpx(drive()))
-    path = tmp_path / "mine.toml"
-    path.write_text('extends = "drive.gpx"\nname = "mine"\n[convoy]\nvehicles = 2\n')
-    mine, plain = load_scenario(path).tables, load_scenario(tmp_path / "drive.gpx").tables
-    assert (mine.name, mine.convoy.vehicles, mine.speed.lead) == ("mine", 2, "recorded")
-    assert mine.path == plain.path
-
-
 def test_studies_take_a_drive_with_the_overrides_that_select_a_part(tmp_path: Path) -> None:
     path = tmp_path / "back.csv"
     path.write_bytes(as_plane_csv(back_and_forth()))
@@ -134,26 +105,6 @@ def test_studies_take_a_drive_with_the_overrides_that_select_a_part(tmp_path: Pa
     plan = planned(str(path), vary=["path.smoothing_m=5,9"], seeds=1, sets=overrides)
     paths = [plan.variants(cell)[0].scenario.tables.path for cell in plan.cells]
     assert [getattr(table, "smoothing_m", 0.0) for table in paths] == [5.0, 9.0]
-
-
-def test_a_scenario_may_have_any_suffix(tmp_path: Path) -> None:
-    for name in ("mine", "mine.txt", "mine.csv"):
-        path = tmp_path / name
-        path.write_text(f"\ufeff# a comment\n\n{STRAIGHT}", encoding="utf-8")
-        assert load_scenario(path).tables.path.kind == "segments"
-        path.write_text("[path]\nkind = \n", encoding="utf-8")
-        with pytest.raises(ScenarioError, match="not valid TOML"):
-            load_scenario(path)
-
-
-@pytest.mark.parametrize("name", ["My Ride (2).gpx", "01 – ä.gpx", f"{'long' * 20}.gpx", "🚗.gpx"])
-def test_any_file_name_makes_a_name(tmp_path: Path, name: str) -> None:
-    path = tmp_path / name
-    path.write_bytes(as_gpx(drive()))
-    scenario = load_scenario(path)
-    assert re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]{0,31}", scenario.name)
-    assert isinstance(scenario.tables.path, PointsPath)
-    assert scenario.tables.path.source == name
 
 
 def test_a_refused_drive_has_one_line_that_begins_with_its_file(tmp_path: Path) -> None:

@@ -67,15 +67,6 @@ def test_repeated_positions_are_thinned(hold: float, rate: float, *, timed: bool
         )
 
 
-@pytest.mark.parametrize("late", [0, 1])
-def test_a_position_whose_axes_change_one_after_the_other_is_one_position(late: int) -> None:
-    times, position = held(0.1, 50.0)
-    position[late, 1:] = position[late, :-1].copy()
-    drive, _ = without_repeats(recorded(position, times))
-    assert drive.count == 600
-    assert drive.position == pytest.approx(course(np.arange(600) * 0.1))
-
-
 def test_a_standstill_keeps_its_first_and_last_record() -> None:
     times = np.arange(3000) * 0.02
     moved = np.where(times < 20.0, times, np.maximum(20.0, times - 15.0))
@@ -92,14 +83,6 @@ def test_repeats_of_a_steady_drive_are_thinned(north: float) -> None:
     steps = np.floor(times / 0.1 + 1e-9)
     drive, _ = without_repeats(recorded(np.array((1.2 * steps, north * steps)), times))
     assert drive.count == 600
-
-
-def test_a_position_that_returns_after_a_wrong_record_is_no_new_one() -> None:
-    times, position = held(0.1, 50.0)
-    position[:, [502, 1703]] += 300.0
-    drive, _ = without_repeats(recorded(position, times))
-    assert drive.count == 600 + 2
-    assert {502, 1703} < {*drive.numbers.tolist()}
 
 
 TIMES = np.arange(600) * 0.1

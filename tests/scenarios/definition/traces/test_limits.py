@@ -1,7 +1,5 @@
 """Drives beyond what a road or a run can be: one line with the place and a remedy that works."""
 
-import math
-import re
 from pathlib import Path
 
 import pytest
@@ -54,26 +52,3 @@ def test_the_largest_parts_of_a_torn_drive_are_named_and_can_be_driven(
         assert road is not None
         lengths.append(road.lap_length)
     assert lengths == pytest.approx([1399.0, 1999.0, 1499.0], abs=1.5)
-
-
-def test_points_of_which_no_two_hold_together_have_no_parts(tmp_path: Path) -> None:
-    line = refusal(tmp_path, [(60.0 * k, 1200.0 * k, 0.0) for k in range(50)])
-    assert "1.2 km" in line
-    assert re.search(r"first of 4[789] such steps", line)
-    assert "path.to_" not in line
-
-
-@pytest.mark.parametrize("interval", [30.0, 1e6])
-def test_absurdly_slow_times_do_not_turn_a_loop_into_a_standstill(
-    tmp_path: Path, interval: float
-) -> None:
-    """Two laps of 500 m: the span of the times is refused, and no point is left out."""
-    rows = [
-        (interval * k, 80.0 * math.cos(k / 160.0), 80.0 * math.sin(k / 160.0)) for k in range(3000)
-    ]
-    line = refusal(tmp_path, rows)
-    assert re.search(r"times span ([\d.e+]+) s, allowed at most 86400", line)
-    road = load(tmp_path, rows, "to_s = 80000.0") if interval < 1e3 else None
-    if road is not None:
-        assert road.route.smoothed is not None
-        assert road.route.smoothed.lap_length == pytest.approx(80000.0 / 30.0 * 0.5, rel=0.01)

@@ -102,12 +102,6 @@ def test_a_pause_is_kept_or_cut(tmp_path: Path, rule: str, lasts_s: float) -> No
     assert "line 102 (20.0 s)" in warning
 
 
-def test_no_pause_is_reported_without_one(tmp_path: Path) -> None:
-    scenario = load(tmp_path, lasts=5.0)
-    assert points(scenario).pause_points == ()
-    assert not any("path.pauses" in line for line in report_of(scenario).warnings)
-
-
 def test_places_after_a_cut_pause_are_those_of_the_record(tmp_path: Path) -> None:
     """A part given by the times that check prints has the same points with and without pauses."""
     kept, cut = (
@@ -115,11 +109,3 @@ def test_places_after_a_cut_pause_are_those_of_the_record(tmp_path: Path) -> Non
     )
     assert np.allclose(kept.east_m, cut.east_m)
     assert kept.begin_s == cut.begin_s == pytest.approx(330.0)
-
-
-def test_the_text_of_a_part_holds_all_of_it(tmp_path: Path) -> None:
-    scenario = load(tmp_path, 'from_s = 5.0\npauses = "cut"')
-    (tmp_path / "a.csv").unlink()
-    again = scenario_from_text(scenario.text, folder=tmp_path)
-    assert again.tables == scenario.tables
-    assert report_of(again).warnings == report_of(scenario).warnings

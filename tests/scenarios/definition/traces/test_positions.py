@@ -86,22 +86,6 @@ def test_good_positions_stay(position: Floats, geodetic: bool) -> None:
     assert far_pieces(position, geodetic=geodetic) == [(0, 199)]
 
 
-@pytest.mark.parametrize("far", [3, 20, 180])
-def test_a_drive_along_an_axis_stays_around_a_far_point(far: int) -> None:
-    along = np.stack((STEPS - STEPS[0], 0.0 * STEPS))
-    gone, kinds, _ = left_of(changed(along, [far], (9000.0, 5000.0)), geodetic=False)
-    assert (gone, kinds) == ([far], {"far away": 1})
-
-
-def test_two_large_parts_both_stay() -> None:
-    points = UTM.copy()
-    points[0, 100:] += 5000.0
-    points[0, 30] += 80_000.0
-    gone, kinds, _ = left_of(points, geodetic=False)
-    assert (gone, kinds) == ([30], {"far away": 1})
-    assert far_pieces(np.delete(points, 30, axis=1)) == [(0, 98), (99, 198)]
-
-
 def test_a_drive_between_far_points_is_held_together() -> None:
     """Single points that continue the drive stay, however many far ones surround them."""
     random = np.random.default_rng(3)
@@ -115,9 +99,3 @@ def test_a_drive_between_far_points_is_held_together() -> None:
 def test_no_position_at_all_is_refused_with_the_first_record() -> None:
     with pytest.raises(TraceError, match=r"no valid point, line 2 \(0.0 s\): no fix: 0°/0°"):
         usable_positions(drive_of(np.zeros((2, 9)), geodetic=True))
-
-
-def test_a_few_points_keep_together() -> None:
-    assert left_of(changed(BERLIN[:, :3], [1], (0.0, 0.0)), geodetic=True)[0] == [1]
-    assert left_of(changed(UTM[:, :3], [2], (9e5, 5e6)), geodetic=False)[0] == [2]
-    assert left_of(changed(UTM[:, :2], [1], (9e5, 5e6)), geodetic=False)[0] == []

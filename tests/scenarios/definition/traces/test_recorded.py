@@ -1,6 +1,5 @@
 """Recorded drives: the same drive from every format, bad lines, and the lead's speed."""
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -9,14 +8,12 @@ import pytest
 from scenarios.definition.check.findings import warnings
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.road.lead_speed import recorded
-from scenarios.definition.traces.formats.logs import read_mcap
 from scenarios.definition.traces.reading import read_trace
 from scenarios.definition.traces.recorded_drive import TraceError
 from tests.made.scenarios.recorded_drives import (
     CSV,
     ORIGIN,
     WRITERS,
-    as_gpx,
     as_nmea,
     as_plane_csv,
     drive,
@@ -24,9 +21,6 @@ from tests.made.scenarios.recorded_drives import (
     sentence,
     write_log,
 )
-from tests.made.transport import drive as circle
-from tests.made.transport.logs import put
-from transport.log.writer import LogWriter
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -41,12 +35,6 @@ def test_the_same_drive_comes_from_every_format(tmp_path: Path, name: str) -> No
     assert np.allclose(trace.time_s, times, atol=1e-5)
     if "gpx" not in name:  # GPX 1.1 has no speeds
         assert np.allclose(trace.speed_mps, speeds, atol=1e-5)
-
-
-def test_waypoints_are_read_without_a_track(tmp_path: Path) -> None:
-    path = tmp_path / "way.gpx"
-    path.write_bytes(as_gpx(drive(), "wpt", "x").replace(b"<x>", b"").replace(b"</x>", b""))
-    assert len(read_trace(path).east_m) == 201
 
 
 def test_the_log_of_a_run_is_a_recorded_drive(tmp_path: Path) -> None:
@@ -96,18 +84,6 @@ def test_bad_lines_are_skipped_and_counted_in_one_warning(tmp_path: Path) -> Non
     (warning,) = warnings(driven(path, "closed = false"))
     assert "4 records are left out" in warning
     assert all(f"line {number}" in warning for number in (31, 91, 121, 151))
-
-
-def test_a_bad_cell_spoils_its_line_only(tmp_path: Path) -> None:
-    lines = as_plane_csv(drive()).decode().splitlines()
-    lines[5] = '0.4,"12,0,0,0'
-    lines[7] = "0.6,nan,0,0,12"
-    lines[9] = "0.8,9.6"
-    path = tmp_path / "drive.csv"
-    path.write_text("\n".join(lines))
-    trace = read_trace(path)
-    assert [record.number for record in trace.left_out.records] == [6, 8, 10]
-    assert len(trace.east_m) == 198
 
 
 # --- The lead on a recorded drive
@@ -175,47 +151,8 @@ def test_a_moving_lead_reaches_its_first_point_at_its_first_speed(
     assert route.profile.distance(route.run_in) == pytest.approx(route.smoothed.start - route.start)
 
 
-def test_a_lead_that_starts_slowly_begins_at_its_first_point(tmp_path: Path) -> None:
-    points = [(0.2 * k, (0.2 * k) ** 2, 0.0, 0.4 * k) for k in range(50)]  # 2 m/s² from rest
-    path = tmp_path / "start.csv"
-    path.write_bytes(as_plane_csv(points))
-    route = driven(path, speed='lead = "recorded"').route
-    assert route.smoothed is not None
-    assert (route.start, route.run_in) == (route.smoothed.start, 0.0)
-    assert route.profile.time_to(10.0) == pytest.approx(10.0**0.5, abs=0.8)
-
-
-def test_derived_speeds_are_means_over_two_seconds() -> None:
-    times = np.arange(0.0, 60.0, 0.5)
-    way = 10.0 * times + 15.0 * np.sin(times / 5.0)  # 10 + 3 cos(t/5) m/s
-    profile, ratio = recorded(times.tolist(), way.tolist(), ())
-    assert ratio == 1.0
-    for t in (5.0, 20.0, 41.0):
-        mean = (15.0 * (math.sin((t + 1) / 5) - math.sin((t - 1) / 5)) + 20.0) / 2.0
-        assert profile.at(t)[0] == pytest.approx(mean, abs=0.02)
-    assert profile.distance(59.5) == pytest.approx(way[-1], rel=1e-3)
-
-
 def test_a_pause_of_ten_minutes_slows_the_lead_down_around_it_only() -> None:
     times = 0.5 * np.arange(60)
     profile, _ = recorded((times + 600.0 * (times >= 15.0)).tolist(), (10.0 * times).tolist(), ())
     speeds = [profile.at(t)[0] for t in (0.0, 5.0, 300.0, 622.0, 629.0)]
     assert speeds == pytest.approx([10.0, 10.0, 0.0, 10.0, 10.0], abs=0.01)
-
-
-def test_a_log_with_a_damaged_part_is_followed_without_it(tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    with LogWriter(path, library="test") as log:
-        for second in range(4):
-            for step in range(20):
-                at = circle.START + (20 * second + step) * 50_000_000
-                put(log, at, circle.gps("v1", 20 * second + step, at))
-            log.flush()
-    content = bytearray(path.read_bytes())
-    second_chunk = content.index(b"zstd", content.index(b"zstd") + 4)
-    content[second_chunk + 100] ^= 1
-    path.write_bytes(content)
-    found = read_mcap(path, "v1", None)
-    assert found.numbers.tolist() == [*range(20), *range(40, 80)]
-    (record,) = found.left_out.records
-    assert record.reason.startswith("damaged, ")

@@ -20,7 +20,6 @@ from tests.made.scenarios.recorded_drives import (
     drive,
     driven,
     sentence,
-    write_log,
 )
 from vehicles.geometry.geodesy import Origin
 
@@ -131,23 +130,6 @@ def test_no_damage_to_a_file_gives_anything_but_a_drive_or_one_clear_line(
     (line,) = lines
     assert line.isprintable()
     assert len(line) < 400
-
-
-def test_a_damaged_log_is_refused_in_one_line(tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    write_log(path, drive())
-    content = bytearray(path.read_bytes())
-    content[20:-400] = b"\xff" * (len(content) - 420)
-    path.write_bytes(content)
-    with pytest.raises(TraceError) as caught:
-        read_trace(path)
-    assert str(caught.value).startswith(f"{path}: ")
-    assert str(caught.value).isprintable()
-
-
-def test_a_folder_is_no_drive(tmp_path: Path) -> None:
-    with pytest.raises(TraceError, match="give a file"):
-        read_trace(tmp_path)
 
 
 def test_too_few_points_and_a_drive_that_does_not_close_are_refused(tmp_path: Path) -> None:

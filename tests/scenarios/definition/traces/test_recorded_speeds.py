@@ -10,7 +10,6 @@ TIMES = 0.1 * np.arange(600.0)
 SPEEDS = 15.0 + 5.0 * np.sin(0.2 * TIMES)
 STATIONS = 15.0 * TIMES + 25.0 * (1.0 - np.cos(0.2 * TIMES))
 POINTS = np.stack((800.0 * np.sin(STATIONS / 800.0), 800.0 * (1.0 - np.cos(STATIONS / 800.0))))
-NONE: Floats = np.zeros(0)
 
 
 def changed(places: slice | list[int], value: float) -> Floats:
@@ -29,13 +28,6 @@ def test_good_speeds_stay_to_the_bit() -> None:
     assert remarks == ()
 
 
-def test_a_gap_repeats_the_speed_before_it() -> None:
-    speeds, remarks = usable_speeds(changed([0, 10, 11], np.nan), TIMES, POINTS)
-    assert speeds is not None
-    assert speeds[[0, 10, 11, 12]].tolist() == SPEEDS[[1, 9, 9, 12]].tolist()
-    assert remarks == ()
-
-
 @pytest.mark.parametrize("value", [1e6, 120.0, 0.0, np.inf])
 @pytest.mark.parametrize("places", [[200], [0, 599], list(range(100, 120))])
 def test_single_absurd_speeds_are_interpolated(value: float, places: list[int]) -> None:
@@ -46,13 +38,6 @@ def test_single_absurd_speeds_are_interpolated(value: float, places: list[int]) 
     assert np.array_equal(speeds[others], SPEEDS[others])
     if np.isfinite(value):
         assert remarks[0].startswith(str(len(places)))
-
-
-def test_absurd_speeds_without_times_are_interpolated() -> None:
-    speeds, (remark,) = usable_speeds(changed([200, 201], 1e6), NONE, POINTS)
-    assert speeds is not None
-    assert np.max(np.abs(speeds - SPEEDS)) < 0.01
-    assert remark.startswith("2 ")
 
 
 @pytest.mark.parametrize(
@@ -78,10 +63,6 @@ def test_speeds_that_stick_at_zero_are_ignored() -> None:
     speeds, (remark,) = usable_speeds(0.0 * SPEEDS, TIMES, POINTS)
     assert speeds is None
     assert "every recorded speed is 0" in remark
-
-
-def test_speeds_of_half_of_the_points_are_ignored() -> None:
-    assert usable_speeds(changed(slice(0, 600, 2), np.nan), TIMES, POINTS) == (None, ())
 
 
 def test_a_standstill_and_a_pause_fit() -> None:

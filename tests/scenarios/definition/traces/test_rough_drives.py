@@ -8,7 +8,6 @@ import pytest
 
 from scenarios.definition.check.findings import report_of
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.road.lead_speed import recorded
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.definition.schema.path_tables import PointsPath
 from tests.made.scenarios.rough_drives import (
@@ -35,13 +34,6 @@ def path_off_truth(scenario: Scenario, rough: Rough) -> float:
         east = east + table.east_offset_m - rough.offset[0]
         north = north + table.north_offset_m - rough.offset[1]
     return float(np.max(path_errors(rough, east, north)))
-
-
-def test_there_are_enough_files() -> None:
-    assert len(CASES) >= 30
-    assert {rough.form for rough, _ in CASES.values()} == {
-        "csv", "wgs84", "gpx", "nmea", "places", "timed"
-    }  # fmt: skip
 
 
 @pytest.mark.spread(15)
@@ -80,19 +72,6 @@ def test_what_no_car_drives_is_refused_with_place_and_time(
     assert line.isprintable()
 
 
-def test_the_offset_of_far_coordinates_is_in_the_scenario_of_the_log(tmp_path: Path) -> None:
-    scenario = scenario_of(CASES["utm"][0], tmp_path)
-    again = scenario_from_text(scenario.text)
-    assert again.text == scenario.text
-    table = again.tables.path
-    assert isinstance(table, PointsPath)
-    assert (table.east_offset_m, table.north_offset_m) == (300_000.0, 3_900_000.0)
-    assert abs(table.east_m[0]) < 1.0
-    first = CASES["utm"][0].points()[0]
-    assert table.east_m[0] + table.east_offset_m == pytest.approx(first[1], abs=1e-6)
-    assert again.route.path.length == scenario.route.path.length
-
-
 def test_points_given_far_out_are_laid_near_the_origin_too() -> None:
     east = ", ".join(str(300_000.0 + 5.0 * k) for k in range(60))
     north = ", ".join("3900000.0" for _ in range(60))
@@ -102,13 +81,6 @@ def test_points_given_far_out_are_laid_near_the_origin_too() -> None:
     assert isinstance(table, PointsPath)
     assert (table.east_m[0], table.east_m[1], table.north_m[0]) == (0.0, 5.0, 0.0)
     assert (table.east_offset_m, table.north_offset_m) == (300_000.0, 3_900_000.0)
-
-
-def test_coordinates_near_their_origin_stay_as_they_are(tmp_path: Path) -> None:
-    table = scenario_of(Rough(offset=(4000.0, -3000.0)), tmp_path).tables.path
-    assert isinstance(table, PointsPath)
-    assert (table.east_offset_m, table.remarks) == (0.0, ())
-    assert table.east_m[0] == pytest.approx(4000.0, abs=0.2)
 
 
 def test_a_road_that_leaves_the_plane_is_refused_in_one_line() -> None:
@@ -159,15 +131,3 @@ def test_where_nothing_was_recorded_the_car_brakes_stands_and_speeds_up(
     assert np.sum(np.diff(profile.times)[speeds[1:] < 0.1]) == pytest.approx(40.0, abs=3.0)
     driven = rough.points()[-1][1] + smoothed.start - route.start
     assert np.trapezoid(speeds, profile.times) == pytest.approx(driven, abs=1.0)
-
-
-def test_where_nothing_was_recorded_the_car_slows_down_as_its_times_say() -> None:
-    """20 m/s, then 12 m/s on average over 300 m, then 20 m/s: no jump of the speed."""
-    times = [*np.arange(0.0, 10.0, 0.1), *np.arange(35.0, 45.0, 0.1)]
-    way = [20.0 * t if t < 10.0 else 20.0 * (t - 35.0) + 200.0 - 2.0 + 300.0 for t in times]
-    for speeds in ((), [20.0] * len(times)):
-        profile, ratio = recorded(times, way, speeds)
-        assert ratio == pytest.approx(1.0, abs=0.01)
-        assert np.max(np.abs(np.diff(profile.speeds) / np.diff(profile.times))) < 2.6
-        assert 9.0 < min(profile.speeds) < 12.0
-        assert profile.distance(35.0) == pytest.approx(498.0, abs=0.5)

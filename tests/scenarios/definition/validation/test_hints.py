@@ -64,12 +64,6 @@ def test_a_clear_intention_gets_a_hint(override: str, hint: str) -> None:
     assert len(line) < 250
 
 
-@pytest.mark.parametrize("override", ["links.loss_ratio=1.5", "links.loss_ratio=-1", "seed=x"])
-def test_an_unclear_intention_gets_none(override: str) -> None:
-    (line,) = error_lines(override)
-    assert "did you mean" not in line
-
-
 @pytest.mark.parametrize(
     ("table", "name"),
     [
@@ -83,11 +77,6 @@ def test_a_table_in_place_of_a_list_of_tables_gets_double_brackets(table: str, n
         scenario_from_text(f"extends = 'lane_change'\n{table}\n")
     assert f" {name}: " in str(caught.value)
     assert f"[[{name}]]" in str(caught.value)
-
-
-def test_a_key_of_another_kind_of_table_is_not_offered_as_itself() -> None:
-    (line,) = error_lines("path.file=a.csv")
-    assert 'allowed only with path.kind = "trace"' in line
 
 
 def test_all_mistakes_are_reported_at_once() -> None:

@@ -32,7 +32,6 @@ ELAPSED: Final = (
 )  # fmt: skip
 
 NANOSECONDS: Final = ("nanosec", "nsec", "nsecs", "nanosecs", "nanoseconds")
-TIMES_OF_WEEK: Final = ("tow", "timeofweek", "weekseconds", "sow")
 
 ADDITIONS: Final = (
     "gps", "gnss", "pos", "position", "wgs84", "fix", "nav", "ins", "rtk", "utc", "utm", "unix",
@@ -70,11 +69,11 @@ class NamedColumn:
 class TimeSource:
     """Columns that give the time: one, or two that are read together.
 
-    A "stamp" has seconds and nanoseconds, a "date" date and time of day, a "week" GPS week and
-    time of week. `gps` marks a calendar without leap seconds.
+    A "stamp" has seconds and nanoseconds, a "date" date and time of day. `gps` marks a calendar
+    without leap seconds.
     """
 
-    kind: Literal["single", "stamp", "date", "week"]
+    kind: Literal["single", "stamp", "date"]
     columns: tuple[NamedColumn, ...]
     gps: bool = False
 
@@ -89,9 +88,8 @@ class TableColumns:
     """Usable columns of a table; `times` holds all sources of times, the preferred one first."""
 
     names: tuple[str, ...]
-    kind: Literal["geodetic", "plane", "ecef"]
+    geodetic: bool
     position: tuple[NamedColumn, ...]
-    hemispheres: tuple[NamedColumn, ...]
     altitude: NamedColumn | None
     speed: NamedColumn | None
     times: tuple[TimeSource, ...]
@@ -105,19 +103,15 @@ class TableColumns:
 def usable_columns(names: Sequence[str]) -> TableColumns | None:
     """Return the usable ones of these columns; None without a position."""
     columns = [parsed(place, name) for place, name in enumerate(names)]
-    position = _geodetic(columns) or _plane(columns) or _ecef(columns)
+    position = _geodetic(columns) or _plane(columns)
     if position is None:
         return None
-    kind: Literal["geodetic", "plane", "ecef"] = "ecef" if len(position) == 3 else "plane"
-    if position[0].base in LATITUDES:
-        kind = "geodetic"
     sideways = any(column.base == "vy" for column in columns)
     speeds = GROUND_SPEEDS if sideways else (*GROUND_SPEEDS, "vx")
     return TableColumns(
         names=tuple(names),
-        kind=kind,
+        geodetic=position[0].base in LATITUDES,
         position=position,
-        hemispheres=_hemispheres(columns) if kind == "geodetic" else (),
         altitude=_preferred(columns, ALTITUDES, LENGTHS),
         speed=_preferred(columns, speeds, SPEEDS),
         times=tuple(sorted(_times(columns), key=_time_rank)),
@@ -164,12 +158,6 @@ def _plane(columns: list[NamedColumn]) -> tuple[NamedColumn, ...] | None:
     return next((pair for pair in pairs if pair), None)
 
 
-def _ecef(columns: list[NamedColumn]) -> tuple[NamedColumn, ...] | None:
-    names = {column.base: column for column in columns}
-    axes = ("xecef", "yecef", "zecef") if "xecef" in names else ("ecefx", "ecefy", "ecefz")
-    return tuple(names[axis] for axis in axes) if names.keys() >= {*axes} else None
-
-
 def _pair(
     columns: list[NamedColumn], firsts: tuple[str, ...], seconds: tuple[str, ...]
 ) -> tuple[NamedColumn, ...] | None:
@@ -180,18 +168,6 @@ def _pair(
                 if other.base in seconds and other.prefix == column.prefix:
                     return column, other
     return None
-
-
-def _hemispheres(columns: list[NamedColumn]) -> tuple[NamedColumn, ...]:
-    """Return columns of the letters N or S, and E or W."""
-    letters = [
-        next((c for c in columns if c.name.strip(" \"'").lower() in names), None)
-        for names in (
-            ("n/s", "ns", "lat_dir", "latdir", "ns_indicator", "n/s indicator", "lat_ns"),
-            ("e/w", "ew", "lon_dir", "londir", "ew_indicator", "e/w indicator", "lon_ew"),
-        )
-    ]
-    return tuple(column for column in letters if column) if all(letters) else ()
 
 
 def _preferred(
@@ -214,9 +190,6 @@ def _times(columns: list[NamedColumn]) -> Iterator[TimeSource]:
             for other in columns:
                 if other.ending in NANOSECONDS and other.stem == column.stem:
                     yield TimeSource("stamp", (column, other))
-        if column.base in TIMES_OF_WEEK:
-            weeks = (other for other in columns if other.base == "week")
-            yield from (TimeSource("week", (week, column), gps=True) for week in weeks)
         if column.base in (*STAMPS, *CLOCKS, *ELAPSED) and column.unit in (None, *TIMES):
             if date:
                 yield TimeSource("date", (date, column), column.base == "gpst")
@@ -230,8 +203,6 @@ def _time_rank(source: TimeSource) -> int:
     column = source.columns[-1]
     if source.kind == "stamp":
         return 0 if "stamp" in column.stem else 3
-    if source.kind == "week":
-        return 2
     if column.base in STAMPS:
         return 1
     return 4 if column.base in CLOCKS else 5 if column.base in DATES else 6

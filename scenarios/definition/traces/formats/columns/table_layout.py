@@ -192,6 +192,4 @@ def _with_divided_time(columns: TableColumns, sample: list[list[str]]) -> TableC
     names = list(columns.names)
     if sum(row[place].count(sign) for sign in "-/.") == 2:
         names.insert(place, "date")
-    elif source.gps and row[place].strip().isdigit():
-        names[place : place + 1] = ["week", "tow"]
     return usable_columns(names) or columns

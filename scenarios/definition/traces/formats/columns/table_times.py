@@ -9,10 +9,8 @@ import numpy as np
 
 from scenarios.definition.traces.formats.columns.column_names import TimeSource
 from scenarios.definition.traces.formats.time_cells import (
-    GPS_EPOCH_S,
     UNITS,
     UNIX_RANGE,
-    WEEK_S,
     TimeColumn,
     as_numbers,
     first_usual,
@@ -20,9 +18,6 @@ from scenarios.definition.traces.formats.time_cells import (
     utc_from_gps,
 )
 from scenarios.definition.traces.recorded_drive import METRES_PER_DEGREE, Floats
-
-COMPACT_DATE: Final = re.compile(r"(\d{2})(\d{2})(\d{2})$")
-COMPACT_TIME: Final = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-6]\d(?:\.\d*)?)$")
 
 USUAL_SPEEDS: Final = (0.5, 70.0)
 """Median speeds (m/s) of a car that confirm a unit of time."""
@@ -55,54 +50,22 @@ def _fits(source: TimeSource, rows: Sequence[Sequence[str]]) -> bool:
     fitting = [
         bool(re.search(r"\d", row[date]))
         and ":" not in row[date]
-        and (":" in row[time] or bool(COMPACT_TIME.match(_digits(row[time]))))
+        and ":" in row[time]
         and not re.search(r"[-/]", row[time].strip(" -"))
         for row in rows
     ]
     return 2 * sum(fitting) > len(fitting)
 
 
-def _digits(time: str) -> str:
-    """Fill a time such as 93005.5 to 093005.5."""
-    whole, point, fraction = time.strip().partition(".")
-    return f"{whole:0>6}{point}{fraction}" if whole.isdigit() else time
-
-
 def times_of(source: TimeSource, columns: Sequence[Sequence[str]]) -> TimeColumn:
     """Read the times of a source from the cells of its columns."""
     if source.kind == "stamp":
         return _stamped(*map(as_numbers, columns))
-    if source.kind == "week":
-        week, seconds = map(as_numbers, columns)
-        first = float(np.nanmedian(week)) if np.isfinite(week).any() else 0.0
-        zero = GPS_EPOCH_S + first * WEEK_S
-        return _in_utc(TimeColumn((week - first) * WEEK_S + seconds, "unix", zero, ()))
     if source.kind == "date":
-        days = {cell: _date(cell.strip()) for cell in set(columns[0])}
-        times = _with_colons(columns[1]) if _is_compact(columns[1]) else columns[1]
-        column = read_times([f"{days[a]} {b}" for a, b in zip(columns[0], times, strict=True)])
-    elif "utc" in source.columns[0].name.lower() and _is_compact(columns[0]):
-        column = read_times(_with_colons(columns[0]))
+        column = read_times([f"{a.strip()} {b}" for a, b in zip(*columns, strict=True)])
     else:
         column = read_times(columns[0], source.unit)
     return _in_utc(column) if source.gps and column.clock == "unix" else column
-
-
-def _is_compact(cells: Sequence[str]) -> bool:
-    """Whether times of day have no colons, as in NMEA 0183."""
-    known = [cell for cell in cells if cell.strip()][:100]
-    return bool(known) and all(COMPACT_TIME.match(_digits(cell)) for cell in known)
-
-
-def _with_colons(cells: Sequence[str]) -> list[str]:
-    return [COMPACT_TIME.sub(r"\1:\2:\3", _digits(cell)) for cell in cells]
-
-
-def _date(cell: str) -> str:
-    """Spell a date such as 20260329 or 290326 with signs."""
-    if len(cell) == 8 and cell.isdigit():
-        return f"{cell[:4]}-{cell[4:6]}-{cell[6:]}"
-    return COMPACT_DATE.sub(r"20\3-\2-\1", cell) if len(cell) == 6 else cell
 
 
 def _stamped(seconds: Floats, nanos: Floats) -> TimeColumn:

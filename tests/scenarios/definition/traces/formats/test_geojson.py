@@ -70,31 +70,6 @@ def test_times_are_read(content: Any) -> None:
     assert drive.clock == "unix"
 
 
-def test_points_have_speeds() -> None:
-    drive = read_geojson(json.dumps(collection(*(feature(at(p), speed=p[2]) for p in PLACES))))
-    assert drive.speed_mps.tolist() == [1, 2, 3]
-
-
-def test_a_sequence_of_features_is_read_to_its_damage() -> None:
-    features = [json.dumps(feature(at(place))) for place in PLACES]
-    drive = read_geojson("\ufeffjunk\x1e" + "\n\x1e".join(features))
-    assert drive.position[0].tolist() == [52.1, 52.2, 52.3]
-    drive = read_geojson("\n".join(features)[:-40])
-    assert drive.position[0].tolist() == [52.1, 52.2]
-    assert [record.number for record in drive.left_out.records] == [3]
-
-
-def test_damaged_files_are_read_around_the_damage() -> None:
-    line = json.dumps(feature(LINE))
-    drive = read_geojson(line[: line.index("52.3")])
-    assert drive.position[0].tolist() == [52.1, 52.2]
-    assert [record.number for record in drive.left_out.records] == [3]
-    points = json.dumps(collection(*(feature(at(place), time="12:00:00") for place in PLACES)))
-    drive = read_geojson(points.replace("13.2", "13.\ufffd"))
-    assert drive.position[0].tolist() == [52.1, 52.3]
-    assert drive.left_out.counts["damaged"] == len(drive.left_out.records) > 0
-
-
 def test_unusable_positions_are_left_out() -> None:
     places = [PLACES[0], [None, 52], ["x", 52], 5, [{}, []], [10**400, 52], [13.2, 52.2, None]]
     drive = read_geojson(json.dumps({"type": "LineString", "coordinates": places}))
@@ -103,15 +78,13 @@ def test_unusable_positions_are_left_out() -> None:
     assert [r.number for r in drive.left_out.records] == [2, 3, 4, 5, 6]
 
 
-@pytest.mark.parametrize("text", ["{", "[" * 50_000, "{'a': 1}", '{"a": [1,}'])
+@pytest.mark.parametrize("text", ["{", "[" * 50_000, "{'a': 1}", json.dumps(LINE)[:-9]])
 def test_broken_json_is_refused_in_a_line(text: str) -> None:
     with pytest.raises(TraceError, match=r"^not valid JSON[^\n]*$"):
         read_geojson(text)
 
 
-@pytest.mark.parametrize(
-    "text", ["{}", "words", "[1]", json.dumps(collection()), '{"a": {"b": 1}}']
-)
+@pytest.mark.parametrize("text", ["{}", "[1]", json.dumps(collection()), '{"a": {"b": 1}}'])
 def test_json_without_positions_is_refused(text: str) -> None:
     with pytest.raises(TraceError, match="no LineString"):
         read_geojson(text)

@@ -46,14 +46,6 @@ def test_a_drive_is_read_from_any_of_its_folders(tmp_path: Path, inside: str) ->
     assert len(drive.remarks) == 1  # no zone
 
 
-@pytest.mark.parametrize(("times", "known"), [(None, 0), (0, 0), (1, 1), (5, 5), (20, 12)])
-def test_missing_times_leave_no_point_out(tmp_path: Path, times: int | None, known: int) -> None:
-    drive = read_oxts_folder(write(tmp_path, times=times))
-    assert drive.count == 12
-    assert np.isfinite(drive.time_s).sum() == known
-    assert ("timestamps.txt is missing" in " ".join(drive.remarks)) == (times is None)
-
-
 @pytest.mark.parametrize("content", ["", "\n", "abc def\n", "49.1\n", "nan nan 1\n", "\0\0\0"])
 def test_a_spoiled_packet_is_left_out(tmp_path: Path, content: str) -> None:
     write(tmp_path)
@@ -72,11 +64,6 @@ def test_a_file_of_packets_has_no_times() -> None:
     assert not np.isfinite(drive.time_s).any()
     np.testing.assert_allclose(drive.speed_mps, np.arange(12) + 10.5)
     assert len(drive.remarks) == 1
-
-
-@pytest.mark.parametrize("text", ["", "x_m,y_m\n1,2\n", "1 2 3\n", packet(0) + "", "a " * 30])
-def test_other_texts_are_no_packets(text: str) -> None:
-    assert is_oxts(text) == text.startswith("49")
 
 
 def test_a_folder_without_packets_is_refused(tmp_path: Path) -> None:

@@ -113,15 +113,6 @@ def test_a_topic_is_chosen_if_several_have_positions(tmp_path: Path) -> None:
         read_mcap(path, None, "/gps")
 
 
-def test_unreadable_messages_are_left_out(tmp_path: Path) -> None:
-    path = tmp_path / "a.mcap"
-    messages = [as_json(0), b"{", b'{"latitude": NaN, "longitude": 1}', b"[]", as_json(4)]
-    write(path, "foxglove.LocationFix", "json", messages, ["/gps"])
-    drive = read_mcap(path, None, None)
-    assert drive.numbers.tolist() == [1, 5]
-    assert [record.number for record in drive.left_out.records] == [2, 3, 4]
-
-
 def test_a_truncated_file_is_read_to_its_end(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     write(path, "foxglove.LocationFix", "json", map(as_json, KS), ["/gps"])

@@ -59,7 +59,6 @@ def ks_of(drive: RecordedDrive) -> list[int]:
         [line for k in KS for line in (gga(k), rmc(k, talker="GP"), rmc(k))],
         [line for k in KS for line in ([gga(k)] * (k != 2) + [rmc(k)])],
         [*map(gga, KS[:3]), *map(rmc, KS)],
-        [*map(gga, KS[2:]), *map(rmc, KS)],
     ],
 )
 def test_sentences_of_one_time_become_one_point_with_speed(lines: list[str]) -> None:
@@ -154,12 +153,6 @@ def test_dates_make_unix_times(
     drive = read(*rows)
     assert (drive.clock, drive.zero_s) == ("unix", DAY_2026 + 86_400 * day)
     assert (drive.time_s - drive.time_s[0]).tolist() == pytest.approx(list(times))
-
-
-def test_without_a_date_times_continue_over_midnight() -> None:
-    drive = read(gga(0, "235959.50"), gga(1, "000000.00"), gga(2, "000000.50"))
-    assert drive.time_s.tolist() == [86_399.5, 86_400.0, 86_400.5]
-    assert (drive.clock, drive.zero_s) == ("day", 0.0)
 
 
 def test_other_sentences_have_positions_speeds_and_dates() -> None:

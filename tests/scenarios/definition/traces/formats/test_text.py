@@ -57,8 +57,3 @@ def test_other_files_are_refused_in_a_line(data: bytes, reason: str) -> None:
         decoded(data)
     assert re.search(reason, str(refused.value))
     assert "\n" not in str(refused.value)
-
-
-def test_sentences_between_binary_records_are_text() -> None:
-    noise = random.Random(2).randbytes(300)
-    assert "$GPGGA,1*00" in decoded(noise + b"\n$GPGGA,1*00\n" + noise)

@@ -106,9 +106,3 @@ def test_gps_time_is_ahead_of_utc_by_the_leap_seconds() -> None:
     gps = np.array([NOON + 18.0, 1_483_228_817.0, 1_483_228_818.0, 1_230_768_000.0])
     utc = [NOON, 1_483_228_800.0, 1_483_228_800.0, 1_230_767_986.0]
     assert utc_from_gps(gps).tolist() == utc
-
-
-def test_durations_with_days() -> None:
-    column = read_times(["0 days 00:00:01.5", "1 day, 0:00:02", "x", "2 days 00:00:00"])
-    assert column.clock is None
-    np.testing.assert_allclose(column.seconds, [1.5, 86_402.0, math.nan, 172_800.0])
