@@ -20,14 +20,15 @@ SECTIONS: Mapping[str, Sequence[str]] = {
     ),
     "Logs": ("info", "recover"),
     "Live": (
-        "status", "link", "cut", "heal", "gnss", "stall", "crash", "speed", "scenario-from",
+        "status", "link", "cut", "gnss", "stall", "crash", "speed", "scenario-from",
     ),
     "Study": (
         "sweep", "bisect", "blame", "drill", "channel", "gains",
         "reproduce",
     ),
-    "Machines": ("router", "vehicle", "record"),
 }  # fmt: skip
+DEPLOYMENT = ("router", "vehicle", "record")
+"""Commands that containers and other machines start: not in the list, but in the epilog."""
 WORDINGS = {"\n": " ", "a valid integer range": "a whole number", "a valid float range": "a number"}
 
 

@@ -92,7 +92,7 @@ def test_help_lists_every_command_with_examples() -> None:
     result = convoy("--help")
     assert result.exit_code == 0
     for command in COMMANDS:
-        assert re.search(rf"^  {command} ", result.stdout, re.MULTILINE)
+        assert re.search(rf"^  {command} |`convoy\s+{command}`", result.stdout, re.MULTILINE)
     assert len(examples(result.stdout)) >= 4
 
 

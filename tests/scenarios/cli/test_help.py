@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from scenarios.cli.common_options import Ratio, Time
-from scenarios.cli.grouped_help import SECTIONS, SUMMARY_MAX
+from scenarios.cli.grouped_help import DEPLOYMENT, SECTIONS, SUMMARY_MAX
 from scenarios.cli.main import cli
 from scenarios.cli.paper_commands import CASES
 from scenarios.studies.paper.experiments import RUNS_OF_CASE
@@ -29,8 +29,10 @@ def convoy(*arguments: str) -> Result:
 
 def test_every_command_is_under_one_heading() -> None:
     listed = [name for names in SECTIONS.values() for name in names]
-    assert sorted(listed) == sorted(cli.commands)
+    assert sorted([*listed, *DEPLOYMENT]) == sorted(cli.commands)
+    assert len(listed) <= 30
     page = convoy("--help").stdout
+    assert all(f"`convoy {name}`" in " ".join(page.split()) for name in DEPLOYMENT)
     assert [line.rstrip(":") for line in page.splitlines() if line.rstrip(":") in SECTIONS] == [
         *SECTIONS
     ]
@@ -98,7 +100,7 @@ def test_a_usage_error_is_one_line_with_a_hint(arguments: list[str], facts: list
 def test_without_a_command_the_help_is_printed() -> None:
     result = convoy()
     assert result.exit_code == 2
-    assert "Machines:" in result.stderr
+    assert "Study:" in result.stderr
 
 
 @pytest.mark.parametrize("command", ["run", "check", "drill", "sweep", "bisect"])
