@@ -33,8 +33,6 @@ WORDINGS = {"\n": " ", "a valid integer range": "a whole number", "a valid float
 
 
 class ConvoyGroup(click.Group):
-    """The group of all commands."""
-
     def format_commands(
         self,
         ctx: click.Context,  # noqa: ARG002
@@ -81,7 +79,6 @@ class ConvoyGroup(click.Group):
 
 
 def usage_error(error: click.ClickException) -> str:
-    """Describe a usage error in one line."""
     context = error.ctx if isinstance(error, click.UsageError) else None
     text = _lower(error.format_message())
     if isinstance(error, click.BadParameter) and error.param is not None:

@@ -55,7 +55,7 @@ Examples:
 )
 @scenario_options
 @click.option(
-    "--explain", is_flag=True, help="Print each link's rule, laws, loss, delay and data age."
+    "--explain", is_flag=True, help="Print JSON with each link's rule, laws, loss, delay and age."
 )
 @click.option(
     "-o",

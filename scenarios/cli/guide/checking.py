@@ -11,7 +11,6 @@ from rich.console import Console
 
 from scenarios.cli.guide.check_table import print_report
 from scenarios.cli.guide.drive_table import print_drive
-from scenarios.cli.guide.link_settings import print_links
 from scenarios.definition.check.drive_report import drive_report
 from scenarios.definition.check.drive_warnings import recording_warnings
 from scenarios.definition.check.findings import whole_report
@@ -50,6 +49,7 @@ def check_scenario(
     if output is not None and not drives:
         raise ScenarioError([f"{name}: its path is no recorded drive, which --output draws"])
     drive = drives[0] if drives else None
+    as_json = as_json or explain
     _report(scenario, drive, whole=not is_drive(name), explain=explain, as_json=as_json)
     if drive is not None:
         _draw(drive, scenario, output, quiet=as_json)
@@ -71,15 +71,12 @@ def _report_refused(drive: DriveInPlane, error: ScenarioError, *, as_json: bool)
 def _report(
     scenario: Scenario, drive: DriveInPlane | None, *, whole: bool, explain: bool, as_json: bool
 ) -> None:
-    """Print the `whole` table of a scenario, or that of its drive."""
     report = whole_report(scenario, drive, explain=explain)
     if as_json:
         click.echo(json.dumps(asdict(report), indent=2))
         return
     listed: set[str] = set()
-    if explain:
-        print_links(scenario.name, report.explained, report.receivers, Console())
-    elif report.drive is None or whole:
+    if report.drive is None or whole:
         print_report(report, Console())
     else:
         print_drive(report.drive, report, Console())
@@ -90,7 +87,6 @@ def _report(
 
 
 def _listed_faults(scenario: Scenario) -> set[str]:
-    """Return the warnings that the table of a drive replaces."""
     table, road = scenario.tables.path, scenario.route.smoothed
     if not isinstance(table, PointsPath) or road is None:
         return set()

@@ -23,7 +23,6 @@ REFRESH_S = 0.5
 
 
 def _change(run_name: str | None, flags: dict[str, Any], kind: str, **keys: object) -> None:
-    """Request a change and print the answers."""
     from scenarios.cli.live import change_requests
 
     entry = {"kind": kind, **{key: value for key, value in keys.items() if value is not None}}

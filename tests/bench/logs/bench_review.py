@@ -52,7 +52,6 @@ def read_columns(log: Path, _picture: Path) -> None:
 
 
 def draw_span(log: Path, picture: Path) -> None:
-    """Draw a twentieth of the run from its middle on."""
     middle_s, length_s = _middle(log)
     part = Excerpt(middle_s, middle_s + length_s / 20)
     review(log, parse_rerun_option(f"save={picture}"), wait=lambda _: None, excerpt=part)
@@ -67,7 +66,6 @@ def explain_instant(log: Path, _picture: Path) -> None:
 
 
 def derive_messages(log: Path, _picture: Path) -> None:
-    """Compute errors, gaps and accounts of the links message by message."""
     reader = LogReader(log)
     metrics = Metrics.of(scenario_in(reader))
     for at, _, message in reader.messages(metrics.topics):

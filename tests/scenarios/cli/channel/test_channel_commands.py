@@ -11,7 +11,6 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
-from scenarios.cli.channel.comparison_tables import bar
 from scenarios.cli.main import cli
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.scenario import load_scenario
@@ -43,7 +42,6 @@ def refused(*arguments: str | Path) -> str:
 
 @pytest.fixture(scope="module")
 def bursty(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of a run over a bursty channel."""
     folder = tmp_path_factory.mktemp("runs") / "bursty"
     run_virtual(
         load_scenario("lane_change", ["links.preset=bursty", "duration_s=12"]), folder, Stop()
@@ -106,15 +104,6 @@ def test_a_link_of_a_scenario_is_shown(tmp_path: Path) -> None:
     assert found["figures"][2]["law"] == pytest.approx(24.5)
 
 
-def test_json_has_finite_numbers_at_any_loss() -> None:
-    for ratio in ("0.0", "1.0"):
-        text = printed(
-            "channel", "show", "clear", "--set", f"links.loss_ratio={ratio}", *QUICK, "--json"
-        )
-        assert "Infinity" not in text
-        assert "NaN" not in text
-
-
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
@@ -130,15 +119,6 @@ def test_an_unknown_channel_or_link_is_refused_in_one_line(arguments: list[str],
     assert line in refused("channel", "show", *arguments)
 
 
-@pytest.mark.parametrize("metres", ["0", "nan", "-3", "1e9"])
-def test_distances_out_of_range_are_refused(metres: str) -> None:
-    assert "--distance-m" in refused("channel", "show", "clear", "--distance-m", metres)
-
-
-def test_too_few_messages_are_refused() -> None:
-    assert convoy("channel", "show", "clear", "--messages", "0").exit_code == 2
-
-
 @pytest.mark.parametrize("name", ["bursty", "ieee80211p_dense", "lead_lost"])
 def test_a_plot_is_drawn_and_never_overwritten(name: str, tmp_path: Path) -> None:
     picture = tmp_path / "channel.png"
@@ -149,14 +129,6 @@ def test_a_plot_is_drawn_and_never_overwritten(name: str, tmp_path: Path) -> Non
     assert picture.read_bytes() == drawn
 
 
-@pytest.mark.parametrize(("suffix", "start"), [("svg", b"<?xml"), ("pdf", b"%PDF")])
-def test_the_extension_selects_the_format(suffix: str, start: bytes, tmp_path: Path) -> None:
-    plot = tmp_path / f"channel.{suffix}"
-    printed("channel", "show", "lossy", *QUICK, "-o", plot)
-    assert plot.read_bytes().startswith(start)
-    assert ".svg" in refused("channel", "show", "lossy", *QUICK, "-o", tmp_path / "channel.doc")
-
-
 def test_a_missing_extra_is_named_only_where_it_is_needed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -165,16 +137,6 @@ def test_a_missing_extra_is_named_only_where_it_is_needed(
     assert "loss" in printed("channel", "show", "lossy", *QUICK)
     assert "needs matplotlib" in refused("channel", "show", "lossy", "--output", "lossy.png")
     assert "needs scipy" in refused("channel", "fit", "run.mcap")
-
-
-def test_bars_grow_by_eighths() -> None:
-    assert bar(0.0, 4) == ""
-    assert bar(1.0, 4) == "████"
-    assert bar(0.5, 4) == "██"
-    assert bar(1 / 32, 4) == "▏"
-    grown = [bar(place / 64.0, 8) for place in range(65)]
-    assert len(set(grown)) == 65
-    assert [*map(len, grown)] == sorted(map(len, grown))
 
 
 # ---- fit
@@ -214,40 +176,6 @@ def test_an_unknown_link_or_log_is_refused_in_one_line(bursty: Path, tmp_path: P
 # ---- check --explain
 
 
-def test_equal_links_share_a_block() -> None:
-    text = printed("check", "lane_change", "--explain", "--set", "links.preset=bursty")
-    assert max(map(len, text.splitlines())) <= 80
-    assert "v1 → v2, v1 → v3, v2 → v3, v1 → v4, v3 → v4" in text
-    flat = " ".join(text.split())
-    assert "settings from [links] preset bursty source no measurement" in flat
-    assert "loss 20 %, bursts of 8 messages on average" in flat
-    assert "delay 20 ± 0 ms" in flat
-    assert "at a command: 120 ms on average, at a sending rate of 20 Hz" in flat
-
-
-def test_large_numbers_have_no_exponent() -> None:
-    text = printed("check", "lane_change", "--explain", "--set", "links.preset=bursty")
-    assert re.search(r"silences +.*0\.5 s.*: \d{3} per hour", text)
-    assert re.search(r"losses of all sources .*0\.5 s", text)
-    assert "e+" not in text
-
-
-def test_unpredictable_figures_are_marked() -> None:
-    flat = " ".join(printed("check", "--explain", "--set", "links.preset=tunnel").split())
-    assert "loss not predictable" in flat
-    assert "from 300 to 450 m · links.outages" in flat
-    flat = " ".join(printed("check", "--explain", "--set", "links.preset=congested").split())
-    assert "delay not predictable" in flat
-
-
-def test_different_links_have_separate_blocks() -> None:
-    entry = 'link=[{sender="lead",receiver="*",loss_ratio=0.1}]'
-    flat = " ".join(printed("check", "--explain", "--set", entry).split())
-    assert "v1 → v2, v1 → v3, v1 → v4 settings from link[0] (lead → *), over [links]" in flat
-    assert "independent loss 0.1 · link[0].loss_ratio = 0.1 (lead → *)" in flat
-    assert "v2 → v3, v3 → v4 settings from [links]" in flat
-
-
 def test_json_has_the_same_figures() -> None:
     figures = json.loads(printed("check", "--explain", "--json", "--set", "links.loss_ratio=0.2"))
     first = figures["explained"][0]
@@ -255,15 +183,3 @@ def test_json_has_the_same_figures() -> None:
     assert first["laws"][0] == {"words": "independent loss 0.2", "key": "links.loss_ratio = 0.2"}
     assert figures["name"] == "lane_change"
     assert json.loads(printed("check", "--json"))["explained"] == []
-
-
-def test_a_single_vehicle_has_no_links() -> None:
-    assert "none: " in printed("check", "--explain", "--set", "convoy.vehicles=1")
-
-
-def test_check_summarizes_the_laws() -> None:
-    flat = " ".join(printed("check", "--set", "links.preset=congested").split())
-    assert (
-        "loss 0.3, carries every message; delay gamma, 60 ms ± 40 ms, correlation 0.5; in order"
-        in flat
-    )
