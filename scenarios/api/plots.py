@@ -50,7 +50,6 @@ def run_figure(run: RunRecord, vehicles: Sequence[VehicleRecord]) -> Figure:
 
 
 def comparison_plot(comparison: RunComparison, vehicles: Sequence[str]) -> Figure:
-    """Draw the figure of `convoy compare`."""
     return comparison_figure(comparison, vehicles, NotebookFigure)
 
 

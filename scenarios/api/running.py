@@ -100,7 +100,6 @@ def run_loaded(
     confirmed: bool,
     report: Callable[[str], None] | None,
 ) -> Run:
-    """Run a scenario, which the `arguments` of the command line select."""
     if clock not in {"virtual", "wall"}:
         raise ScenarioError([f"clock: given {clock!r}, allowed 'virtual' or 'wall'"])
     unusual = confirmed_lines(loaded, wall_clock=clock == "wall", confirmed=confirmed)

@@ -80,7 +80,6 @@ class Time(click.ParamType[float]):
 def time_option(
     name: str, *, help_text: str, required: bool = False, **more: Any
 ) -> Callable[[Command], Command]:
-    """Option for a time; its parameter is named like the option, with the suffix `_s`."""
     parameter = f"{name.strip('-')}_s"
     return click.option(
         name, parameter, type=Time(), required=required, metavar="TIME", help=help_text, **more

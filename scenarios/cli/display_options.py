@@ -23,6 +23,5 @@ class DisplayOptions:
 
 
 def start_line(run: str, folder: Path, endpoint: str = "") -> str:
-    """Name a run, the folder that it writes, and its router."""
     router = f", router {endpoint}" if endpoint else ""
     return f"run {run}: writes {folder}/{router}"

@@ -20,7 +20,6 @@ def error_line(text: str) -> str:
 
 
 def print_error(text: str) -> None:
-    """Print each line of an error to standard error."""
     for line in text.splitlines():
         click.echo(error_line(line), err=True)
 

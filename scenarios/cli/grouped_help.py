@@ -20,20 +20,19 @@ SECTIONS: Mapping[str, Sequence[str]] = {
     ),
     "Logs": ("info", "recover"),
     "Live": (
-        "status", "link", "cut", "heal", "gnss", "stall", "crash", "speed", "scenario-from",
+        "status", "link", "cut", "gnss", "stall", "crash", "speed", "scenario-from",
     ),
     "Study": (
         "sweep", "bisect", "blame", "drill", "channel", "gains",
         "reproduce",
     ),
-    "Machines": ("router", "vehicle", "record"),
 }  # fmt: skip
+DEPLOYMENT = ("router", "vehicle", "record")
+"""Commands that containers and other machines start: not in the list, but in the epilog."""
 WORDINGS = {"\n": " ", "a valid integer range": "a whole number", "a valid float range": "a number"}
 
 
 class ConvoyGroup(click.Group):
-    """The group of all commands."""
-
     def format_commands(
         self,
         ctx: click.Context,  # noqa: ARG002
@@ -80,7 +79,6 @@ class ConvoyGroup(click.Group):
 
 
 def usage_error(error: click.ClickException) -> str:
-    """Describe a usage error in one line."""
     context = error.ctx if isinstance(error, click.UsageError) else None
     text = _lower(error.format_message())
     if isinstance(error, click.BadParameter) and error.param is not None:

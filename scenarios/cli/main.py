@@ -33,7 +33,10 @@ from scenarios.cli.running.replay_command import replay
 from scenarios.cli.tables.export_command import export
 from scenarios.cli.tables.runs_command import runs
 
-EXAMPLES = """\b
+EXAMPLES = """
+Deployments start the parts of a convoy by `convoy router`, `convoy vehicle` and `convoy record`.
+
+\b
 Examples:
   convoy run                              the default scenario, in real time
   convoy run church_lot --spawn           with a live view in Rerun
@@ -89,7 +92,6 @@ for command in (
     sweep,
     live_commands.link,
     live_commands.cut,
-    live_commands.heal,
     live_commands.gnss,
     live_commands.stall,
     live_commands.crash,

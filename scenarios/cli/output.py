@@ -45,7 +45,6 @@ class Output(io.FileIO):
     _is_stuck = False
 
     def write(self, data: Any, /) -> int:
-        """Write, and report all bytes as written."""
         left = memoryview(data).cast("B")
         size = left.nbytes
         try:

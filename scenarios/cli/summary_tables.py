@@ -89,7 +89,6 @@ def _not_arrived(row: LinkSummary) -> str:
 
 
 def _altered(row: LinkSummary) -> str:
-    """Count delivered messages that the channel copied or altered."""
     false = {f"false: {kind}": count for kind, count in row.false.items()}
     return _counts({"copies": row.copies, **false}) or "0"
 
@@ -439,7 +438,6 @@ def _link_table(summary: RunSummary, columns: Sequence[Column[LinkSummary]], tit
 
 
 def _unrecorded(summary: RunSummary) -> Iterator[str]:
-    """Describe what is missing in the log, and so in the figures."""
     yield from hole_lines(summary.holes, MOST_HOLES)
     silent = [row for row in summary.vehicles if row.silent_from_s is not None]
     for row in silent:

@@ -25,7 +25,6 @@ from scenarios.studies.picture_style import (
     PURPLE,
     RED,
     SKY,
-    SMALL_PT,
     STYLE,
     encoded,
     picture_format_of,
@@ -44,9 +43,6 @@ CELLS, MOST_POINTS, MOST_MARKED = 1500, 3000, 500
 """Number of cells across the plan in which points are drawn once, of points in a line, and of
 records left out for one reason."""
 
-MOST_LABELS, LABEL_SPACING = 8, 0.1
-"""Number of pauses with their durations, and their smallest distance, as a share of the plan."""
-
 RECORDED: Any = {"marker": "o", "markersize": 2.6, "markeredgewidth": 0.0, "color": "#a8a8a8"}
 RECORDED |= {"linestyle": "none", "zorder": 1.5, "label": "recorded"}
 DRIVEN: Any = {"color": BLUE, "linewidth": 1.1, "label": "driven by the lead"}
@@ -61,7 +57,6 @@ SPEED_TITLES = {
     None: "speed, not recorded",
 }
 PAUSED: Any = {"marker": "s", "color": "black", "markersize": 4.0, "linestyle": "none"}
-ON_TOP: Any = {"boxstyle": "square,pad=0.1", "facecolor": "white", "alpha": 0.8, "linewidth": 0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +192,6 @@ def _places(drive: DriveInPlane, kind: str) -> FloatArray:
 
 
 def _draw_ends(axes: Axes, driven: FloatArray) -> None:
-    """Mark the start, with an arrow in the direction of the drive, and the end."""
     reach = 0.06 * float(np.max(np.ptp(driven, axis=1)))
     away = np.hypot(*(driven - driven[:, :1]))
     ahead = driven[:, int(np.argmax(away >= reach))]
@@ -213,32 +207,14 @@ def _pair(place: FloatArray) -> tuple[float, float]:
 
 
 def _draw_pauses(plan: Axes, speed: Axes, drive: DriveInPlane, along: FloatArray) -> None:
-    """Mark pauses in both axes, and label the longest with their durations."""
-    pauses = sorted(drive.pauses, key=lambda pause: -pause.lasts_s)
-    if not pauses:
+    if not drive.pauses:
         return
-    numbers = [pause.point for pause in pauses]
+    numbers = [pause.point for pause in drive.pauses]
     points = np.stack((drive.east_m, drive.north_m))
     places = (points - points[:, :1])[:, numbers]
     plan.plot(*places, **PAUSED, label="pause")
     at = along[np.minimum(numbers, len(along) - 1)]  # a lap ends before the recording
     speed.plot(at, np.zeros(len(numbers)), **PAUSED, clip_on=False, zorder=3)
-    apart = LABEL_SPACING * float(np.max(np.ptp(points, axis=1)))
-    labelled: list[FloatArray] = []
-    for pause, place in zip(pauses, places.T, strict=True):
-        if len(labelled) < MOST_LABELS and all(
-            np.hypot(*(place - one)) > apart for one in labelled
-        ):
-            labelled.append(place)
-            plan.annotate(
-                f"{pause.lasts_s:.0f} s",
-                _pair(place),
-                (5.0, 5.0),
-                textcoords="offset points",
-                fontsize=SMALL_PT,
-                bbox=ON_TOP,
-                zorder=5,
-            )
 
 
 def _draw_speed(

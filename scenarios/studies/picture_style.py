@@ -85,7 +85,6 @@ def require_new_picture(path: Path) -> None:
 
 
 def encoded(figure: Any, picture_format: str) -> bytes:
-    """Return the content of a file with a Matplotlib figure."""
     from matplotlib import rc_context  # noqa: PLC0415 - an extra
 
     content = io.BytesIO()

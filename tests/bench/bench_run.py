@@ -43,8 +43,6 @@ LOOP = 10_000_000
 
 @dataclass(frozen=True)
 class Row:
-    """One figure; `good` is None if it has no limit."""
-
     label: str
     measured: str
     limit: str = ""
@@ -65,7 +63,6 @@ class Usage:
 
 
 def watch(convoy: Process, seconds: float) -> Usage:
-    """Measure the processes of a run for `seconds`."""
     parts = convoy.parts()
     before = {name: used_s(part) for name, part in parts.items()}
     busy_before, started = busy_s(), time.monotonic()
@@ -90,7 +87,6 @@ def busy_s() -> float:
 
 
 def drive(folder: Path, name: str, vehicles: int, seconds: float) -> tuple[Run, Usage]:
-    """Run `lane_change` on the wall clock, and measure its processes."""
     settings = (f"--set=convoy.vehicles={vehicles}", f"--set=duration_s={seconds}")
     with start("run", "lane_change", *settings, "--out", name, folder=folder) as convoy:
         convoy.await_start()
@@ -102,7 +98,6 @@ def drive(folder: Path, name: str, vehicles: int, seconds: float) -> tuple[Run, 
 
 
 def readiness(folder: Path, vehicles: int) -> Iterator[Row]:
-    """Rows of the start-up of a convoy."""
     settings = (f"--set=convoy.vehicles={vehicles}", "--set=duration_s=5")
     started = time.monotonic()
     with start("run", "lane_change", *settings, "--out", "ready", folder=folder) as convoy:
@@ -134,7 +129,6 @@ def readiness(folder: Path, vehicles: int) -> Iterator[Row]:
 
 
 def costs(run: Run, usage: Usage) -> Iterator[Row]:
-    """Rows of the processes of a run."""
     vehicles = [name for name in usage.cpu if name in run.truths]
     largest = max(run.vehicle(name)["memory_bytes_max"] for name in vehicles) * 1e-6
     yield Row(
@@ -157,7 +151,6 @@ def costs(run: Run, usage: Usage) -> Iterator[Row]:
 
 
 def equality(run: Run, virtual: Run) -> Iterator[Row]:
-    """Rows of the agreement of a run with its virtual run."""
     agreed = agreement(run, virtual)
     late = run.late_messages_at
     yield Row("late ticks, late messages", f"{run.late_ticks}, {len(late)}")
@@ -177,7 +170,6 @@ def equality(run: Run, virtual: Run) -> Iterator[Row]:
 
 
 def punctuality(run: Run, usage: Usage) -> Iterator[Row]:
-    """Rows of the ticks of a run of many vehicles."""
     ticks = sum(run.vehicle(name)["ticks"] for name in run.truths)
     share = run.late_ticks / ticks
     count = len(run.truths)
@@ -194,7 +186,6 @@ def punctuality(run: Run, usage: Usage) -> Iterator[Row]:
 
 
 def virtual_time(folder: Path) -> Iterator[Row]:
-    """Rows of `lane_change` in virtual time, without the start of a process."""
     scenario = load_scenario("lane_change")
     loops = [timed(plain_loop) for _ in range(ROUNDS)]
     runs = [
@@ -221,14 +212,12 @@ class Time:
 
 
 def timed(work: Callable[[], object]) -> Time:
-    """Measure the time of a call."""
     wall, processor = time.perf_counter(), time.process_time()
     work()
     return Time(time.perf_counter() - wall, time.process_time() - processor)
 
 
 def plain_loop() -> float:
-    """Run a fixed amount of plain Python, as a measure of the machine's current speed."""
     total = 0.0
     for k in range(LOOP):
         total += k * 0.5

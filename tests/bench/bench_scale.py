@@ -37,7 +37,6 @@ OTHERS = (10, 20)
 
 @contextmanager
 def imported_from(folder: Path) -> Iterator[None]:
-    """Start programs from a checkout within the context."""
     before = os.environ.get("PYTHONPATH")
     os.environ["PYTHONPATH"] = str(folder)
     try:
@@ -50,7 +49,6 @@ def imported_from(folder: Path) -> Iterator[None]:
 
 
 def drive(folder: Path, vehicles: int, seconds: float, *, serve: bool) -> tuple[Run, Usage, bool]:
-    """Run some vehicles; return the run, the use of its processes, and whether it failed."""
     settings = (f"--set=convoy.vehicles={vehicles}", f"--set=duration_s={seconds}")
     out = f"run{time.monotonic_ns()}"
     with start(

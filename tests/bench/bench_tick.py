@@ -123,8 +123,6 @@ def serve() -> None:
 
 
 class Ticks(LineServer):
-    """A process that times the ticks of one checkout."""
-
     def __init__(self, folder: Path) -> None:
         super().__init__(folder, serve)
 
@@ -136,7 +134,6 @@ class Ticks(LineServer):
 def columns(
     trees: dict[str, Ticks], seconds: float, rounds: int
 ) -> Iterator[tuple[str, list[float]]]:
-    """Heading and values of each column: warm and cold for each tree, medians of the rounds."""
     kinds = {"warm": (seconds, 0), "cold": (seconds / 5, EVICTED_MB)}
     measured: dict[str, list[list[float]]] = {}
     for _ in range(rounds):

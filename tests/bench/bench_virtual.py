@@ -58,7 +58,6 @@ def serve() -> None:
     from scenarios.runs.stop import Stop  # noqa: PLC0415
 
     def find(name: str, *modules: str) -> Any:
-        """The object of this name in the first module that has it."""
         for module in modules:
             with suppress(ImportError, AttributeError):
                 return getattr(import_module(module), name)
@@ -94,14 +93,11 @@ def serve() -> None:
 
 
 def code(folder: Path) -> str:
-    """Whether the code in a folder is `compiled` in place or `interpreted`."""
     found = any((folder / "vehicles" / "geometry").glob("arc_spline.*.so"))
     return "compiled" if found else "interpreted"
 
 
 class LineServer:
-    """A process that runs `serve` with the modules of a checkout: one response line per request."""
-
     def __init__(self, folder: Path, serve: Callable[[], None]) -> None:
         environment = os.environ | {"PYTHONPATH": str(folder), "OPENBLAS_NUM_THREADS": "1"}
         self._process = subprocess.Popen(
@@ -120,7 +116,6 @@ class LineServer:
         self._process.communicate()
 
     def request(self, *values: object) -> list[Any]:
-        """Response to a request; exit the bench if there is none."""
         requests, responses = self._process.stdin, self._process.stdout
         assert requests is not None
         assert responses is not None
@@ -132,8 +127,6 @@ class LineServer:
 
 
 class Tree(LineServer):
-    """A process that times runs of one checkout."""
-
     def __init__(self, folder: Path) -> None:
         super().__init__(folder, serve)
 
@@ -147,7 +140,6 @@ class Tree(LineServer):
 
 @contextmanager
 def checked_out(commit: str) -> Iterator[Path]:
-    """A temporary folder with the tree of a commit."""
     git = ("git", "-C", str(HERE), "worktree")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "tree"
@@ -166,7 +158,6 @@ def checked_out(commit: str) -> Iterator[Path]:
 
 
 def cases(seconds: float) -> dict[str, list[str]]:
-    """Overrides of `lane_change` in each case."""
     drive = [f"duration_s={seconds}"]
     return {
         FOUR: drive,

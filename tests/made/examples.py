@@ -7,6 +7,5 @@ CAMPAIGN = "campaign"
 
 
 def examples(few: int, everything: int) -> settings:
-    """Try `few` examples of a property, and `everything` with `--campaign`."""
     whole = settings.get_current_profile_name() == CAMPAIGN
     return settings(max_examples=everything if whole else few)

@@ -70,8 +70,6 @@ def failure(name: str, kind: str, path: str) -> OSError:
 
 
 class FailingFile(io.FileIO):
-    """A file whose calls are counted."""
-
     def __init__(self, calls: FailingCalls, file: Any, mode: str, **options: Any) -> None:
         super().__init__(file, mode, **options)
         self.calls, self.where = calls, path_of(self.fileno())
@@ -96,7 +94,6 @@ OPEN = signature(io.open)
 
 
 def opening(calls: FailingCalls, real: Callable[..., IO[Any]]) -> Callable[..., IO[Any]]:
-    """Return `open` with counted calls."""
 
     def opened(*positional: Any, **named: Any) -> Any:
         bound = OPEN.bind(*positional, **named)
@@ -123,7 +120,6 @@ def opening(calls: FailingCalls, real: Callable[..., IO[Any]]) -> Callable[..., 
 def failing_calls(
     folder: Path, fails_at: int | None = None, fault: Fault = "ENOSPC"
 ) -> Iterator[FailingCalls]:
-    """Count the calls in `folder`, and let one of them fail."""
     calls = FailingCalls(folder.absolute(), fails_at, fault)
     with pytest.MonkeyPatch.context() as patched:
         opened = opening(calls, io.open)

@@ -7,7 +7,6 @@ OWN = ("vehicles", "transport", "scenarios")
 
 
 def arrange(site: Path) -> Path:
-    """Fill a new folder with links to the packages; `convoy` is the folder scenarios/api."""
     site.mkdir()
     for name in OWN:
         (site / name).symlink_to(ROOT / name)

@@ -10,14 +10,12 @@ import pytest
 
 
 def shared(factory: pytest.TempPathFactory) -> Path:
-    """The folder shared by all processes of a test session."""
     own = factory.getbasetemp()
     return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
 
 
 @contextmanager
 def first_only(folder: Path) -> Iterator[bool]:
-    """Yield True to the first process; the others wait until it has finished."""
     folder.mkdir(exist_ok=True)
     done = folder / "done"
     with (folder / "lock").open("w") as lock:

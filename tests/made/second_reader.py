@@ -45,12 +45,10 @@ class SecondReading:
         return self.messages.get((vehicle, topic), [])
 
     def values(self, vehicle: str, topic: str, field: str) -> list[Any]:
-        """Values of a field by its present name; None where the message lacks it."""
         return [value(message, topic, field) for message in self.of(vehicle, topic)]
 
 
 def value(message: Any, topic: str, field: str) -> Any:
-    """Value of a field that may have had another name when the log was written."""
     number = getattr(convoy_pb2, MESSAGES[topic]).DESCRIPTOR.fields_by_name[field].number
     written = message.DESCRIPTOR.fields_by_number.get(number)
     if written is None:

@@ -17,7 +17,6 @@ EIGHTHS = " ▏▎▍▌▋▊▉"
 def print_comparison(
     name: str, scenario: Scenario, comparison: Comparison, console: Console
 ) -> None:
-    """Print the laws and their figures next to those of the sample."""
     link = link_forecast(scenario, (comparison.sender, comparison.receiver))
     about = f"{name}, {comparison.sender} → {comparison.receiver}"
     console.print(about, style="bold", highlight=False, markup=False)

@@ -1,6 +1,1 @@
-"""Commands that compare runs.
-
-diff        `convoy diff`
-diff_table  its tables
-compare     `convoy compare`
-"""
+"""Commands that compare runs."""

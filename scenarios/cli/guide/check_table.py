@@ -57,7 +57,6 @@ def _road(report: CheckReport) -> Iterator[Row]:
 
 
 def _drive(report: CheckReport) -> Iterator[Row]:
-    """Describe a recorded drive."""
     size = "1 hole of" if report.holes == 1 else f"{report.holes} holes up to"
     holes = f", {size} {report.hole_m_max:.1f} m" if report.holes else ""
     noise = f"noise {100.0 * (report.noise_m or 0.0):.1f} cm"
@@ -118,7 +117,6 @@ def _longitudinal(settings: Mapping[str, Any]) -> str:
 
 
 def plug_in_text(given: str | Mapping[str, Any]) -> str:
-    """Name of a class and its parameters."""
     if isinstance(given, str):
         return given
     parameters = [f"{key} {value}" for key, value in given.items() if key != "use"]
@@ -214,7 +212,6 @@ def _ends(report: CheckReport) -> Iterator[Row]:
 
 
 def _limits(settings: Mapping[str, Any]) -> Iterator[str]:
-    """List each limit, and each reaction that followers have to show by an instant."""
     for name, value in settings.items():
         if isinstance(value, Mapping):
             yield from (f"{name}.{limit}" for limit in _limits(value))

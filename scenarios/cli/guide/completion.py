@@ -13,7 +13,6 @@ OWN_FILES = (".toml", ".csv", ".geojson", ".gpx", ".kml", ".mcap", ".nmea", ".po
 
 
 def scenarios(_context: Context, _parameter: Parameter, incomplete: str) -> list[CompletionItem]:
-    """Offer shipped names and files in the working folder, or the shell's files."""
     from scenarios.definition.library import library
 
     own = sorted(path.name for path in Path().iterdir() if path.suffix.lower() in OWN_FILES)

@@ -82,7 +82,6 @@ def folder_of(run: str) -> str:
 
 @contextmanager
 def joined(run_name: str | None, flags: dict[str, Any]) -> Iterator[tuple[Bus, str]]:
-    """Join the requested run; yields the bus and the run's name."""
     options = replace(run_to_join(run_name, flags, open_runs()), connect_timeout_s=2.0)
     with open_bus(options) as bus:
         yield bus, options.run

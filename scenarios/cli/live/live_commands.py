@@ -1,4 +1,4 @@
-"""Commands for a running convoy: link, cut, heal, gnss, stall, crash, speed, status."""
+"""Commands for a running convoy: link, cut, gnss, stall, crash, speed, status."""
 
 import sys
 from pathlib import Path
@@ -23,7 +23,6 @@ REFRESH_S = 0.5
 
 
 def _change(run_name: str | None, flags: dict[str, Any], kind: str, **keys: object) -> None:
-    """Request a change and print the answers."""
     from scenarios.cli.live import change_requests
 
     entry = {"kind": kind, **{key: value for key, value in keys.items() if value is not None}}
@@ -73,7 +72,7 @@ Examples:
 )
 @time_option(
     "--for",
-    help_text="Duration of the change. Default: until `convoy heal`. A later change of the"
+    help_text="Duration of the change. Default: until `convoy cut --heal`. A later change of the"
     " same value replaces it.",
 )
 @open_run_options
@@ -105,41 +104,33 @@ def link(
 Examples:
   convoy cut --for 2s
   convoy cut v1 v3
+  convoy cut v1 v3 --heal
 """
 )
 @click.argument("sender", default="*")
 @click.argument("receiver", default="*")
-@time_option("--for", help_text="Duration of the cut. Default: until `convoy heal`.")
+@time_option("--for", help_text="Duration of the cut. Default: until `convoy cut --heal`.")
+@click.option("--heal", is_flag=True, help="Restore the links to the values in the scenario.")
 @open_run_options
 def cut(
-    *, sender: str, receiver: str, for_s: float | None, run_name: str | None, **flags: Any
+    *,
+    sender: str,
+    receiver: str,
+    for_s: float | None,
+    heal: bool,
+    run_name: str | None,
+    **flags: Any,
 ) -> None:
-    """Cut links between vehicles.
+    """Cut links between vehicles, or restore them.
 
-    Cuts the links from SENDER to RECEIVER of a running convoy. By default it cuts all links. Each
-    end is a vehicle name, a role (lead, predecessor, follower), or "*" for any vehicle.
+    Cuts the links from SENDER to RECEIVER of a running convoy, by default all links. With --heal,
+    also ends changes by `convoy link`. Each end is a vehicle name, a role (lead, predecessor,
+    follower), or "*" for any vehicle.
     """
-    _change(run_name, flags, "cut", sender=sender, receiver=receiver, for_s=for_s)
-
-
-@click.command(
-    epilog="""\b
-Examples:
-  convoy heal
-  convoy heal v1 v3
-"""
-)
-@click.argument("sender", default="*")
-@click.argument("receiver", default="*")
-@open_run_options
-def heal(*, sender: str, receiver: str, run_name: str | None, **flags: Any) -> None:
-    """Restore links between vehicles.
-
-    Restores the links from SENDER to RECEIVER to the values in the scenario. By default it restores
-    all links. Each end is a vehicle name, a role (lead, predecessor, follower), or "*" for any
-    vehicle.
-    """
-    _change(run_name, flags, "heal", sender=sender, receiver=receiver)
+    if heal and for_s is not None:
+        raise click.UsageError("--heal and --for: give one of them")
+    kind = "heal" if heal else "cut"
+    _change(run_name, flags, kind, sender=sender, receiver=receiver, for_s=for_s)
 
 
 @click.command(epilog="Example: convoy gnss v2 --fix float --for 10s")

@@ -121,7 +121,6 @@ def tables(status: RunStatus | None, most: int | None = None) -> Group:
 
 
 def _trouble(vehicle: VehicleStatus) -> float:
-    """Rank vehicles by hazard lights, then by true error."""
     return (HAZARD_M if vehicle.hazard else 0.0) + abs(vehicle.true_error_m or 0.0)
 
 

@@ -191,7 +191,6 @@ def _percent(ratio: float | None) -> str | None:
 def print_drills(
     rows: "Sequence[DrillRow]", console: "Console", *, several_seeds: bool = False
 ) -> None:
-    """Print a row for each limit, then each broken limit with the command that repeats its run."""
     from rich.text import Text
 
     firsts = [k for k, row in enumerate(rows) if not k or rows[k - 1].drill != row.drill]

@@ -37,7 +37,6 @@ class LimitedFigure(click.Choice[str]):
 
 
 def figure_option(help_text: str) -> Callable[[Command], Command]:
-    """Option for the figure that a study minimizes or maximizes."""
     first, *others = FIGURES
     return click.option(
         "--figure",

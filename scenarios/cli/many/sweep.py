@@ -148,7 +148,6 @@ def sweep(
 
 
 def print_sweep(table: "SweepTable", console: "Console") -> None:
-    """Print a table for each figure, with a limit and a row for each cell."""
     for number in range(max(len(table.plan.figures), len(table.plan.limits))):
         print_whole(_table(table, number), console)
     if len(table.cells) > MOST_ROWS:

@@ -113,7 +113,6 @@ with zenoh.open(config) as session:
 
 
 def wire_messages() -> Iterator[Row]:
-    """Keys of the messages, and the messages that are sent together."""
     for topic in TOPICS.values():
         if not topic.batched:
             sender = RUN_SENDER if topic.message in RUN_MESSAGES else "VEHICLE"
@@ -149,7 +148,6 @@ def reasons_page() -> None:
 
 
 def counts_as(word: str) -> str:
-    """Return whether a message with this reason counts as lost or as late."""
     counts = {"lost": counts_as_loss(word), "late": counts_as_late(word)}
     return ", ".join(name for name, does in counts.items() if does)
 

@@ -13,7 +13,6 @@ Row = tuple[str, ...]
 
 
 def print_text(text: str) -> None:
-    """Print a text with its paragraphs wrapped, except lists."""
     paragraphs = cleandoc(text).split("\n\n")
     click.echo("\n\n".join(one if "   " in one else fill(one, WIDTH) for one in paragraphs))
 
@@ -25,7 +24,6 @@ def print_rows(rows: Iterable[Row]) -> None:
 
 
 def print_section(heading: str, rows: Iterable[Row], text: str = "") -> None:
-    """Print a heading, a text below it, and rows."""
     from rich.console import Console
 
     console = Console()

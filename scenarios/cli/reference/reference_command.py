@@ -27,8 +27,6 @@ ALIASES = {"controller": "plug-ins", "controllers": "plug-ins", "proto": ".proto
 
 
 class PageName(click.Choice[str]):
-    """The name of a page; some have an alias."""
-
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         return super().convert(ALIASES.get(value, value), param, ctx)
 

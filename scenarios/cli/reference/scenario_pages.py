@@ -14,7 +14,6 @@ from vehicles.messages import MODES
 
 
 def _print_tables(key: str) -> None:
-    """Print the keys of the tables at a dotted key, and of all tables inside them."""
     for table in tables_at(key):
         reason = getattr(table.model, "reason", None)
         drops = f" Drops messages with the reason {reason}." if reason else ""
@@ -83,7 +82,6 @@ def _with_preset_default(key: str, text: str) -> str:
 
 
 def gnss_presets() -> dict[str, list[tuple[str, str]]]:
-    """Keys and values of each preset of [gnss]."""
     return {
         name: [(key, _toml(value)) for key, value in keys_with(GnssSettings, figures).items()]
         for name, figures in PRESETS.items()
@@ -91,7 +89,6 @@ def gnss_presets() -> dict[str, list[tuple[str, str]]]:
 
 
 def _toml(value: Any) -> str:
-    """Write a value as a scenario file would."""
     if value is None:
         return "not set"
     if isinstance(value, dict):

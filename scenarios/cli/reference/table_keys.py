@@ -23,8 +23,6 @@ BOUNDS = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than
 
 @dataclass(frozen=True, slots=True)
 class TableDoc:
-    """Documentation of one class of table: its place in a scenario, its text, its keys."""
-
     place: str
     model: type[BaseModel]
     text: str
@@ -32,7 +30,6 @@ class TableDoc:
 
 
 def models_at(key: str) -> list[type[BaseModel]]:
-    """Return the classes of tables at a dotted key of a scenario."""
     models: list[type[BaseModel]] = [ScenarioTables]
     for part in key.split("."):
         models = [one for model in models for one in models_of(model.model_fields[part].annotation)]
@@ -40,7 +37,6 @@ def models_at(key: str) -> list[type[BaseModel]]:
 
 
 def tables_at(key: str) -> Iterator[TableDoc]:
-    """Document the tables at a dotted key, and all tables inside them."""
     yield from _tables(key, models_at(key), {})
 
 
@@ -79,7 +75,6 @@ def key_texts(model: type[BaseModel]) -> dict[str, str]:
 
 
 def _documented(model: type[BaseModel]) -> dict[str, str]:
-    """Return the documentation of keys in the docstrings of a class and its bases."""
     docs = [split_doc(base.__doc__ or "")[1] for base in reversed(model.__mro__)]
     return {name: text for keys in docs for name, text in keys.items()}
 
@@ -93,7 +88,6 @@ def _titled(place: str, model: type[BaseModel]) -> str:
 
 
 def split_doc(doc: str) -> tuple[str, dict[str, str]]:
-    """Split a docstring into its text and the documentation of its keys."""
     text: list[str] = []
     keys: dict[str, str] = {}
     names: list[str] = []

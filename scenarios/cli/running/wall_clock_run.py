@@ -102,7 +102,6 @@ def _complete(log: Path) -> bool:
 
 
 def prepare_parts(scenario: Scenario) -> None:
-    """Do common work of all processes once."""
     for module in PARTS:
         import_module(module)
     Fingerprint.of(scenario)

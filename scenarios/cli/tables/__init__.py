@@ -1,5 +1,1 @@
-"""Commands that make tables of recorded runs.
-
-export_command  tables and tracks as files
-runs_command    the runs of a folder
-"""
+"""Commands that make tables of recorded runs."""

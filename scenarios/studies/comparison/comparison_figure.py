@@ -147,7 +147,6 @@ def _of(one: OffsetDifference, axis: int) -> Floats:
 
 
 def _draw_modes(axes: Axes, comparison: RunComparison, shown: Sequence[str], axis: int) -> None:
-    """Draw a strip of colours for each vehicle and run."""
     colours = PANELS["mode"].states
     rows = [(name, run) for name in shown for run in comparison.runs if name in run.vehicles]
     for row, (name, run) in enumerate(rows):
@@ -173,7 +172,6 @@ def _mark_divergence(axes: Axes, comparison: RunComparison, axis: int) -> None:
 
 
 def _draw_string(axes: Axes, comparison: RunComparison, figure: str) -> None:
-    """Draw the error of each follower over its number."""
     axes.set_title(f"error along the string, {figure}", loc="left")
     axes.set(xlabel="vehicle", ylabel="error, m")
     for number, run in enumerate(comparison.runs):

@@ -47,7 +47,6 @@ def show_comparison(
 
 
 def tracks_of(comparison: RunComparison) -> ComparedTracks:
-    """Everything that the picture of a comparison shows."""
     reference = comparison.runs[0].record.scenario
     path = reference.route.path
     differences = {(one.label, one.vehicle): one for one in comparison.differences}

@@ -150,7 +150,6 @@ class RunComparison:
 
     @property
     def sentence(self) -> str:
-        """The first divergence in one sentence."""
         if self.first is None:
             return f"no vehicle differs by {self.tolerance_m:g} m at the same place"
         return self.first.sentence
@@ -306,7 +305,6 @@ def _divergence(difference: OffsetDifference, tolerance_m: float) -> Divergence 
 
 
 def to_json(comparison: RunComparison) -> str:
-    """Machine-readable divergences and largest differences."""
     first = comparison.first
     content = {
         "schema": SCHEMA,

@@ -42,7 +42,6 @@ class RunDiff:
 
     @property
     def sentence(self) -> str:
-        """The result in one sentence."""
         if self.messages is None:
             return self._noise_sentence
         if self.is_equal:
@@ -125,7 +124,6 @@ def _summary(log: Path, faults: list[str], *, is_needed: bool) -> list[RunSummar
 
 
 def to_json(diff: RunDiff) -> str:
-    """Machine-readable result; instants and values as in the sentence."""
     messages = diff.messages
     content = {
         "schema": SCHEMA,

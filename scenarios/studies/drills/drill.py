@@ -56,7 +56,6 @@ class DrillRow:
 
     @property
     def label(self) -> str:
-        """Key and bound of the limit, or the required reaction and its time."""
         if self.bound is None:
             return self.limit
         if self.action:
@@ -82,7 +81,6 @@ def drill_variants(
 
 
 def identity_of_drills(variants: Sequence[Variant]) -> dict[str, Any]:
-    """Everything that the results depend on, named as on the command line."""
     plug_ins = {name for variant in variants for name in variant.scenario.plug_ins}
     first = identity_of(variants[0], plug_ins)
     return first | {
@@ -143,7 +141,6 @@ def _other_reason(summary: RunSummary) -> str:
 
 
 def drill_rows(runs: Sequence[DrillResult]) -> list[DrillRow]:
-    """Return a row for each limit of each drill, with the worst value over all seeds."""
     names = dict.fromkeys(run.drill for run in runs)
     return [
         row for name in names for row in rows_of_drill([run for run in runs if run.drill == name])

@@ -120,7 +120,6 @@ class JobDispatcher:
             yield Outcome(key=key, result=done.result, error=done.error, exception=done.exception)
 
     def _retry(self, keys: list[str], no_retry: bool) -> Iterator[Outcome]:
-        """Queue the jobs of a lost batch one by one, up to `MAX_ATTEMPTS` each."""
         for key in keys:
             self._attempts[key] += 1
             if self._attempts[key] >= MAX_ATTEMPTS or (no_retry and len(keys) == 1):

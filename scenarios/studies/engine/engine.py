@@ -48,7 +48,6 @@ class JobProgress:
         self.report_if_due()
 
     def report_if_due(self) -> None:
-        """Report at most every `REPORT_EVERY_S`, and at the end."""
         now = time.monotonic()
         if now - self._reported_at < REPORT_EVERY_S and self.done != self.total:
             return

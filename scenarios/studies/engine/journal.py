@@ -30,8 +30,6 @@ Entry = dict[str, Any]
 
 
 class RunJournal:
-    """The open journal of a folder; `entries` are the outcomes by job."""
-
     def __init__(self, path: Path, file: FileIO, identity: Mapping[str, Any]) -> None:
         self._path = path
         self._file = file
@@ -39,7 +37,6 @@ class RunJournal:
         self.entries: dict[str, Entry] = {}
 
     def add(self, key: str, entry: Entry) -> Entry:
-        """Append the outcome of a job; return it as decoded from the file."""
         line = _encoded({"run": key, "entry": entry}, self._identity_crc)
         self._write(line)
         self.entries[key] = json.loads(line)["entry"]
@@ -133,7 +130,6 @@ def _write_all(file: FileIO, data: bytes) -> None:
 
 
 def _encoded(content: Mapping[str, Any], identity_crc: int = 0) -> bytes:
-    """Encode a line with a checksum over identity and content."""
     text = json.dumps(content, separators=(",", ":")).encode()[:-1]
     return text + b',"crc32":"%08x"}\n' % crc32(text, identity_crc)
 

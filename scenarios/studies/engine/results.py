@@ -23,7 +23,6 @@ def refuse_existing(*files: Path | None, place: str = "place") -> None:
 
 
 def write_files(out: Path, contents: Mapping[str, Any]) -> list[Path]:
-    """Write files into the folder `out`; return their paths."""
     out.mkdir(parents=True, exist_ok=True)
     for name, content in contents.items():
         write_file(out / name, content)

@@ -58,8 +58,6 @@ OpenWorkers = Callable[[], AbstractContextManager[WorkerGroup]]
 
 
 class InlineExecutor(Executor):
-    """Run each call synchronously in `submit`."""
-
     def submit(
         self, fn: Callable[Arguments, Result], /, *args: Arguments.args, **kwargs: Arguments.kwargs
     ) -> Future[Result]:
@@ -90,7 +88,6 @@ class WorkerPool(Executor):
     def submit(
         self, fn: Callable[Arguments, Result], /, *args: Arguments.args, **kwargs: Arguments.kwargs
     ) -> Future[Result]:
-        """Submit the call to the worker with the fewest pending calls."""
         self._futures = [
             [future for future in futures if not future.done()] for futures in self._futures
         ]

@@ -1,7 +1,6 @@
 """Plots of stabilising gain sets (paper, sections III-F and V-A). Needs matplotlib."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -19,7 +18,7 @@ from vehicles.theory.polynomials import spectral_abscissa
 
 Array = NDArray[np.float64]
 
-LATERAL, HEADING, YAW_RATE = "$k_e$, rad/m", r"$k_\theta$, rad/rad", r"$k_\omega$, s"
+LATERAL, HEADING = "$k_e$, rad/m", r"$k_\theta$, rad/rad"
 
 ALL_SPEEDS, ALL_LOADINGS = "#cfe3f3", "#8fbfe0"
 
@@ -109,35 +108,7 @@ def stabilising_slices(subject: Subject) -> Figure:
     return figure
 
 
-def stabilising_set(subject: Subject) -> Figure:
-    """The stabilising set in three dimensions, as a stack of slices."""
-    (_, k_e), (low, high), (first, last) = _extent(subject, [subject.reference])
-    lateral, heading = np.linspace(0.0, k_e, 150), np.linspace(low, high, 150)
-    figure = Figure(figsize=(0.7 * PAGE_IN, 4.2), layout="constrained")
-    axes: Any = figure.add_subplot(projection="3d", computed_zorder=False)
-    cuts = np.linspace(first, last, 24)[1:-1].tolist()
-    for index, cut in enumerate(cuts):
-        gains = _grid(lateral, heading, cut)
-        inside = stabilises_all([subject.parameters], [subject.reference], gains).astype(float)
-        if inside.any():
-            colour = mpl.colormaps[SEQUENCE](index / len(cuts))
-            place: dict[str, Any] = {"zdir": "z", "offset": cut, "colors": [colour]}
-            axes.contourf(lateral, heading, inside, levels=[0.5, 1.5], alpha=0.3, **place)
-            axes.contour(lateral, heading, inside, levels=[0.5], linewidths=1.0, **place)
-    axes.scatter(*subject.gains, marker="*", s=130, color=RED, edgecolor="white", zorder=50)
-    axes.set(xlim=(0.0, k_e), ylim=(low, high), zlim=(first, last))
-    axes.set_xlabel(LATERAL, labelpad=8)
-    axes.set_ylabel(HEADING, labelpad=8)
-    axes.set_zlabel(YAW_RATE, labelpad=6)
-    axes.yaxis.set_major_locator(MaxNLocator(4))
-    axes.set_box_aspect((1.1, 1.1, 0.85), zoom=0.88)
-    axes.view_init(elev=22.0, azim=-52.0)
-    axes.set_title(f"Stabilising gains at {subject.reference:.4g} m/s (star: chosen)", y=1.0)
-    return figure
-
-
 def intersection(subject: Subject) -> Figure:
-    """The slice at the chosen k_omega: each speed's boundary and what they have in common."""
     (_, k_e), (low, high), _ = _extent(subject, subject.speeds)
     k_e, low, high = 1.25 * k_e, min(low, -0.3), 1.15 * high
     lateral, heading = np.linspace(0.0, k_e, 260), np.linspace(low, high, 260)

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from scenarios.studies.engine.results import write_files
-from scenarios.studies.gains.gain_set_plots import intersection, stabilising_set, stabilising_slices
+from scenarios.studies.gains.gain_set_plots import intersection, stabilising_slices
 from scenarios.studies.gains.results import GainsReport, Subject
 from scenarios.studies.picture_style import (
     BLUE,
@@ -244,7 +244,6 @@ def lowest_rates(_subject: Subject, report: GainsReport) -> Figure:
 
 OF_SETS: dict[str, Callable[[Subject], Figure]] = {
     "stabilising_slices": stabilising_slices,
-    "stabilising_set": stabilising_set,
     "intersection": intersection,
 }
 OF_NUMBERS: dict[str, Callable[[Subject, GainsReport], Figure]] = {

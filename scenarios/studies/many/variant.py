@@ -40,7 +40,6 @@ class Variant:
 
     @property
     def command(self) -> str:
-        """The command that repeats the run exactly, with a log."""
         sets = [f"--set={text}" for text in self.overrides]
         parts = ("convoy", "run", self.name, *sets, "--seed", str(self.seed), "--clock", "virtual")
         return shlex.join(parts)

@@ -141,8 +141,6 @@ NO_SLOWING = ("speed.lateral_acceleration_mps2_max=5.0",)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Experiment:
-    """One run: a shipped scenario, its overrides and seed, and whether it is logged."""
-
     scenario: str = "paper_base"
     overrides: tuple[str, ...] = ()
     seed: int | None = None

@@ -90,7 +90,6 @@ class RunKey:
 
     @property
     def exact(self) -> "RunKey":
-        """The exact run that this run repeats."""
         return replace(self, phase=None, seed=None)
 
     def with_variant(self, variant: Variant) -> "RunKey":

@@ -42,7 +42,6 @@ def predict_case(findings: Findings, key: RunKey) -> tuple[tuple[float, ...], tu
 
 
 def explain_growth(key: RunKey, findings: Findings) -> str:
-    """Explain why the tracking errors of a case grow along the convoy."""
     tracking, _ = predict_case(findings, key)
     low, high = amplified_band(transfer(key))[0]
     wide = "cars with the paper's law run wide in curves, and " if low == 0.0 else ""

@@ -62,7 +62,6 @@ class Sent:
 
 
 def traffic(scenario: Scenario) -> list[Sent]:
-    """Messages of all vehicles of a scenario, in the order of sending."""
     convoy = VirtualConvoy(scenario)
     begin = scenario.start_at_ns
     result: list[Sent] = []
@@ -100,8 +99,6 @@ class Shifter:
 
 
 class Sender:
-    """Sends each message of all vehicles when it is due."""
-
     def __init__(self, bus: ZenohBus, scenario: Scenario, sent: list[Sent]) -> None:
         self._bus = bus
         self._clock = WallClock()
@@ -124,7 +121,6 @@ class Sender:
         self._ended = True
 
     def _has_started(self) -> bool:
-        """Report the clocks of all vehicles; whether the recorder has started the run."""
         for vehicle in self._scenario.vehicle_names:
             report = ClockOffset(vehicle, 0, 0).pack()
             self._bus.request(clock_key(RUN_SENDER), lambda _: None, 1.0, report)
@@ -173,8 +169,6 @@ class Sender:
 
 
 class Watch(threading.Thread):
-    """Samples processor time and memory of recorder and router."""
-
     def __init__(self, recorder: psutil.Process, router: psutil.Process) -> None:
         super().__init__(daemon=True)
         self._recorder, self._router = recorder, router
@@ -214,7 +208,6 @@ def bare_writer_s(sent: list[Sent]) -> float:
 
 
 def lost(folder: Path, sent: list[Sent]) -> Counter[tuple[str, str]]:
-    """Sent messages that are not in the log, by vehicle and topic."""
     held = Counter(LogReader(folder / LOG_NAME).counts)
     return Counter((message.vehicle, message.topic.name) for message in sent) - held
 
@@ -254,7 +247,6 @@ def rows(folder: Path, sent: list[Sent], watch: Watch, late_s: float) -> Iterato
 
 
 def record(folder: Path, scenario: Scenario, settings: list[str], sent: list[Sent]) -> list[Row]:
-    """Record the traffic in `folder`; return the rows of the table."""
     with socket() as probe:
         probe.bind(("127.0.0.1", 0))
         endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"

@@ -23,12 +23,10 @@ def drawn_channel(chance: Random, share: float) -> Raw:
 
 
 def drawn_preset(chance: Random) -> str:
-    """Draw a preset with equal laws for all links."""
     return chance.choice([name for name in presets() if not read_preset(name).entries])
 
 
 def drawn_delay(chance: Random) -> Raw:
-    """Draw a delay law of any kind, in order or not."""
     kind = chance.choice(["constant", "uniform", "normal", "lognormal", "gamma", "empirical"])
     mean = chance.choice([0.01, 30.0, chance.uniform(1.0, 300.0)])
     own: Raw = {"mean_ms": mean, "deviation_ms": mean * chance.choice([0.1, 1.0, 3.0])}
@@ -46,7 +44,6 @@ def drawn_delay(chance: Random) -> Raw:
 
 
 def drawn_queue(chance: Random) -> Raw:
-    """Draw a queue, from dropping everything to no waiting."""
     return {
         "bytes_per_s": chance.choice([1.0, 2000.0, 1e9, chance.uniform(500.0, 10_000.0)]),
         "depth_messages": chance.choice([1, 10, 10_000]),
@@ -55,7 +52,6 @@ def drawn_queue(chance: Random) -> Raw:
 
 
 def drawn_outages(chance: Random) -> list[Raw]:
-    """Draw outages by time, by place, and random ones."""
     drawn = [_window, _stretch, _circle, _random_outage]
     return [chance.choice(drawn)(chance) for _ in range(chance.randint(0, 3))]
 

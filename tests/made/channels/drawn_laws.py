@@ -25,7 +25,6 @@ def drawn_collisions(chance: Random) -> Raw:
 
 
 def inline(value: object) -> str:
-    """A value as TOML on one line."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key} = {inline(entry)}" for key, entry in value.items()) + "}"
     return repr(value)
@@ -73,7 +72,6 @@ def _every_nth(chance: Random) -> Raw:
 
 
 def _numbers(chance: Random) -> str:
-    """Numbers below 20."""
     firsts = sorted(chance.sample(range(19), 3))
     return f"{firsts[0]}, {firsts[1]}-{firsts[2]}"
 

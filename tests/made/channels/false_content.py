@@ -40,7 +40,6 @@ def drift(spell: FalseInterval, rate: Shift) -> FalseDrift:
 
 
 def frozen(spell: FalseInterval) -> FrozenContent:
-    """Repeats the last message before the interval."""
     return _in(spell, FrozenContent)
 
 

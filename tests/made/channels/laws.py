@@ -24,13 +24,11 @@ def for_link(law: SomeLaw, setting: LinkSetting | None = None) -> SomeLaw:
 
 
 def long_run(effect: Effect) -> tuple[float | None, float | None]:
-    """Loss ratio and mean burst in the long run; None if unknown."""
     losses = effect.losses(None)
     return (None, None) if losses is None else (losses.loss, losses.burst)
 
 
 def gilbert_elliott(p: float, r: float, h: float = 0.0, k: float = 1.0) -> GilbertElliott:
-    """From its probabilities."""
     return for_link(
         GilbertElliott(
             good_to_bad_ratio=p, bad_to_good_ratio=r, bad_delivered_ratio=h, good_delivered_ratio=k
@@ -39,14 +37,12 @@ def gilbert_elliott(p: float, r: float, h: float = 0.0, k: float = 1.0) -> Gilbe
 
 
 def gilbert(loss: float, burst: float) -> GilbertElliott:
-    """From mean loss and mean burst."""
     return for_link(GilbertElliott(loss_ratio=loss, burst_messages_mean=burst))
 
 
 def four_state(
     p13: float, p31: float, p32: float = 0.0, p23: float = 1.0, p14: float = 0.0
 ) -> FourState:
-    """From the probabilities of netem."""
     return for_link(
         FourState(
             gap_to_burst_ratio=p13,
@@ -59,7 +55,6 @@ def four_state(
 
 
 def collisions(loss: float, keep: float = 0.0, least: int = 5, most: int = 15) -> Collisions:
-    """From loss, probability of keeping a resource, and limits of a reservation."""
     return for_link(
         Collisions(
             loss_ratio=loss,
@@ -85,7 +80,6 @@ def stretch(
     receiver: float,
     every_m: float | None = None,
 ) -> StretchOutage:
-    """An outage between two stations; `sender` and `receiver` are stations at the start."""
     law = StretchOutage(from_m=ends_m[0], to_m=ends_m[1], vehicle=vehicle, every_m=every_m)
     return for_link(law, LinkSetting(sender_station=sender, receiver_station=receiver))
 

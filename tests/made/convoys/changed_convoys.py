@@ -31,7 +31,6 @@ segments = [{ length_m = 30.0 }, { length_m = 40.0, radius_m = 120.0, turn = "le
 
 
 def changed(*changes: str, rest: str = "", overrides: Sequence[str] = ()) -> Scenario:
-    """The road with one `[[change]]` of each text in `changes`."""
     entries = "".join(f"[[change]]\n{change}\n" for change in changes)
     return scenario_from_text(f"{ROAD}\n{rest}\n{entries}", overrides=overrides)
 
@@ -55,12 +54,10 @@ class ChangedConvoy:
             self.set_node(name, builder.node(self.start_at, self.sink(name), NoProbe()))
 
     def sink(self, name: str) -> ObservedSink:
-        """Sink of a vehicle; only poses are encoded, as other vehicles receive nothing else."""
         keep = OnMessage(lambda _, message: self.sent.append(message))
         return ObservedSink(name, self.bus, lambda: 0, listeners_by_kind([keep]))
 
     def set_node(self, name: str, node: AnyNode) -> None:
-        """Set or replace the node of a vehicle."""
         if name not in self.nodes:
             for key in node.inbox.keys:
                 self.bus.subscribe(key, partial(self._receive, name))
@@ -84,11 +81,9 @@ class ChangedConvoy:
         return self
 
     def of(self, vehicle: str, kind: type[Message]) -> list[Any]:
-        """All messages of one kind from a vehicle."""
         return [m for m in self.sent if m.vehicle == vehicle and type(m) is kind]
 
     def truths(self, vehicle: str) -> dict[float, TruePose]:
-        """True poses of a vehicle, by seconds after the start."""
         return {
             round((pose.true_at_ns - self.start_at) / 1e9, 6): pose
             for pose in self.of(vehicle, TruePose)

@@ -37,7 +37,6 @@ def bend(turn: str, radius_m: float, angle_deg: float) -> Table:
 
 
 def lane_change(speed_mps: float) -> Table:
-    """The double lane change of the paper, with segments of one second at any speed."""
     second, radius = speed_mps, speed_mps**2 / LATERAL_ACCELERATION
     right = {"length_m": second, "radius_m": radius, "turn": "right"}
     left = right | {"turn": "left"}
@@ -54,7 +53,6 @@ def slalom() -> Table:
 
 
 def block() -> Table:
-    """Streets between blocks, around one of them."""
     pieces = [straight(40.0)]
     for turn in ("right", "left", "left", "left", "left", "right", "right", "left"):
         pieces += [bend(turn, CORNER_M, 90.0), straight(35.0)]
@@ -62,7 +60,6 @@ def block() -> Table:
 
 
 def roundabout() -> Table:
-    """Two roundabouts: one left after three quarters, one passed straight."""
     entry = bend("right", EXIT_M, 45.0)
     pieces = [straight(50.0), entry, bend("left", CIRCLE_M, 180.0), entry, straight(40.0)]
     pieces += [entry, bend("left", CIRCLE_M, 270.0), entry, straight(300.0)]
@@ -79,7 +76,6 @@ def fast(segments: list[Table], speed_mps: float, followers: str) -> Table:
 
 
 def town(speed_mps: float) -> Table:
-    """The car park, driven fast from the start."""
     profile = [{"at_s": 0.0, "speed_mps": 1.4}, {"at_s": 3.0, "speed_mps": speed_mps}]
     return {"extends": "church_lot", "speed": {"profile": profile}}
 
@@ -132,7 +128,6 @@ class LinkCut:
 
     @property
     def ends_at_s(self) -> float:
-        """End of the cut; that of the run if the cut is permanent."""
         return self.at_s + (FOR_GOOD_S if self.for_s is None else self.for_s)
 
     def scenario(self) -> Scenario:
@@ -181,7 +176,6 @@ class LinkCut:
 
 
 def draw_cuts(count: int) -> Iterator[LinkCut]:
-    """Draw cuts over the roads in turn, with path history and without."""
     for number in range(count):
         random = np.random.Generator(np.random.PCG64([1, number]))
         vehicles = int(random.integers(3, 8, endpoint=True))
@@ -230,7 +224,6 @@ class CarRecord:
     """Number of collisions with a car ahead."""
 
     def known(self) -> Iterator[tuple[Tracking, TruePose]]:
-        """Known path by instant, with the true pose at it."""
         for row in self.tracking:
             if (pose := self.truth.get(row.decided_at_ns)) is not None:
                 yield row, pose
@@ -287,8 +280,6 @@ class CarRecord:
 
 
 class RoadObserver:
-    """Observer of a run that records its cars on the road."""
-
     kinds: frozenset[type[Message]] = frozenset((Command, LinkVerdict, Tracking, TruePose))
 
     def __init__(self, stream: FigureStream) -> None:
@@ -321,7 +312,6 @@ class RoadObserver:
 
 
 def simulated(scenario: Scenario) -> Mapping[str, CarRecord]:
-    """Simulate a scenario; returns the records of its vehicles."""
     stream = FigureStream.of(scenario)
     road = RoadObserver(stream)
     drive(scenario, [stream, road]).raise_fault()

@@ -11,8 +11,6 @@ from vehicles.messages import Command, LogText, Message, TruePose
 
 @dataclass
 class Driven:
-    """True poses, commands and log lines by vehicle."""
-
     truth: defaultdict[str, list[TruePose]] = field(default_factory=lambda: defaultdict(list))
     commands: defaultdict[str, list[Command]] = field(default_factory=lambda: defaultdict(list))
     texts: defaultdict[str, list[LogText]] = field(default_factory=lambda: defaultdict(list))
@@ -28,7 +26,6 @@ class Driven:
 
 
 def drive(scenario: Scenario) -> Driven:
-    """Run `scenario` to its end; only poses are encoded, as vehicles receive nothing else."""
     driven = Driven()
     virtual_drive(scenario, [OnMessage(driven.take)]).raise_fault()
     return driven

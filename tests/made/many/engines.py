@@ -18,8 +18,6 @@ def engine_here(workers: int | None = 0) -> Iterator[Engine]:
 
 
 class SyntheticEngine(Engine):
-    """Runs no job: results come from `result`."""
-
     def __init__(self, result: Callable[[Job], Any]) -> None:
         super().__init__(partial(open_workers, 0), ExitStack(), lambda _: None)
         self._result = result

@@ -46,8 +46,6 @@ FULL = Convoy(
 
 @dataclass(frozen=True, slots=True)
 class Planted:
-    """A scenario, and the numbers of the burst on each link that has it."""
-
     scenario: Scenario
     burst: range
     links: tuple[Link, ...]

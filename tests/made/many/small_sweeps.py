@@ -22,7 +22,6 @@ def small_plan(vary: Sequence[str] = VARY, seeds: int = 2) -> SweepPlan:
 
 
 def run_sweep_here(plan: SweepPlan, out: Path) -> SweepTable:
-    """Run a sweep in this process, without plots."""
     return run_sweep(plan, out, partial(open_workers, 0), lambda _: None)[0]
 
 

@@ -56,7 +56,6 @@ ROADS = ("slalom", "lane_change", "block", "roundabout", "track")
 
 
 def convoy_on_road(name: str, seed: int, vehicles: int, *overrides: str) -> Scenario:
-    """A convoy that keeps a time gap; in a lane change, the speed of its lead."""
     if name == "lane_change":
         return load_scenario(name, [f"convoy.vehicles={vehicles}", *overrides], seed)
     segments, speed, keys = SEGMENTS[name]

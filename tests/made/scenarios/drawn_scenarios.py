@@ -64,14 +64,11 @@ ALL_LINKS_SHARE, ONE_LINK_SHARE = 0.12, 0.25
 
 @dataclass(frozen=True)
 class DrawnScenario:
-    """A scenario file, the files that it names, and overrides."""
-
     tables: Raw
     files: Mapping[str, str] = field(default_factory=dict)
     overrides: Sequence[str] = ()
 
     def write(self, folder: Path) -> Path:
-        """Write all files into `folder`; return the path of the scenario."""
         for name, text in self.files.items():
             (folder / name).write_text(text, encoding="utf-8")
         path = folder / "drawn.toml"
@@ -124,7 +121,6 @@ def drawn_scenario(chance: Random) -> DrawnScenario:
 def drawn_table(
     chance: Random, table: type[Table], leave_out: Collection[str] = (), share: float | None = None
 ) -> Raw:
-    """Draw some keys of a table with allowed values."""
     share = chance.choice(SHARES) if share is None else share
     return {
         name: value
@@ -135,7 +131,6 @@ def drawn_table(
 
 
 def _value(chance: Random, kind: Any, rules: Sequence[object], usual: object) -> object:
-    """Draw a value of an annotation; None for a class, or without numbers and words."""
     origin = get_origin(kind)
     if origin is Annotated:
         inner, *more = get_args(kind)
@@ -154,7 +149,6 @@ def _value(chance: Random, kind: Any, rules: Sequence[object], usual: object) ->
 
 
 def limits_of(rules: Sequence[object], *, whole: bool) -> tuple[float, float]:
-    """The least and the greatest number that rules of a schema allow."""
     least, most = -math.inf, math.inf
     for rule in rules:
         if (bound := getattr(rule, "ge", None)) is not None:
@@ -169,7 +163,6 @@ def limits_of(rules: Sequence[object], *, whole: bool) -> tuple[float, float]:
 
 
 def number(chance: Random, least: float, most: float, usual: object) -> float:
-    """Draw a number: a limit, near the usual one, or any between the limits."""
     about = usual if isinstance(usual, int | float) and usual else 1.0
     most = most if math.isfinite(most) else max(10.0 * about, 3)
     least = least if math.isfinite(least) else -most
@@ -210,7 +203,6 @@ def _convoy(chance: Random, names: Sequence[str]) -> Raw:
 
 
 def _vehicle(chance: Random, *, lead: bool) -> Raw:
-    """Keys of one vehicle, most often none."""
     table: Raw = {}
     if chance.random() < 0.7:
         return table
@@ -253,7 +245,6 @@ def _car(chance: Random, leave_out: Collection[str] = ()) -> Raw:
 
 
 def _receiver(chance: Random, *leave_out: str) -> Raw:
-    """A receiver: errors, fix states and outages."""
     apart = ("entry_jump_m", "fix_states", "while_fixed", "while_float", "while_single")
     table = drawn_table(chance, GnssTable, (*apart, *leave_out))
     for key in ("drift", "common_drift"):
@@ -303,7 +294,6 @@ def _steering(chance: Random) -> Raw:
 
 
 def _link(chance: Random, names: Sequence[str]) -> Raw:
-    """An entry for an existing link, in any of its forms."""
     receiver = chance.randrange(1, len(names))
     sender = chance.choice([names[0], names[receiver - 1], "*"])
     entry = {"sender": sender, "receiver": chance.choice([names[receiver], names[receiver], "*"])}
@@ -311,7 +301,6 @@ def _link(chance: Random, names: Sequence[str]) -> Raw:
 
 
 def _links(chance: Random, table: type[Table], share: float) -> Raw:
-    """Keys of links: simple keys, laws in tables of their own, or a preset."""
     apart = ("sender", "receiver", *SEPARATE_KEYS)
     return drawn_table(chance, table, apart) | drawn_channel(chance, share)
 
@@ -330,7 +319,6 @@ def _speed(chance: Random) -> Raw:
 
 
 def _duration_s(chance: Random, tables: Raw, names: Sequence[str]) -> float:
-    """From 1 to 3 s, less if that would exceed `STEPS`."""
     rates = tables["control"].get("rate_hz", 50.0) + tables.get("gnss", {}).get("rate_hz", 20.0)
     rates += tables.get("imu", {}).get("rate_hz", 0.0)
     rates += max(
@@ -342,7 +330,6 @@ def _duration_s(chance: Random, tables: Raw, names: Sequence[str]) -> float:
 
 
 def _path(chance: Random, tables: Raw, files: dict[str, str]) -> Raw:
-    """Draw a path of any kind, longer than the drive of the lead."""
     speed = tables["speed"]
     fastest = max(
         speed.get("set_mps", 20.0), *(p["speed_mps"] for p in speed.get("profile", [])), 1.0
@@ -385,7 +372,6 @@ def _segment(chance: Random, length_m: float) -> Raw:
 def _points(
     chance: Random, duration_s: float, length_m: float, files: dict[str, str], *, timed: bool
 ) -> Raw:
-    """A winding drive as points, in the scenario or in a file."""
     count = chance.randint(20, 200)
     step = max(length_m / count, 0.5)
     swing, wavelength = chance.uniform(0.0, 3.0), chance.uniform(20.0, 100.0)
@@ -406,7 +392,6 @@ def _points(
 
 
 def _split(chance: Random, tables: Raw, files: dict[str, str]) -> DrawnScenario:
-    """Move some keys to a base file, and some to overrides."""
     overrides: list[str] = []
     if chance.random() < 0.3:
         given = [key for key in ("seed", "duration_s") if key in tables]

@@ -48,11 +48,9 @@ class Stranger:
         )
 
     def refusable(self, received: Sequence[Put]) -> Put:
-        """Draw an invalid message, derived from messages that every receiver has received."""
         return self._chance.choice(self._refusable)(*self._chance.choice(received))
 
     def plausible(self, received: Sequence[Put]) -> Put:
-        """Draw a message that could come from a vehicle."""
         return self._chance.choice(self._plausible)(*self._chance.choice(received))
 
     # ---- Refusable
@@ -105,7 +103,6 @@ class Stranger:
         return (where, encode(self._chance.choice(invalid))) if invalid else (where, b"")
 
     def _other_kind(self, where: str, data: bytes) -> Put:
-        """A message under the key of another kind; only the key distinguishes kinds."""
         vehicle, own = where.split("/")[1:]
         others = [name for name in TOPICS if name not in {own, "start", "end"}]
         return key(vehicle, TOPICS[self._chance.choice(others)]), data
@@ -181,12 +178,10 @@ class Stranger:
 
 
 def read(where: str, data: bytes) -> Message:
-    """Decode a valid message."""
     return decode(TOPICS[where.rsplit("/", 1)[-1]], data)
 
 
 def encoded(message: Message, changed: dict[str, Any]) -> bytes:
-    """Encode a message with changed values; unchanged if a field cannot hold them."""
     try:
         return encode(replace(message, **changed))
     except ValueError:

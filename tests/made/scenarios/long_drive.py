@@ -17,7 +17,6 @@ def convoy(vehicles: int) -> list[str]:
 
 
 def sent_in(tenth: int, vehicles: int = 4) -> Iterator[Message]:
-    """All messages of a tenth of a second, given its number."""
     names = convoy(vehicles)
     for tick in _numbers(tenth, CONTROL_HZ):
         for place, name in enumerate(names):
@@ -39,13 +38,11 @@ def sent_in(tenth: int, vehicles: int = 4) -> Iterator[Message]:
 
 
 def _numbers(tenth: int, rate_hz: int) -> range:
-    """Numbers of a schedule at `rate_hz` within a tenth of a second."""
     each = rate_hz // 10
     return range(tenth * each, (tenth + 1) * each)
 
 
 def trajectory(vehicle: str, seq: int) -> CompositeTrajectory:
-    """A straight piece with its samples."""
     here = SPEED * seq / GNSS_HZ
     return CompositeTrajectory(
         vehicle=vehicle,

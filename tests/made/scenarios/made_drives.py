@@ -45,7 +45,6 @@ def corner(angle: float, radius: float, ramp: float) -> Knots:
 
 
 def around_the_block() -> Points:
-    """Around blocks of houses: corners of 90°, left and right, 7 to 10 m."""
     quarter = 0.5 * np.pi
     knots: list[tuple[float, float]] = [(80.0, 0.0)]
     for side, radius, ramp in (
@@ -57,7 +56,6 @@ def around_the_block() -> Points:
 
 
 def slalom() -> Points:
-    """Twelve cones at 18 m, 1.5 m to either side."""
     x = np.arange(0.0, 400.0, STEP)
     inside = (x > 100.0) & (x < 100.0 + 12 * 18.0)
     swing = 2.0 * np.pi / 36.0
@@ -98,14 +96,12 @@ def track(length: float = 5000.0) -> Points:
 
 
 def _resampled(line: Points) -> Points:
-    """Points every `SPACING` along a fine polyline."""
     distance = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(line)))))
     at = np.arange(0.0, float(distance[-1]), SPACING)
     return np.stack((np.interp(at, distance, line[0]), np.interp(at, distance, line[1])))
 
 
 def with_receiver_noise(points: Points, seed: int) -> Points:
-    """Add the noise of a receiver."""
     random = np.random.default_rng(seed)
     keep = np.exp(-SPACING / WANDER_LENGTH)
     drift, wander = np.zeros(2), []
@@ -128,7 +124,6 @@ DRIVES: dict[str, tuple[Callable[[], Points], str, float]] = {
 def convoy_on(
     name: str, folder: Path, seed: int = 1, vehicles: int = 8, keys: str = ""
 ) -> Scenario:
-    """Write the drive `name` into `folder`; return a scenario of it without losses."""
     course, path, speed = DRIVES[name]
     points = with_receiver_noise(course(), seed)
     rows = "\n".join(f"{east:.4f},{north:.4f}" for east, north in points.T.tolist())

@@ -59,7 +59,6 @@ def gps(vehicle: str, seq: int, **more: float) -> GpsPose:
 
 
 def sent(pose: GpsPose, at_ns: int) -> GpsPose:
-    """The pose with another instant of measurement and sending."""
     return replace(pose, measured_at_ns=at_ns, sent_at_ns=at_ns)
 
 

@@ -60,7 +60,6 @@ class Reacts(Extrapolate):
 
 
 def random_settings(module: str) -> list[str]:
-    """Overrides that select the classes of the module, each with a parameter if it has one."""
     return [
         f"control.controller={{use='{module}.Steers',share=0.5}}",
         f"control.longitudinal={{use='{module}.Follows',share=0.3}}",

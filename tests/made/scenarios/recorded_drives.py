@@ -80,7 +80,6 @@ def clock(seconds: float) -> str:
 
 
 def as_nmea(points: Drive, begin: float = 80_000.0) -> bytes:
-    """GGA, RMC and one other sentence of a receiver north and east of Greenwich."""
     lines = []
     for t, e, n, v in points:
         latitude, longitude = geodetic(e, n)
@@ -95,7 +94,6 @@ def as_nmea(points: Drive, begin: float = 80_000.0) -> bytes:
 
 
 def write_log(path: Path, points: Drive) -> None:
-    """A log in which v1 drives `points`, and v2 next to them."""
     with LogWriter(path) as log:
         for seq, (t, e, n, v) in enumerate(points):
             at = START * 10**9 + round(t * 1e9)

@@ -214,7 +214,6 @@ PLACE = (
 
 
 def text_of(rough: Rough, folder: Path, more: str = "") -> str:
-    """Write `rough`; return a scenario whose lead drives it, by its times if it has any."""
     (folder / rough.file_name).write_bytes(rough.write())
     text = (
         f'name = "rough"\n{more}[path]\nkind = "trace"\nfile = "{rough.file_name}"\n{rough.keys}\n'
@@ -248,7 +247,6 @@ def holed(length: float, course: Course, form: str, speed: float = 10.0) -> Roug
 
 
 def bridged_hole(length: float) -> tuple[str, ...]:
-    """Pattern of a hole in `check`; its length varies by a step and by noise."""
     lengths = "|".join(f"{length + more:.0f}" for more in (-1.0, 0.0, 1.0, 2.0))
     return (rf"a hole of ({lengths})\.\d m after (line|point) \d+.* is bridged",)
 

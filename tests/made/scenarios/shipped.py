@@ -14,7 +14,6 @@ SHORTER = {"church_lot": ["duration_s=45"]}
 
 
 def whole_run(name: str, factory: pytest.TempPathFactory) -> Path:
-    """Folder with log and summary of a shipped scenario, driven to its end unless `SHORTER`."""
     folder = shared(factory) / f"shipped-{name}"
     with first_only(folder) as first:
         if first:

@@ -55,8 +55,6 @@ def good_drives(draw: st.DrawFn) -> Drive:
 
 @dataclass(frozen=True, kw_only=True)
 class SpoiledDrive:
-    """A drive, a format, and the faults of its file by name."""
-
     drive: Drive
     form: str
     faults: tuple[str, ...]
@@ -73,7 +71,6 @@ class SpoiledDrive:
         return WRITERS[self.form][1](self.drive.recorded())
 
     def file(self) -> tuple[Recording, bytes]:
-        """Return the spoiled recording and its file."""
         random = Random(self.seed)
         recording = spoiled(self.drive.recorded(), self.faults, self.seed)
         if self.garbage:

@@ -146,7 +146,6 @@ def pos(recording: Recording) -> bytes:
 
 
 def gpx(recording: Recording, time: str = "iso z", speeds: bool = False) -> bytes:
-    """A track; speeds are elements of GPX 1.0."""
     version = "1.0" if speeds else "1.1"
     namespace = f"http://www.topografix.com/GPX/{version.replace('.', '/')}"
     points = "\n".join(_track_point(fix, time, speeds) for fix in recording.fixes)
@@ -171,7 +170,6 @@ def _track_point(fix: Fix, time: str, speeds: bool) -> str:
 
 
 def kml(recording: Recording, times: bool = False) -> bytes:
-    """A line string, or a track with times."""
     corners = [(*fix.latitude_longitude, _cell(fix.height) or "0") for fix in recording.fixes]
     if times:
         ats = (TIMES["iso z"](fix.time) for fix in recording.fixes if isinstance(fix.time, float))
@@ -212,7 +210,6 @@ def _sexagesimal(degrees: float, width: int, signs: str) -> str:
 
 
 def sentences(fix: Fix) -> tuple[str, str]:
-    """GGA and RMC of a fix."""
     latitude, longitude = fix.latitude_longitude
     place = f"{_sexagesimal(latitude, 2, 'NS')},{_sexagesimal(longitude, 3, 'EW')}"
     date = _date(fix.time) if isinstance(fix.time, float) else None
@@ -226,7 +223,6 @@ def sentences(fix: Fix) -> tuple[str, str]:
 
 
 def nmea(recording: Recording, late_epochs: int = 0) -> bytes:
-    """GGA and RMC of each fix; the RMC comes `late_epochs` later."""
     pairs = [(fix.row, "") if fix.row is not None else sentences(fix) for fix in recording.fixes]
     lines: list[str] = []
     for k in range(len(pairs) + late_epochs):
@@ -239,7 +235,6 @@ def nmea(recording: Recording, late_epochs: int = 0) -> bytes:
 
 
 def location_fixes(recording: Recording) -> bytes:
-    """An MCAP log of foxglove.LocationFix messages in JSON."""
     buffer = BytesIO()
     writer = Writer(buffer)
     writer.start()
@@ -264,7 +259,6 @@ def location_fixes(recording: Recording) -> bytes:
 
 
 def write_oxts(folder: Path, recording: Recording) -> None:
-    """A folder of the KITTI data set: times, and one file of 30 numbers for each record."""
     (folder / "data").mkdir(parents=True)
     ats: list[str] = []
     for k, fix in enumerate(recording.fixes):

@@ -23,8 +23,6 @@ SPACING = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Driven:
-    """A scenario that drives a file, with its path in the plane of PLACE."""
-
     scenario: Scenario
     report: CheckReport
     path: Floats
@@ -46,7 +44,6 @@ class Driven:
 
     @property
     def listed(self) -> list[int]:
-        """Places in the file that warnings name."""
         places = re.findall(r"(?:line|point|message) (\d+)", " ".join(self.report.warnings))
         return [int(place) for place in places]
 
@@ -61,7 +58,6 @@ class Driven:
 def load(
     folder: Path, name: str, *, lead: str = "recorded", path: str = "", more: str = ""
 ) -> Scenario:
-    """Load a scenario whose lead drives the file `name` in a folder; `path` are further keys."""
     scenario_file = folder / f"{Path(name).name}.toml"
     scenario_file.write_text(
         f'name = "drive"\n[path]\nkind = "trace"\nfile = "{name}"\n{path}\n'
@@ -73,7 +69,6 @@ def load(
 def driven(
     folder: Path, name: str, *, lead: str = "recorded", path: str = "", more: str = ""
 ) -> Driven:
-    """Load a scenario as `load` does, with its path and report."""
     scenario = load(folder, name, lead=lead, path=path, more=more)
     return Driven(
         scenario=scenario,
@@ -103,7 +98,6 @@ def _recorded_points(scenario: Scenario) -> Floats:
 
 
 def _in_place(scenario: Scenario, points: Floats) -> Floats:
-    """Transform points of a scenario's plane into that of PLACE."""
     table, origin = scenario.tables.path, scenario.origin
     assert isinstance(table, PointsPath)
     if not table.geodetic:

@@ -27,7 +27,6 @@ GARBAGE = {
 
 
 def with_garbage(recording: Recording, form: str, random: Random) -> Recording:
-    """Replace some records by unreadable ones, by the last word of the format."""
     rows = GARBAGE[form.rsplit(maxsplit=1)[-1]]
     for k in random.sample(range(len(recording.fixes)), random.randint(1, 4)):
         recording = recording.edited([k], lost=True, row=random.choice(rows))
@@ -55,7 +54,6 @@ def zero_bytes_first(data: bytes, random: Random) -> bytes:
 
 
 def zero_bytes_last(data: bytes, random: Random) -> bytes:
-    """A recorder that lost power leaves allocated space."""
     return data + b"\0" * random.choice((1, 100, 4096))
 
 
@@ -70,7 +68,6 @@ HARMLESS: dict[str, tuple[FileFault, tuple[str, ...]]] = {
 
 
 def truncated(data: bytes, random: Random) -> bytes:
-    """Cut the file within its last twentieth."""
     return data[: len(data) - random.randint(1, len(data) // 20)]
 
 
@@ -112,14 +109,12 @@ def _shuffled(data: bytearray, random: Random) -> None:
 
 
 def _digits(data: bytearray, random: Random) -> None:
-    """Change some digits, points and signs."""
     places = [k for k, byte in enumerate(data) if byte in b"0123456789.-"]
     for k in random.choices(places, k=random.randint(1, 30)) if places else ():
         data[k] = random.choice(b"0123456789.-eE+")
 
 
 def _swapped_cells(data: bytearray, random: Random) -> None:
-    """Exchange a separator for another one, everywhere."""
     old, new = random.sample((b",", b";", b"\t", b" ", b".", b":", b"<", b'"', b"$"), 2)
     data[:] = bytes(data).replace(old, new)
 
@@ -128,7 +123,6 @@ DAMAGES = (_flipped, _cut, _inserted, _repeated, _shuffled, _digits, _swapped_ce
 
 
 def damaged(data: bytes, random: Random) -> bytes:
-    """Apply one to four random damages."""
     result = bytearray(data)
     for damage in random.choices(DAMAGES, k=random.randint(1, 4)):
         if result:

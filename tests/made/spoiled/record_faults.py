@@ -58,7 +58,6 @@ def some_heights(recording: Recording, random: Random) -> Recording:
 
 
 def before_the_fix(recording: Recording, random: Random) -> Recording:
-    """The first records carry 1970, another week, or a clock that counts from its start."""
     count = random.randint(1, max(1, min(20, len(recording.fixes) // 8)))
     begin = random.choice((0.0, 315_964_800.0, START - WEEKS_1024, START + WEEKS_1024))
     first = [moved_by(fix, begin - START) for fix in recording.fixes[:count]]
@@ -66,7 +65,6 @@ def before_the_fix(recording: Recording, random: Random) -> Recording:
 
 
 def wrong_time(recording: Recording, random: Random) -> Recording:
-    """A single time is wrong by 3 s to years; by days at an end, where it may follow a pause."""
     k = random.choice((0, _inside(recording, random), len(recording.fixes) - 1))
     least = 3.0 if 0 < k < len(recording.fixes) - 1 else 1e5
     off = random.choice((-1.0, 1.0)) * math.exp(random.uniform(math.log(least), math.log(1e9)))
@@ -76,7 +74,6 @@ def wrong_time(recording: Recording, random: Random) -> Recording:
 
 
 def unreadable_times(recording: Recording, random: Random) -> Recording:
-    """Some records have no time; their positions are good."""
     return recording.edited(
         _some(recording, random, 0.05), time=random.choice((None, "abc", "nan"))
     )
@@ -92,7 +89,6 @@ def no_times(recording: Recording, _: Random) -> Recording:
 
 
 def clock_set_back(recording: Recording, random: Random) -> Recording:
-    """The clock steps back in the middle; all positions are good."""
     k = _inside(recording, random)
     back = random.choice((1.0, 2.0, 7.0, 18.0, 60.0, 3600.0))
     fixes = recording.fixes
@@ -102,7 +98,6 @@ def clock_set_back(recording: Recording, random: Random) -> Recording:
 
 
 def coarse_times(recording: Recording, _: Random) -> Recording:
-    """Times in whole seconds."""
     fixes = [
         replace(fix, time=float(math.floor(fix.time))) if isinstance(fix.time, float) else fix
         for fix in recording.fixes
@@ -111,7 +106,6 @@ def coarse_times(recording: Recording, _: Random) -> Recording:
 
 
 def auto_pause(recording: Recording, random: Random) -> Recording:
-    """The recorder pauses for minutes or hours while the car stands."""
     k, pause = _inside(recording, random), random.choice((600.0, 7200.0))
     fixes = recording.fixes
     paused = recording.changed((*fixes[:k], *(moved_by(fix, pause) for fix in fixes[k:])))
@@ -129,7 +123,6 @@ def swapped_records(recording: Recording, random: Random) -> Recording:
 
 
 def late_block(recording: Recording, random: Random) -> Recording:
-    """A block of records is written after the next block."""
     fixes, k = list(recording.fixes), _inside(recording, random)
     size = random.randint(1, max(1, min(k, len(fixes) - k, 15)))
     fixes[k - size : k + size] = [*fixes[k : k + size], *fixes[k - size : k]]
@@ -168,7 +161,6 @@ def held_positions(recording: Recording, random: Random) -> Recording:
 
 
 def no_fix_first(recording: Recording, random: Random) -> Recording:
-    """Records at 0°/0° precede the first fix."""
     first, count = recording.fixes[0], random.randint(1, 10)
     zero = [
         replace(moved_by(first, (k - count) / recording.rate_hz), truth=-1, degrees=(0.0, 0.0))
@@ -183,7 +175,6 @@ def no_fix_between(recording: Recording, random: Random) -> Recording:
 
 
 def positions_off(recording: Recording, random: Random) -> Recording:
-    """One to three single positions are wrong by 5 m to 5000 km."""
     fixes = list(recording.fixes)
     spacing = max(math.dist((a.east, a.north), (b.east, b.north)) for a, b in pairwise(fixes))
     least = max(5.0, 3.0 * spacing, 12.0 * recording.noise)
@@ -206,7 +197,6 @@ def _off(fix: Fix, off: float, angle: float) -> Fix:
 
 
 def _inside(recording: Recording, random: Random) -> int:
-    """A place in the middle of the recording."""
     count = len(recording.fixes)
     return random.randint(count // 4, 3 * count // 4)
 
@@ -265,7 +255,6 @@ KINDS: dict[str, Kind] = {
 
 
 def spoiled(recording: Recording, names: Iterable[str], seed: int) -> Recording:
-    """Apply faults in the order of KINDS."""
     random = Random(seed)
     chosen = set(names)
     for name, kind in KINDS.items():
@@ -284,7 +273,6 @@ EMPTYING = ("unreadable times", "no times", "sparse speeds", "missing heights", 
 
 
 def combined(names: Iterable[str], form: str) -> list[str]:
-    """Return those of `names` that apply to a format and can be combined, the first of each."""
     result: list[str] = []
     excluded: frozenset[str] = frozenset()
     for name in names:

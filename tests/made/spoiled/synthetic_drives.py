@@ -74,7 +74,6 @@ class Recording:
         return replace(self, fixes=tuple(fixes), may_lack=self.may_lack | frozenset(lacking))
 
     def edited(self, numbers: Iterable[int], lost: bool = False, **fields: object) -> "Recording":
-        """Replace fields of the records at these places in the file."""
         places = set(numbers)
         fixes = [
             replace(fix, **fields) if k in places else fix  # type: ignore[arg-type]
@@ -160,8 +159,6 @@ class Drive:
 
 @dataclass(frozen=True)
 class Shape:
-    """Samples of a road, STEP apart."""
-
     station: Floats
     east: Floats
     north: Floats
@@ -169,7 +166,6 @@ class Shape:
 
 
 def _shape(road: tuple[tuple[float, float], ...], ramp: float, heading: float) -> Shape:
-    """Integrate the curvature; a moving average of width `ramp` makes clothoids of its steps."""
     steps = np.concatenate([np.full(round(length / STEP), bend) for length, bend in road])
     width = 2 * round(0.5 * ramp / STEP) + 1
     padded = np.pad(steps, width // 2, mode="edge")

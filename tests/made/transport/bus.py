@@ -15,7 +15,6 @@ def until(holds: Callable[[], bool], seconds: float = 5.0) -> bool:
 
 
 def connect(sender: Bus, received: list[tuple[str, bytes]], key: str = "convoy/x/log") -> None:
-    """Publish until something is received: a subscription takes time to reach the sender."""
 
     def arrives() -> bool:
         sender.publish(key, b"hello")
@@ -27,7 +26,5 @@ def connect(sender: Bus, received: list[tuple[str, bytes]], key: str = "convoy/x
 
 
 class ReceivedMessages(list[tuple[str, bytes]]):
-    """A handler that collects messages."""
-
     def __call__(self, key: str, data: bytes) -> None:
         self.append((key, data))

@@ -13,7 +13,6 @@ def changed_log(
     target: Path,
     change: Callable[[Message], Message | None] = lambda message: message,
 ) -> Path:
-    """Copy a log through `change`, which returns None to leave a message out."""
     target.parent.mkdir(parents=True, exist_ok=True)
     reader = LogReader(source)
     with LogWriter(target) as writer:

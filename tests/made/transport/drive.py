@@ -27,7 +27,6 @@ TICK = 20_000_000
 
 
 def angle(place: int, seconds: float) -> float:
-    """Polar angle on the circle of the vehicle at `place`."""
     return (SPEED * seconds - SPACING * place) / RADIUS
 
 
@@ -85,7 +84,6 @@ def gps(vehicle: str, seq: int, at: int) -> GpsPose:
 
 
 def trajectory(vehicle: str, tick: int) -> CompositeTrajectory:
-    """Two arcs of 4 m along the circle, with a sample of each source."""
     start = truth(vehicle, tick)
     ahead = start.yaw_rad + 4.0 / RADIUS
     return CompositeTrajectory(

@@ -22,7 +22,6 @@ def link(
     rate_hz: float = 20.0,
     setting: LinkSetting = UNSET,
 ) -> Link:
-    """The configured link, from a sender that measures at `rate_hz`."""
     effects = link_effects(requested, rate_hz, setting)
     return Link(effects, seed, sender, receiver, link_stages(requested))
 
@@ -36,7 +35,6 @@ def inbox(
     rate_hz: float | Mapping[str, float] = 20.0,
     origin: Origin | None = None,
 ) -> Inbox:
-    """An inbox with a link from each sender, with one or several rates."""
     plane = LocalPlane(origin or Origin(37.72, -122.47, 30.0))
     rates = rate_hz if isinstance(rate_hz, Mapping) else dict.fromkeys(requested, rate_hz)
     links = []

@@ -18,7 +18,6 @@ TICKS = 60
 
 
 def write(path: Path, ticks: int = TICKS, scene: Scene | None = None) -> list[tuple[int, Message]]:
-    """Write the log of a drive, with true errors and gaps if there is a scene."""
     messages = list(drive.drive(ticks))
     with LogWriter(path, library="test", scene=scene) as log:
         for name in drive.VEHICLES[1:] if scene else ():

@@ -53,7 +53,6 @@ def received_fix(
     received_at: int | None = None,
     announced: Announcement = NO_ANNOUNCEMENT,
 ) -> ReceivedPose:
-    """A fix as received, without rounding."""
     return received(
         fix.measured_at,
         fix.east,

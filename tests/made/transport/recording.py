@@ -11,7 +11,6 @@ Table = dict[str, dict[str, list[Any]]]
 
 
 def columns(path: Path) -> Table:
-    """Read a recording; rows are ordered by run time."""
     rows_of: dict[str, list[tuple[int, dict[str, Any]]]] = defaultdict(list)
     for chunk in RrdReader(str(path)).stream():
         batch = chunk.to_record_batch()

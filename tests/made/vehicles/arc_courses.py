@@ -36,7 +36,6 @@ def point_at(path: ArcSpline, station: float, left: float = 0.0) -> tuple[float,
 def window(
     path: ArcSpline, stations: Sequence[float] | Floats, ego: float, left: float = 0.0
 ) -> Window:
-    """Samples at stations of a path, for a car at station `ego`."""
     points = [point_at(path, float(station), left) for station in stations]
     return Window(
         np.array([east for east, _ in points]),
@@ -46,7 +45,6 @@ def window(
 
 
 def with_noise(samples: Window, random: np.random.Generator, noise: float = 0.02) -> Window:
-    """The same samples with white noise on both coordinates."""
     count = len(samples.east)
     return samples._replace(
         east=samples.east + noise * random.standard_normal(count),

@@ -5,7 +5,6 @@ from vehicles.messages import Message
 
 
 def log_messages(decision: Decision, vehicle: str, seq: int, now: int) -> tuple[Message, ...]:
-    """Tracking, command, and trajectory if there is one."""
     always = decision.tracking(vehicle, seq, now), decision.command(vehicle, seq, now)
     if decision.fit is None:
         return always

@@ -28,8 +28,6 @@ LATENCY_NS = SECOND // 50
 
 @dataclass(frozen=True)
 class Step:
-    """One tick of a drive: instant, state of the car, and decision."""
-
     now: int
     body: Body
     decision: Decision
@@ -119,7 +117,6 @@ class Source:
         )
 
     def messages_by(self, now: int) -> Iterator[GpsPose]:
-        """Messages that became visible since the last call."""
         while (at := instant(START, self._next, GNSS_HZ)) + LATENCY_NS <= now:
             seconds = (at - START) / SECOND
             message = self.message(self._next)

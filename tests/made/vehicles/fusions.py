@@ -34,7 +34,6 @@ def fuse(
 def fit_two(
     lead: Window | None, predecessor: Window | None, *, alpha: float, settings: FitSettings
 ) -> Fit | None:
-    """Fit the samples of lead and predecessor, with the weights of the paper."""
     return fit_composite(windows_of(lead, predecessor, alpha), settings)
 
 

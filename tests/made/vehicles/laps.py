@@ -12,7 +12,6 @@ Place = Callable[[float], tuple[float, float, float]]
 
 
 def lap(path: ArcSpline) -> Place:
-    """Positions on a closed course driven repeatedly."""
 
     def place(station: float) -> tuple[float, float, float]:
         at = path.at(station % path.length)
@@ -40,7 +39,6 @@ def bulb(lane: float = 3.5, radius: float = 9.0) -> ArcSpline:
 
 
 def eight(station: float) -> tuple[float, float, float]:
-    """A figure of eight: two circles of 15 m that touch at the origin, driven alternately."""
     round_length = 2.0 * math.pi * 15.0
     turn = station / 15.0
     side = 1.0 if station % (2.0 * round_length) < round_length else -1.0

@@ -67,7 +67,6 @@ def measured_fixes(
     seed: int = 1,
     car: VehicleParameters = LINCOLN_MKZ,
 ) -> list[Fix]:
-    """Fixes of a car under a command."""
     receiver = GnssReceiver(
         noise or GnssNoise(), rate_hz, START, np.random.default_rng(seed), errors
     )
@@ -89,7 +88,6 @@ def pose_of(fix: Fix) -> GpsPose:
 
 
 def falsify(fixes: Sequence[Fix], false: FalseContent) -> list[ReceivedPose]:
-    """Poses received over a link with one kind of false content."""
     poses = [pose_of(fix) for fix in fixes]
 
     def recall(until: int) -> GpsPose | None:
@@ -110,15 +108,12 @@ def _received(message: GpsPose) -> ReceivedPose:
 
 
 def thinned(fixes: Iterable[_Pose], share: float, seed: int) -> list[_Pose]:
-    """A random share of the fixes."""
     random = np.random.default_rng(seed)
     return [fix for fix in fixes if random.random() < share]
 
 
 @dataclass(frozen=True)
 class Judged:
-    """A pose and its verdict."""
-
     pose: ReceivedPose
     reason: Distrust
     deviation: float
@@ -133,7 +128,6 @@ class Judged:
 
 
 def judged(fixes: Iterable[Fix | ReceivedPose], gate: InnovationGate | None = None) -> list[Judged]:
-    """Verdicts of a gate on all poses."""
     gate = gate or InnovationGate()
     verdicts = []
     for fix in fixes:

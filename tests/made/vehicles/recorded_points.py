@@ -19,7 +19,6 @@ def circle(radius: float, distance: float, spacing: float, yaw: float = 0.0) -> 
 
 
 def oval(laps: float, spacing: float, straight: float = 30.0, radius: float = 10.0) -> Points:
-    """Points on a stadium, left turning, from the middle of a straight, eastward."""
     lap = 2.0 * (straight + math.pi * radius)
     points = []
     for distance in np.arange(0.0, laps * lap, spacing) % lap:

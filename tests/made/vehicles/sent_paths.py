@@ -42,7 +42,6 @@ def message(fix: Fix, history: PathHistory, plane: LocalPlane = PLANE) -> GpsPos
 def sent(
     driven: Iterable[Fix], *, length: float = 300.0, points: int = 23, plane: LocalPlane = PLANE
 ) -> Iterator[ReceivedPose]:
-    """The fixes as received, each with its path history."""
     history = PathHistory(plane, length, points)
     for fix in driven:
         history.record(fix, on_path=True)

@@ -146,7 +146,6 @@ def arc(random: np.random.Generator) -> Shape:
 
 
 def clothoid(random: np.random.Generator) -> Shape:
-    """A linear change of curvature within the window, as at the start of a bend."""
     speed = random.uniform(3.0, 35.0)
     seen = both(random, speed)
     first, last = (random.uniform(-1.0, 1.0) * random_curvature(random, speed) for _ in range(2))

@@ -69,7 +69,6 @@ class Road:
         self.least = inf
 
     def tick(self, acceleration: float, *, received: bool, hazard: bool = False) -> SpeedCommand:
-        """One control period: send, receive, decide, move."""
         self.ahead_acceleration = acceleration
         if received and self.now % PERIOD < TICK:
             self.in_transit.append((self.now, self.ahead, self.ahead_speed, acceleration))
@@ -126,8 +125,6 @@ def profile(speed: float = 25.0) -> ProfileSpeed:
 
 
 class RecordingLaw:
-    """A speed law that records its commands."""
-
     def __init__(self, law: SpeedLaw) -> None:
         self.law = law
         self.commands: list[SpeedCommand] = []

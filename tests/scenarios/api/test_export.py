@@ -1,6 +1,5 @@
 """Exported files are read back by other libraries, and agree with a second reading of the log."""
 
-import csv
 import json
 import math
 from collections.abc import Iterator
@@ -31,7 +30,6 @@ def command(*arguments: object) -> Result:
 def exported(
     logs: dict[str, Path], request: pytest.FixtureRequest, tmp_path: Path
 ) -> tuple[Path, SecondReading]:
-    """Folder of exported files, and the second reading of their log."""
     log, out = logs[request.param], tmp_path / "export"
     formats = ("--format=csv", "--format=parquet", "--format=gpx")
     done = command("export", log, *formats, "--out", out)
@@ -46,14 +44,12 @@ def exported(
 
 
 def query(text: str) -> list[dict[str, Any]]:
-    """Rows of a query in SQL."""
     cursor = duckdb.connect().execute(text)
     names = [column[0] for column in cursor.description or ()]
     return [dict(zip(names, row, strict=True)) for row in cursor.fetchall()]
 
 
 def rows_of(out: Path, table: str) -> Iterator[list[dict[str, Any]]]:
-    """Rows of a table by three libraries; unknown values are None."""
     yield query(f"select * from read_parquet('{out / table}.parquet')")
     yield query(f"select * from read_csv('{out / table}.csv')")
     frame = pandas.read_csv(out / f"{table}.csv")
@@ -176,17 +172,6 @@ def test_files_state_their_log_and_its_faults(exported: tuple[Path, SecondReadin
     assert ("cannot be read" in str(description)) == bool(reading.damaged)
 
 
-def test_unknown_values_are_left_out_of_aggregates(logs: dict[str, Path], tmp_path: Path) -> None:
-    """A maximum over NaN would be NaN in SQL."""
-    run = convoy.open(logs["new"])
-    run.export(tmp_path, ["parquet"])
-    file = tmp_path / "vehicles.parquet"
-    (row,) = query(f"select max(abs(true_error_m)) worst, count(*) rows from '{file}'")
-    assert row["worst"] == max(v.cross_track_error_m_max or 0.0 for v in run.summary.vehicles)
-    assert row["rows"] == len(run.states) == 800
-    assert np.isnan(run.states.true_error_m).sum() == 200
-
-
 def test_an_exported_track_drives_a_lead(logs: dict[str, Path], tmp_path: Path) -> None:
     run = convoy.open(logs["new"])
     run.export(tmp_path, ["gpx"])
@@ -212,14 +197,3 @@ def test_files_are_written_once(logs: dict[str, Path], tmp_path: Path) -> None:
     assert again.stderr.startswith(f"error: {out}")
     with pytest.raises(convoy.Error, match="xlsx"):
         convoy.open(logs["new"]).export(tmp_path / "other", ["xlsx"])  # type: ignore[list-item]
-
-
-def test_the_lead_alone_has_no_links(tmp_path: Path) -> None:
-    alone = {"convoy.vehicles": 1, "duration_s": 0.2}
-    with pytest.warns(UserWarning, match="without followers"):
-        run = convoy.run(set=alone, out=tmp_path / "run", confirmed=True)
-    run.export(tmp_path, ["csv"])
-    with (tmp_path / "links.csv").open(encoding="utf-8") as file:
-        header, *rows = csv.reader(file)
-    assert header == list(run.messages)
-    assert rows == []

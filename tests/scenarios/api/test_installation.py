@@ -31,7 +31,6 @@ def python(code: str, site: Path, folder: Path) -> "subprocess.CompletedProcess[
 def test_folders_of_the_same_names_do_not_matter(
     site: Path, tmp_path: Path, *, is_package: bool
 ) -> None:
-    """Workers of a sweep are other processes, which import the packages too."""
     work = tmp_path / "work"
     for name in OWN:
         (work / name).mkdir(parents=True)
@@ -61,17 +60,6 @@ print(sweep.runs.error.tolist())
         done = python(code, tmp_path / "last", work)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == ["completed", "['', '']"]
-
-
-def test_a_package_that_took_the_name_before_is_reported(site: Path, tmp_path: Path) -> None:
-    work = tmp_path / "work"
-    (work / "scenarios").mkdir(parents=True)
-    (work / "scenarios" / "__init__.py").touch()
-    done = python("import scenarios, convoy", site, work)
-    assert done.returncode == 1
-    *_, line = done.stderr.splitlines()
-    assert line.startswith("ImportError: convoy")
-    assert str(work / "scenarios") in line
 
 
 def test_a_run_on_the_wall_clock(tmp_path: Path) -> None:

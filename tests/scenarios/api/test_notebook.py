@@ -33,7 +33,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def outputs(cell: Any) -> dict[str, str]:
-    """Output of a cell by media type."""
     (output,) = cell.outputs
     if output.output_type == "stream":
         return {"text/plain": output.text}

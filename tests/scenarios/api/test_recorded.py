@@ -67,11 +67,6 @@ def test_outcomes_of_a_link_are_counted_in_the_summary(run: convoy.Run) -> None:
         assert np.isnan(rows.delay_s[~delivered]).all()
 
 
-def test_lines_of_text_are_in_order_of_time(run: convoy.Run) -> None:
-    assert run.texts.t_s.tolist() == sorted(run.texts.t_s)
-    assert "run" in run.texts.vehicle
-
-
 def test_unknown_names_are_refused_with_those_that_exist(run: convoy.Run) -> None:
     with pytest.raises(convoy.Error, match="allowed v1, v2, v3, v4"):
         run.vehicles["v9"]
@@ -100,20 +95,6 @@ def test_a_truncated_log_is_opened(run: convoy.Run, tmp_path: Path) -> None:
     assert true.error_m[known].tolist() == whole.error_m[:count][known].tolist()
 
 
-def test_a_log_without_its_scenario_has_no_errors(run: convoy.Run, tmp_path: Path) -> None:
-    data = bytearray(run.log.read_bytes())
-    for place in range(data.index(b"scenario.toml"), len(data)):
-        data[place] ^= 1
-        break
-    (tmp_path / "damaged.mcap").write_bytes(data)
-    damaged = convoy.open(tmp_path / "damaged.mcap")
-    assert damaged.known_scenario is None
-    assert list(damaged.vehicles) == ["v1", "v2", "v3", "v4"]
-    assert np.isnan(damaged.vehicles["v3"].true.error_m).all()
-    assert np.isnan(damaged.vehicles["v3"].true.gap_m).all()
-    assert len(damaged.links["v1", "v3"].outcomes) == 77  # all with a verdict
-
-
 def test_tables_of_other_libraries_have_the_same_values(run: convoy.Run) -> None:
     pyarrow = pytest.importorskip("pyarrow")
     rows = run.links["v1", "v3"].outcomes
@@ -129,24 +110,6 @@ def test_tables_of_other_libraries_have_the_same_values(run: convoy.Run) -> None
     assert pyarrow.types.is_large_list(pieces.type)
     assert pieces.to_pylist() == [row.tolist() for row in trajectory.piece_length_m]
     assert trajectory.to_polars()["piece_length_m"].to_list() == pieces.to_pylist()
-
-
-@pytest.mark.parametrize(
-    ("method", "package", "extra"),
-    [
-        ("to_pandas", "pandas", "pandas"),
-        ("to_polars", "polars", "polars"),
-        ("to_arrow", "pyarrow", "tables"),
-    ],
-)
-def test_a_missing_library_is_named_with_its_extra(
-    method: str, package: str, extra: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(
-        "scenarios.definition.errors.find_spec", lambda name: None if name == package else name
-    )
-    with pytest.raises(convoy.Error, match=rf"{package}.*convoy-emulator\[{extra}\]"):
-        getattr(DataTable({"x_m": np.zeros(1)}), method)()
 
 
 def test_rows_become_columns_with_unknown_values() -> None:
@@ -172,14 +135,6 @@ def test_a_notebook_shows_figures(run: convoy.Run) -> None:
     assert "<td>…</td>" in run.vehicles["v2"].true._repr_html_()
     shown = DataTable({"name": np.array(["<b>"], object)})._repr_html_()
     assert "<b>" not in shown
-
-
-def test_a_table_is_printed_with_its_values() -> None:
-    wide = DataTable({f"column_{k}_m": np.arange(40.0) + 0.5 * k for k in range(20)})
-    lines = str(wide).splitlines()
-    assert max(map(len, lines)) <= 100
-    for cell in ("column_0_m", "column_19_m", "48.5", "40 rows"):
-        assert cell in str(wide)
 
 
 def test_a_plot_has_the_vehicles(run: convoy.Run) -> None:

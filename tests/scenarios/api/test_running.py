@@ -9,14 +9,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 
-import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
 import scenarios.api as convoy
 from scenarios.api.running import completed_on_ctrl_c
 from scenarios.cli.main import cli
-from scenarios.definition.overrides import parse_override, value_text
 from tests.made.many.small_sweeps import LIMITS, METRICS, run_sweep_here, small_plan
 
 SETTINGS = {"duration_s": 1.0, "links.loss_ratio": 0.4}
@@ -24,7 +22,6 @@ SETTINGS = {"duration_s": 1.0, "links.loss_ratio": 0.4}
 
 @pytest.fixture(autouse=True)
 def own_signals() -> Iterator[None]:
-    """Commands set signal handlers; the test run keeps its own."""
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     yield
     for number, handler in before.items():
@@ -33,23 +30,6 @@ def own_signals() -> Iterator[None]:
 
 def command(*arguments: object) -> Result:
     return CliRunner().invoke(cli, [str(argument) for argument in arguments])
-
-
-@pytest.mark.parametrize(
-    ("refused", "name"),
-    [
-        (lambda: convoy.run(set={"convoy.gap": 1}), "set: "),
-        (lambda: convoy.check(set={"convoy.gap": 1}), "set: "),
-        (lambda: convoy.sweep(vary={"links.loss_ratio": "0..1"}), "vary: "),
-        (lambda: convoy.sweep(limits=["bogus"]), "limit: "),
-        (lambda: convoy.sweep(metrics=["bogus"]), "metric: "),
-        (lambda: convoy.bisect("lane_change", "links.loss_ratio", range=(1.0, 0.0)), "range: "),
-    ],
-)
-def test_errors_name_arguments_of_python(refused: Callable[[], object], name: str) -> None:
-    with pytest.raises(convoy.Error) as error:
-        refused()
-    assert str(error.value).startswith(name)
 
 
 def test_a_run_writes_the_bytes_of_the_command(tmp_path: Path) -> None:
@@ -61,15 +41,6 @@ def test_a_run_writes_the_bytes_of_the_command(tmp_path: Path) -> None:
     assert run.log == tmp_path / "here" / "run.mcap"
     assert run.log.read_bytes() == (out / "run.mcap").read_bytes()
     assert run.summary.identity.seed == 3
-
-
-def test_the_default_folder_is_that_of_the_command(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    run = convoy.run(set={"duration_s": 0.1})
-    assert run.log.parent.parent == Path("runs")
-    assert run.log.parent.name.endswith("lane_change-duration_s=0.1")
 
 
 def test_a_failed_run_is_opened(tmp_path: Path) -> None:
@@ -132,19 +103,6 @@ def test_values_without_toml_are_refused(settings: dict[str, object]) -> None:
         convoy.check(set=settings)
 
 
-@pytest.mark.parametrize(
-    "value",
-    [
-        *(0.4, 1e-9, 3, True, False, "lossy", "a b", "1", "true", "", "x,y", "[", "é", '"', "\\"),
-        *([1, 2.5, "x"], [], {"kind": "cut", "at_s": 1}, [{"kind": "cut", "links": [["a", "b"]]}]),
-    ],
-)
-def test_any_value_of_a_scenario_can_be_set(value: object) -> None:
-    assert parse_override(f"key={value_text(value)}") == (("key",), value)
-    assert value_text(Path("a/b")) == "a/b"
-    assert value_text(np.float64(0.5)) == "0.5"
-
-
 def test_ctrl_c_completes_a_run() -> None:
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
@@ -177,14 +135,6 @@ def test_a_check_of_a_recorded_drive_has_its_facts(tmp_path: Path) -> None:
     (hole,) = report.drive.holes
     assert hole.length_m == pytest.approx(31.0)
     assert {(one.sender, one.receiver) for one in report.explained} >= {("v1", "v2"), ("v1", "v4")}
-
-
-def test_progress_of_a_run_is_reported(tmp_path: Path) -> None:
-    lines: list[str] = []
-    settings = {"duration_s": 0.8, "change": [{"kind": "cut", "at_s": 0.1, "for_s": 0.7}]}
-    convoy.run(set=settings, out=tmp_path / "run", report=lines.append)
-    assert lines[0].startswith("0.0 of 0.8 s · largest true error now 0.0 cm")
-    assert any(line.startswith("run: stop: v2 brakes") for line in lines[1:])
 
 
 def test_a_sweep_tabulates_what_the_command_writes(tmp_path: Path) -> None:

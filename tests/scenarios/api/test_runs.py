@@ -2,8 +2,6 @@
 
 import json
 import os
-import re
-from dataclasses import replace
 from pathlib import Path
 from shutil import copytree
 
@@ -12,8 +10,6 @@ from click.testing import CliRunner, Result
 
 import scenarios.api as convoy
 from scenarios.cli.main import cli
-from scenarios.results.holes import RecordHole
-from scenarios.results.summary import from_json, to_json
 from scenarios.runs.run_folder import claimed
 from scenarios.studies.run_list import runs_in, selected
 
@@ -26,7 +22,6 @@ def command(*arguments: object, width: int = 200) -> Result:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two short runs, one of which fails, half of a log, and a file that is no log."""
     folder = tmp_path_factory.mktemp("runs")
     short = {"duration_s": 3.0, "convoy.vehicles": 2}
     first = convoy.run(set=short, out=folder / "first")
@@ -56,18 +51,7 @@ def test_every_log_is_a_row(folder: Path) -> None:
     assert none["line"].startswith(str(folder / "none.mcap"))
 
 
-def test_a_log_newer_than_its_summary_is_read(folder: Path, tmp_path: Path) -> None:
-    copy = copytree(folder / "first", tmp_path / "copy")
-    (copy / "summary.json").write_bytes((folder / "deep/second/summary.json").read_bytes())
-    (by_file,) = runs_in(tmp_path)
-    assert by_file.outcome == "failed"
-    os.utime(copy / "run.mcap", ns=(2**62, 2**62))
-    (by_log,) = runs_in(tmp_path)
-    assert by_log.outcome == "completed"
-
-
 def test_faults_of_logs_are_listed_from_their_endings(folder: Path, tmp_path: Path) -> None:
-    """The figures are those of the summary, which was written before the damage."""
     logs = {name: copytree(folder / "first", tmp_path / name) / "run.mcap" for name in "abcd"}
     data = logs["a"].read_bytes()
     logs["b"].write_bytes(data[:-5000])
@@ -91,15 +75,6 @@ def test_faults_of_logs_are_listed_from_their_endings(folder: Path, tmp_path: Pa
         *expected.values()
     ]
     assert convoy.runs(tmp_path, ["faults~missing"]).log.tolist() == [str(tmp_path / "d")]
-
-
-def test_holes_in_a_summary_are_listed(folder: Path, tmp_path: Path) -> None:
-    file = copytree(folder / "first", tmp_path / "copy") / "summary.json"
-    summary = from_json(file.read_text())
-    hole = RecordHole(vehicle="v2", from_s=1.0, to_s=1.5, poses=5)
-    file.write_text(to_json(replace(summary, holes=(hole, replace(hole, from_s=2.0)))))
-    (run,) = runs_in(tmp_path)
-    assert run.faults == "10 poses are missing in 2 holes"
 
 
 def test_a_run_that_still_runs_is_listed_as_running(folder: Path, tmp_path: Path) -> None:
@@ -155,13 +130,6 @@ def test_a_folder_without_runs_is_refused(tmp_path: Path, name: str) -> None:
     done = command(tmp_path / name)
     assert done.exit_code == 2
     assert done.stderr.count("\n") == 1
-
-
-def test_the_table_numbers_the_runs(folder: Path) -> None:
-    done = command(folder, "--sort=-worst_error_m")
-    assert done.exit_code == 0
-    numbers = [int(number) for number in re.findall(r"^ +(\d) ", done.stdout, re.MULTILINE)]
-    assert numbers == [1, 2, 3, 4]
 
 
 def test_python_gets_the_same_rows(folder: Path) -> None:

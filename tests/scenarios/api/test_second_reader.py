@@ -63,7 +63,6 @@ def test_every_field_of_every_message(both: tuple[convoy.Run, SecondReading]) ->
 
 
 def test_true_errors_and_gaps(both: tuple[convoy.Run, SecondReading]) -> None:
-    """They are recorded ten times a second, computed while the run was simulated."""
     run, reading = both
     recorded = {name: reading.of(name, DEVIATION) for name in run.vehicles}
     assert not recorded["v1"]
@@ -86,7 +85,6 @@ def test_true_errors_and_gaps(both: tuple[convoy.Run, SecondReading]) -> None:
 
 
 def test_places_along_the_path_of_the_lead(both: tuple[convoy.Run, SecondReading]) -> None:
-    """They are those of the nearest points of the line through the true poses of the lead."""
     run, reading = both
     lead, *followers = run.vehicles
     corners = positions(reading, lead)

@@ -81,7 +81,6 @@ ODD_TRACES = (
 
 
 def broken(chance: Random, drawn: DrawnScenario) -> Text:
-    """Break a scenario; returns its file and further arguments."""
     whole = merged(drawn)
     ways: list[Callable[[Random, Raw], Text]] = [
         odd_value, odd_value, odd_value, odd_key, too_deep, cut_off, recoded, odd_trace, odd_points
@@ -94,7 +93,6 @@ def broken(chance: Random, drawn: DrawnScenario) -> Text:
 
 
 def merged(drawn: DrawnScenario) -> Raw:
-    """Return a scenario without its overrides as one mutable table."""
     tables = deepcopy(drawn.tables)
     tables.pop("extends", None)
     tables.setdefault("name", "drawn")
@@ -103,7 +101,6 @@ def merged(drawn: DrawnScenario) -> Raw:
 
 
 def places(tables: Raw) -> Iterator[tuple[Any, Any]]:
-    """Yield each table or list of a scenario with each of its keys."""
     stack: list[Any] = [tables]
     while stack:
         here = stack.pop()
@@ -114,21 +111,18 @@ def places(tables: Raw) -> Iterator[tuple[Any, Any]]:
 
 
 def odd_value(chance: Random, tables: Raw) -> Text:
-    """Replace a value by an invalid one."""
     here, key = chance.choice(list(places(tables)))
     here[key] = chance.choice(ODD_VALUES)
     return written(tables), []
 
 
 def odd_key(chance: Random, tables: Raw) -> Text:
-    """Add an unknown key."""
     held = [tables, *(here[key] for here, key in places(tables) if isinstance(here[key], dict))]
     chance.choice(held)[chance.choice(ODD_KEYS)] = chance.choice(ODD_VALUES)
     return written(tables), []
 
 
 def too_deep(chance: Random, tables: Raw) -> Text:
-    """Nest tables or lists deeply."""
     depth = chance.choice([21, 100, 5000])
     here, key = chance.choice(list(places(tables)))
     here[key] = 7
@@ -137,14 +131,12 @@ def too_deep(chance: Random, tables: Raw) -> Text:
 
 
 def cut_off(chance: Random, tables: Raw) -> Text:
-    """Cut off the end, or delete a byte."""
     whole = written(tables)
     at = chance.randrange(len(whole))
     return (whole[:at] if chance.random() < 0.5 else whole[:at] + whole[at + 1 :]), []
 
 
 def recoded(chance: Random, tables: Raw) -> Text:
-    """Use another encoding, or invalid bytes."""
     whole = b"description = 'caf\xc3\xa9'\n" + written(tables)
     text = whole.decode()
     at = chance.randrange(len(whole))
@@ -160,14 +152,12 @@ def recoded(chance: Random, tables: Raw) -> Text:
 
 
 def odd_trace(chance: Random, tables: Raw) -> Text:
-    """Name a trace that is missing or invalid."""
     named = ["nobody.csv", ".", "/dev/null", "a\0b", "a" * 5000, "\x1b[31m", "", "odd.csv"]
     tables["path"] = {"kind": "trace", "file": chance.choice([*named, *["odd.csv"] * 12])}
     return written(tables), []
 
 
 def odd_points(chance: Random, tables: Raw) -> Text:
-    """Use points that form no path."""
     count = chance.choice([0, 1, 2, 3, 50])
     east = [chance.choice([0.0, 1.0, 1e9, 1e300, chance.uniform(0, 100)]) for _ in range(count)]
     more: Raw = chance.choice(
@@ -185,5 +175,4 @@ def odd_points(chance: Random, tables: Raw) -> Text:
 
 
 def written(tables: Raw) -> bytes:
-    """Write tables as TOML, with infinite numbers."""
     return tomli_w.dumps(tables).encode()

@@ -42,8 +42,6 @@ LOG = "inputs/run/run.mcap"
 
 @dataclass(frozen=True)
 class Command:
-    """A command in a folder with `inputs`, and the files in `out` that it promises."""
-
     line: str
     files: str
     repeated: bool = False
@@ -98,8 +96,6 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @dataclass(frozen=True)
 class Ended:
-    """End of a command: its result, its calls, and the files in `out`."""
-
     result: Result
     made: list[tuple[str, str]]
     files: dict[str, bytes]
@@ -114,7 +110,6 @@ Ending = Callable[[str, Command, int | None, Fault], Ended]
 
 @pytest.fixture
 def ended(inputs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Ending:
-    """Run a command in a new folder; the call with a number fails."""
 
     def run(name: str, command: Command, number: int | None, fault: Fault) -> Ended:
         folder = tmp_path / f"{name}-{fault}-{number}"
@@ -160,14 +155,12 @@ def test_promised_files_are_on_the_disk_or_the_command_fails(
 
 
 def evenly_spaced(faults: Sequence[Any], count: int) -> Sequence[Any]:
-    """At most `count` of the faults."""
     total = len(faults)
     places = (range(total // (2 * count), total, max(1, total // count)))[:count]
     return [faults[place] for place in places]
 
 
 def faults_of(command: Command, whole: Ended, failed: Ended) -> Iterator[str]:
-    """Yield what is wrong with the end of a command of which one call failed."""
     error, code = failed.result.exception, failed.result.exit_code
     if error is not None and not isinstance(error, SystemExit):
         yield repr(error)
@@ -212,7 +205,6 @@ def unreadable(name: str, data: bytes, *, is_whole: bool) -> Iterator[str]:
 
 
 def log_faults(log: Path, *, is_whole: bool) -> Iterator[str]:
-    """Yield damage of a log, and the outcome "completed" of a log that is not whole."""
     if damage := McapFile(log).damage:
         yield damage
     with suppress(LogError):  # no message was written
@@ -224,7 +216,6 @@ def log_faults(log: Path, *, is_whole: bool) -> Iterator[str]:
 def test_a_recording_that_cannot_be_written_fails_the_command(
     command: str, inputs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Rerun only logs the error of its file, and reports it when it is flushed."""
 
     def fail(_recording: rerun.RecordingStream, **_: object) -> None:
         raise RuntimeError("File-writer thread shut down prematurely")

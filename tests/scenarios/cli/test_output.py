@@ -36,7 +36,6 @@ def shell(line: str, **environment: str) -> "subprocess.CompletedProcess[bytes]"
 
 @pytest.fixture(scope="module")
 def expected(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, bytes]:
-    """Log and output of a run whose output is read, in an encoding without Greek letters."""
     folder = tmp_path_factory.mktemp("expected")
     run = f"{CONVOY} {SHORT} --clock virtual --out {folder}/run"
     done = shell(run, PYTHONIOENCODING="latin-1")
@@ -74,7 +73,7 @@ def test_missing_characters_of_an_encoding_are_replaced(expected: tuple[bytes, b
     assert b"seed 1, ? 0.5" in expected[1]
 
 
-PRINTING = ("check --explain", "list", "reference links", "new", "channel show bursty --json")
+PRINTING = ("check", "list", "reference links", "new", "channel show bursty --json")
 
 
 @pytest.mark.spread(3)
@@ -94,15 +93,8 @@ def test_a_refusal_keeps_its_exit_code_with_any_output(redirection: str) -> None
     assert shell(f"{CONVOY} run --loss 3 {redirection}").returncode == EXIT_BAD_INPUT
 
 
-@pytest.mark.spread(1)
-@pytest.mark.parametrize("command", PRINTING)
-def test_no_command_needs_utf_8(command: str) -> None:
-    assert shell(f"{CONVOY} {command}", PYTHONIOENCODING="ascii").returncode == 0
-
-
 @contextmanager
 def stuck_pipe(*, blocking: bool) -> Iterator[tuple[int, int]]:
-    """A full pipe that nobody reads: its reading and its writing end."""
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     with suppress(BlockingIOError):

@@ -41,7 +41,6 @@ COUNTED = {
 
 @pytest.fixture(scope="module", autouse=True)
 def search_remedies_at_one_rate(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Trying all rates takes seconds: do so in one case, and with `--campaign`."""
 
     def at_the_highest(
         loop_at: Callable[[float], SampledLoop], speed: float, most: int
@@ -119,7 +118,6 @@ def test_most_random_scenarios_can_run(tmp_path: Path) -> None:
 
 
 def assert_refused(result: Result, folder: Path) -> None:
-    """Each line names the place of a problem, and nothing is written."""
     assert result.exit_code == 2
     assert result.stdout == ""
     lines = result.stderr.splitlines()
@@ -134,7 +132,6 @@ def assert_refused(result: Result, folder: Path) -> None:
 
 
 def assert_accounted(scenario: Scenario, summary: Any, messages: list[Message]) -> None:
-    """Each message was delivered, dropped for a reason, refused, or is in transit."""
     sent: defaultdict[str, dict[int, GpsPose]] = defaultdict(dict)
     judged: defaultdict[tuple[str, str], dict[int, LinkVerdict]] = defaultdict(dict)
     last: dict[str, int] = {}
@@ -190,7 +187,6 @@ def latest(scenario: Scenario, pair: tuple[str, str], sent: dict[int, GpsPose]) 
 
 
 def assert_events(scenario: Scenario, summary: Any, messages: list[Message]) -> None:
-    """Each event has its instant, its vehicles and its line; limits are kept or broken."""
     names, events = list(scenario.vehicle_names), summary["events"]
     lines = [m.text for m in messages if isinstance(m, LogText) and m.level in {"warning", "error"}]
     assert [event["at_s"] for event in events] == sorted(event["at_s"] for event in events)

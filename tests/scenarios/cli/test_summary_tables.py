@@ -5,13 +5,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import pytest
 from rich.console import Console
 
 from scenarios.cli.display_options import Tables
 from scenarios.cli.summary_tables import print_summary
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.channel.link_summary import AlarmSummary
 from scenarios.results.events.run_event import RunEvent
 from scenarios.results.holes import RecordHole
 from scenarios.results.metrics import Metrics
@@ -82,12 +80,10 @@ def printed(
 
 
 def tables_of(text: str) -> int:
-    """Number of printed tables, by the line below each heading."""
     return len(re.findall(r"^ *─+ *$", text, re.MULTILINE))
 
 
 def row(text: str, begin: str, table: int = 0) -> list[str]:
-    """Words of the row that begins so, of the first or a later table that has one."""
     lines = [line for line in text.splitlines() if line.strip(" │┃").startswith(begin)]
     return re.sub("[│┃]", " ", lines[table]).split()
 
@@ -118,34 +114,10 @@ def test_a_vehicle_s_row_has_true_figures_next_to_estimates() -> None:
     ]
 
 
-def test_further_tables_have_details_and_figures_of_the_process() -> None:
-    text = printed(summary())
-    assert row(text, "v2 ", 1)[3:6] == ["21.5", "12.0", "0.0"]
-    assert row(text, "v2 ", 2) == ["v2", "1", "2", "12", "7", "64", "4.3"]
-
-
-def test_a_vehicle_without_a_trajectory_estimates_no_error() -> None:
-    figures = summary().vehicles[2]
-    assert figures.lateral_error_m_max is None
-    assert figures.lateral_error_m_rms is None
-    assert figures.heading_error_rad_max is None
-
-
 def test_a_lead_has_no_distance_from_its_own_path() -> None:
     text = printed(summary())
     assert row(text, "v1 ") == ["v1", "-", "-", "-", "-", "-", "0"]
     assert row(text, "v1 ", 2) == ["v1", "21", "0", "0", "0", "-", "-"]
-
-
-def test_a_follower_without_true_poses_has_no_error() -> None:
-    assert row(printed(summary()), "v3 ") == ["v3", "-", "-", "-", "-", "-", "-"]
-
-
-def test_the_title_is_the_run_s_own_and_printed_as_it_is() -> None:
-    title = 'trial, seed 11, α 0.5, loss 40 %, link=[{sender="v1"}]'
-    figures = summary()
-    named = replace(figures, identity=replace(figures.identity, title=title))
-    assert f"{title}, wall clock, 1.0 s" in printed(named, width=120)
 
 
 def test_degradation_has_its_own_table() -> None:
@@ -161,15 +133,6 @@ def test_degradation_has_its_own_table() -> None:
     assert row(table, "v2 ") == ["v2", "7", "2", "3.2", "/", "4.0", "1", "1", "12.3", "/", "12.5"]
     assert row(table, "v3 ") == ["v3", "0", "0", "-", "/", "-", "0", "0", "0.0", "/", "-"]
     assert "v1" not in table
-
-
-def test_false_alarms_are_a_column_where_they_are_counted() -> None:
-    figures = summary()
-    one, *others = figures.links
-    alarms = AlarmSummary(counted=6)
-    text = printed(replace(figures, links=(replace(one, false_alarms=alarms), *others)))
-    assert row(text, "v1 → v2", 2)[-1] == "6"
-    assert row(text, "v2 → v3", 2)[-1] == "-"
 
 
 def test_events_are_rows_with_their_figures() -> None:
@@ -235,13 +198,6 @@ def test_messages_that_did_not_arrive_are_listed_by_cause() -> None:
     assert "OK (15 messages did not arrive" in text
 
 
-def test_headings_name_their_quantity() -> None:
-    flat = " ".join(printed(summary()).split())
-    for words in ("vehicles, details", "lateral", "acceleration", "minus true", "95th percentile"):
-        assert words in flat
-    assert max(map(len, printed(summary()).splitlines()[:-1])) <= 80
-
-
 def test_tables_fit_a_terminal_of_eighty_columns() -> None:
     busy = ReactionSummary(mode_changes=12, stops=2, blind_m=12.34)
     figures = summary()
@@ -254,30 +210,6 @@ def test_tables_fit_a_terminal_of_eighty_columns() -> None:
         text = printed(replace(figures, vehicles=vehicles))
         assert max(map(len, text.splitlines()[:-1])) <= 80  # without the outcome line
         assert "…" not in text
-
-
-def test_figures_that_need_more_columns_are_not_cut() -> None:
-    figures = summary()
-    far = replace(figures.vehicles[1], cross_track_error_m_max=31.08, cross_track_error_m_rms=13.52)
-    slow = replace(
-        figures.links[0], age_ms_mean=3620.0, age_ms_p95=13440.0, age_ms_max=15180.0,
-        arrival_gap_ms_mean=1000.0, arrival_gap_ms_p95=10000.0, arrival_gap_ms_max=12000.0,
-    )  # fmt: skip
-    text = printed(replace(figures, vehicles=(far,) * 3, links=(slow,)))
-    assert "…" not in text
-    assert "3108.0 / 1352.0" in text
-    assert "3620 / 13440 / 15180" in text
-
-
-def test_in_virtual_time_no_process_is_measured() -> None:
-    figures = summary(clock="virtual")
-    vehicles = tuple(replace(vehicle, memory_bytes_max=0) for vehicle in figures.vehicles)
-    figures = replace(figures, vehicles=vehicles)
-    assert row(printed(figures), "v2 ", 2) == ["v2", "1", "2", "12", "7", "-", "-"]
-
-
-def test_one_vehicle_alone_has_no_table_of_links() -> None:
-    assert "links" not in printed(replace(summary(), links=()))
 
 
 def test_the_outcome_line_and_the_log_come_last() -> None:
@@ -336,30 +268,3 @@ def test_the_title_counts_losses_under_changes_instead_of_the_requested_loss() -
     assert ", 200 of 3500 messages lost, 180 by cuts, " in printed(mixed, width=200)
     unchanged = printed(replace(changed, changes=(), links=figures.links), width=200)
     assert "loss 0 %" in unchanged.splitlines()[0]
-
-
-@pytest.mark.parametrize("folder", ["runs[old]", "a[/b]", ":smile:", "x" * 120])
-def test_a_path_is_printed_as_it_is(folder: str) -> None:
-    text = printed(summary("stopped [/early]"), Path(folder) / "run.mcap")
-    assert f"log: {folder}/run.mcap\n" in text
-    assert "stopped [/early]" in text
-
-
-def test_short_tables_compare_achieved_and_requested_losses() -> None:
-    figures = summary()
-    one = replace(figures.links[0], loss_ratio=0.391, requested_loss_ratio=0.4, late=0)
-    links = (one, replace(one, loss_ratio=0.412), replace(one, loss_ratio=0.0))
-    (line,) = [
-        text
-        for text in printed(replace(figures, links=links), tables="news").splitlines()
-        if text.startswith("messages lost")
-    ]
-    for fact in ("0 to 41.2 %", "3 links", "40 %"):
-        assert fact in line
-    none = replace(one, loss_ratio=0.0, requested_loss_ratio=0.0)
-    assert "messages lost" not in printed(replace(figures, links=(none,)), tables="news")
-
-
-def test_a_warning_is_a_line() -> None:
-    line = "v2: 100 messages of v1 refused as future"
-    assert line in printed(replace(summary(), warnings=(line,))).splitlines()

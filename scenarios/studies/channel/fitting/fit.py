@@ -19,8 +19,6 @@ USED = ("gps", "verdict", "truth", "start")
 
 @dataclass(frozen=True, slots=True)
 class FittedLink:
-    """Fitted keys of a `[[link]]` entry, their estimates, and notes on what the log leaves open."""
-
     sender: str
     receiver: str
     messages: int
@@ -66,7 +64,6 @@ def fit_log(log: Path, *, partial: bool = False) -> tuple[FittedLink, ...]:
 
 
 def as_toml(links: tuple[FittedLink, ...]) -> str:
-    """Format the TOML block, with the estimates of each entry as comments above it."""
     blocks = [
         f"# {faults}" for faults in dict.fromkeys(link.log_faults for link in links) if faults
     ]

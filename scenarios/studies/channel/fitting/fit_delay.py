@@ -32,8 +32,6 @@ MAX_QUANTILES = 500
 
 @dataclass(frozen=True, slots=True)
 class FittedDelay:
-    """Keys of a link that reproduce its delays, their estimates and a description."""
-
     keys: dict[str, Any]
     estimates: tuple[Estimate, ...]
     description: str
@@ -159,14 +157,12 @@ class _Delays:
 
     @cached_property
     def may_be_correlated(self) -> bool:
-        """Whether delays of successive messages may be correlated."""
         if self.waited.any():
             return True
         correlation = float(stats.spearmanr(self.delay_ms[:-1], self.delay_ms[1:]).statistic)
         return bool(abs(correlation) > 3.0 / sqrt(len(self.delay_ms)))
 
     def likelihood(self, law: Any, correlation: float) -> float:
-        """Log-likelihood of the delays."""
         if not correlation:
             exact, at_most = self.delay_ms[~self.waited], self.delay_ms[self.waited]
             return float(law.logpdf(exact).sum() + law.logcdf(at_most).sum())
@@ -257,7 +253,6 @@ def _described_fit(law: _FittedLaw, *, in_order: bool) -> FittedDelay:
 
 
 def _as_recorded(delay_ms: Floats, *, in_order: bool) -> FittedDelay:
-    """Return the quantiles of the recorded delays, for delays that no law fits."""
     shares = (np.arange(min(len(delay_ms), MAX_QUANTILES)) + 0.5) / min(
         len(delay_ms), MAX_QUANTILES
     )

@@ -30,7 +30,6 @@ TYPICAL_RESERVATION = 10.0
 
 
 def fit_losses(link: RecordedLink) -> FittedKeys:
-    """Fit all loss laws of a link."""
     keys: dict[str, Any] = {}
     estimates: list[Estimate] = []
     notes: list[str] = []

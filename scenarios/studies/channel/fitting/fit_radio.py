@@ -75,7 +75,6 @@ class RadioFates:
         return loss
 
     def pairs(self, lag: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Indices of the message pairs whose numbers differ by `lag`."""
         later = np.searchsorted(self.number, self.number + lag)
         exists = later < len(self.number)
         exists[exists] = self.number[later[exists]] == self.number[exists] + lag
@@ -97,7 +96,6 @@ class RadioFates:
 
 
 def fit_radio(link: RecordedLink, judged: Flags, lost: Flags) -> FittedKeys:
-    """Fit the radio of a link to the messages that it judged."""
     judged = judged & np.isfinite(link.distance_m)
     if not (lost & judged).any():
         return {}, [], []

@@ -57,7 +57,6 @@ def _shortened(text: str, most: int = 200) -> str:
 
 
 def command_of(out: Path) -> str:
-    """Command that repeats the run with the smallest set."""
     return shlex.join(["convoy", "run", str(out / SMALLEST), "--clock", "virtual"])
 
 

@@ -105,7 +105,6 @@ def rank_losses(
 def _divide(
     trials: Trials, rows: Sequence[Attribution], all_losses: Losses, recorded: RerunResult
 ) -> Iterator[Attribution]:
-    """Divide groups and yield their halves."""
     parts = [halves(row.group) for row in rows]
     results = iter(trials.results(all_losses - losses_of(part) for pair in parts for part in pair))
     for whole, pair in zip(rows, parts, strict=True):

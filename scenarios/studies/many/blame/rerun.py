@@ -50,13 +50,10 @@ class RerunResult:
 
     @property
     def figure_m(self) -> float:
-        """The largest error, or the smallest gap."""
         return abs(self.badness_m)
 
 
 class RerunObserver:
-    """Observer of a figure and a limit, in a virtual run or from a log."""
-
     kinds: frozenset[type[Message]] = KINDS
 
     def __init__(self, scenario: Scenario, criteria: RerunCriteria, start_at: int) -> None:
@@ -100,7 +97,6 @@ class RerunObserver:
             self.broken_at = self.now
 
     def result(self, *, whole: bool = False) -> RerunResult:
-        """Return the result so far; `whole`: with series."""
         self._stream.finish()
         self._note_breach()
         badness, vehicle, at = self._worst
@@ -116,7 +112,6 @@ class RerunObserver:
 def result_of(
     scenario: Scenario, criteria: RerunCriteria, start_at: int, messages: Iterable[Message]
 ) -> RerunResult:
-    """Return the result of a recorded run, with series."""
     observer = RerunObserver(scenario, criteria, start_at)
     for message in messages:
         observer.listen(start_at, message)

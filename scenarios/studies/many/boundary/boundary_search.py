@@ -76,7 +76,6 @@ class BoundaryQuery:
         return replace(self.variant, overrides=overrides, seed=seed)
 
     def identity(self) -> dict[str, Any]:
-        """Everything that the result depends on, named as on the command line."""
         return identity_of(
             self.variant,
             key=self.key,
@@ -169,7 +168,6 @@ class _SearchRuns:
     count: int = 0
 
     def run(self, values: Iterable[float]) -> None:
-        """Simulate a run at each value, with the next seeds."""
         jobs, places = list[Job](), list[tuple[float, int]]()
         for value in sorted(map(self.query.rounded, values)):
             self.count += 1

@@ -71,7 +71,6 @@ class ShareCurve:
     broken: float
 
     def quantile(self, probability: float) -> float:
-        """Quantile of the boundary, interpolated between the nodes."""
         weights = np.sum([model.weights.sum(axis=1) for model in self.models], axis=0)
         steps = 0.5 * (weights[1:] + weights[:-1])
         cumulative = np.concatenate(([0.0], np.cumsum(steps))) / steps.sum()
@@ -177,7 +176,6 @@ def _double_exponential(z: Floats) -> tuple[Floats, Floats]:
 
 
 def _support(nodes: Floats, weights: Floats) -> tuple[float, float]:
-    """Ends of the nodes that matter, with one more on either side."""
     (matter,) = np.nonzero(weights > NEGLIGIBLE * weights.max())
     first, last = max(matter[0] - 1, 0), min(matter[-1] + 1, len(nodes) - 1)
     return float(nodes[first]), float(nodes[last])

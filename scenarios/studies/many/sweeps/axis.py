@@ -21,8 +21,6 @@ BRACKETS = {"[": 1, "{": 1, "]": -1, "}": -1}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepAxis:
-    """A key and its values, as texts for `--set`."""
-
     key: str
     texts: tuple[str, ...]
 

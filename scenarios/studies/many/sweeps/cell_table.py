@@ -19,8 +19,6 @@ SCHEMA = "convoy.sweep/1"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepRun:
-    """The results of a run, or its error."""
-
     values: tuple[str, ...]
     seed: int
     command: str
@@ -255,7 +253,6 @@ def _cell_content(table: SweepTable, cell: SweepCell) -> dict[str, object]:
 
 
 def typed_rows(table: SweepTable, rows: Sequence[Row]) -> list[Row]:
-    """Convert the values of numeric keys to numbers."""
     numbers = {axis.key for axis in table.plan.axes if axis.numbers}
     return [
         {name: float(value) if name in numbers else value for name, value in row.items()}

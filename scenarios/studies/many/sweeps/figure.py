@@ -45,7 +45,6 @@ class SweepFigure:
 
     @property
     def is_gain(self) -> bool:
-        """Whether the figure is a ratio of norms, whose mean is geometric."""
         return "_gain_" in self.name or "_growth_" in self.name
 
     def of(self, summary: RunSummary) -> float | None:
@@ -63,7 +62,6 @@ class SweepFigure:
         return min(known) if self.is_worst_when_least else max(known)
 
     def _rows(self, summary: RunSummary, scope: str, rest: str) -> tuple[Iterable[Any], str]:
-        """Return the rows with the field, and the name of the field."""
         if scope == "links":
             return summary.links, rest
         if ":" in scope:
@@ -138,7 +136,6 @@ def parsed_figure(
 
 
 def _near(text: str, known: Sequence[str]) -> list[str]:
-    """Return similar names, and names that contain the text."""
     inside = [name for name in known if len(text) > 2 and text in name]
     return list(dict.fromkeys([*get_close_matches(text, known, n=MAX_SUGGESTIONS), *inside]))[
         :MAX_SUGGESTIONS

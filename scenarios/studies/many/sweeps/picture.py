@@ -84,7 +84,6 @@ def _panels(table: SweepTable) -> Iterator[SweepPanel]:
 
 
 def _wrapped(label: str) -> str:
-    """Break a label that is longer than the height of a panel."""
     return fill(label, 32)
 
 

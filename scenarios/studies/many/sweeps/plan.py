@@ -68,7 +68,6 @@ class SweepPlan:
         ]
 
     def identity(self) -> dict[str, Any]:
-        """Everything that the results depend on, named as on the command line."""
         return identity_of(
             self.base,
             self.plug_ins,

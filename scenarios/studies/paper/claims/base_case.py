@@ -224,7 +224,6 @@ def _radius_text(radii: Sequence[float]) -> str:
 
 
 def decreasing(key: RunKey, findings: Findings) -> Answer:
-    """Answer whether the largest tracking errors decrease along the convoy."""
 
     def decreases(run: Trial) -> bool:
         return non_increasing(run.tracking)

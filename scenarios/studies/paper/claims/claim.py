@@ -105,8 +105,6 @@ class ClaimVerdict:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JudgedClaim:
-    """A claim and its verdict for each trajectory: one row of the report."""
-
     claim: Claim
     verdicts: Mapping[Trajectory, ClaimVerdict]
 
@@ -116,7 +114,6 @@ class JudgedClaim:
 
 
 def judge(claims: Iterable[Claim], findings: Mapping[Trajectory, Findings]) -> list[JudgedClaim]:
-    """Judge the claims whose needed results all exist, for each trajectory."""
     return [
         JudgedClaim(claim=claim, verdicts=_verdicts(claim, findings))
         for claim in claims
@@ -152,7 +149,6 @@ def verdict_of(answer: Answer) -> ClaimVerdict:
 
 
 def counts_text(claims: Sequence[JudgedClaim], trajectory: Trajectory) -> str:
-    """Format the number of claims with each judgement."""
     judgements = [claim.verdicts[trajectory].judgement for claim in claims]
     hold, undecided, misprints, fail, unknown = map(judgements.count, JUDGEMENTS)
     return (

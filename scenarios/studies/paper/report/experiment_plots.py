@@ -73,7 +73,6 @@ def _errors(axes: Axes, trial: Trial, width: float = 1.2) -> None:
 
 
 def _true_errors(axes: Axes, trial: Trial, width: float = 1.2) -> None:
-    """Plot the followers' distances from the lead's driven path."""
     _draw(axes, [(drive, drive.cross_track) for drive in trial.followers], 1, width)
     axes.set_ylabel("beside the lead's path, cm")
 

@@ -19,7 +19,6 @@ AllFindings = Mapping[Trajectory, Findings]
 
 
 def logs(findings: AllFindings, cases: Sequence[str]) -> list[str]:
-    """Paths of the kept logs, relative to the report."""
     runs = {key: run for case in cases for key, run in RUNS_OF_CASE[case].items()}
     paths = []
     for kind, results in findings.items():

@@ -96,7 +96,6 @@ def write_report(
 
 
 def all_pictures(picture_format: str = "png") -> list[str]:
-    """File names of all plots."""
     names = [*BOTH, *(_file(name, kind) for name in PICTURES for kind in TRAJECTORIES)]
     return [f"{name}.{picture_format}" for name in names]
 
@@ -156,7 +155,6 @@ def _markdown(
 
 
 def _differing(claims: Sequence[JudgedClaim]) -> Iterator[str]:
-    """List the claims whose verdict depends on the trajectory."""
     differing = [claim for claim in claims if claim.differs]
     yield "## Claims that depend on the trajectory"
     yield ""

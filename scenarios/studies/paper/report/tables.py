@@ -36,7 +36,6 @@ CHANGED = {
 
 
 def tables(findings: Findings) -> Iterator[str]:
-    """Lines of all tables for which results exist."""
     name = TRAJECTORY_NAMES[findings.trajectory]
     rows = [(text, findings.trials[key]) for key, text in CHANGED.items() if findings.has(key)]
     if rows:

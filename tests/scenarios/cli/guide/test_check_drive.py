@@ -24,12 +24,10 @@ def facts(*arguments: str | Path) -> dict[str, Any]:
 
 
 def straight(count: int = 200, speed: float = 10.0) -> Drive:
-    """A drive to the east, 10 points per second."""
     return [(0.1 * k, 0.1 * speed * k, 0.0, speed) for k in range(count)]
 
 
 def rough() -> list[str]:
-    """CSV lines of a straight with a pause after 5 s, a hole, two jumps, and two bad lines."""
     points = [
         (t + 60.0 * (k > 50), e, 3.0 * (k in (120, 121)), v)
         for k, (t, e, _, v) in enumerate(straight())
@@ -84,16 +82,6 @@ def test_faults_of_a_recording_are_counted_and_placed(tmp_path: Path) -> None:
     assert cut["duration_s"] == pytest.approx(19.9, abs=0.2)
     assert cut["pauses"][0]["is_cut"]
     assert cut["holes"][0]["after"] == hole["after"]
-
-
-def test_a_part_of_a_drive_keeps_the_places_of_the_recording(tmp_path: Path) -> None:
-    path = tmp_path / "rough.csv"
-    path.write_text("\n".join(rough()))
-    found = facts(path, "--set", "path.from_m=30")
-    assert (found["from_s"], found["from_m"]) == pytest.approx((3.0, 30.0), abs=0.15)
-    assert found["pauses"][0]["after"] == "line 52 (5.0 s)"
-    assert found["pauses"][0]["at_m"] == pytest.approx(20.0, abs=0.15)
-    assert found["length_m"] == pytest.approx(169.0, abs=0.2)
 
 
 def test_the_table_has_each_fault_once_and_the_command_that_runs(tmp_path: Path) -> None:
@@ -167,20 +155,3 @@ def test_a_picture_that_cannot_be_drawn_is_refused_in_one_line(
     assert result.exit_code == 2
     assert len(result.stderr.splitlines()) == 1
     assert not Path(picture).exists() or not Path(picture).read_bytes()
-
-
-def test_a_closed_drive_is_drawn_although_its_lap_ends_before_its_last_pause(
-    tmp_path: Path,
-) -> None:
-    turns = [2.0 * math.pi * k / 180 for k in range(200)]
-    times = [0.2 * k + 60.0 * (k > 190) for k in range(200)]
-    rows = [
-        f"{t},{40.0 * math.cos(a)},{40.0 * math.sin(a)}" for t, a in zip(times, turns, strict=True)
-    ]
-    path, picture = tmp_path / "lap.csv", tmp_path / "lap.png"
-    path.write_text("\n".join(["t_s,x_m,y_m", *rows]))
-    result = convoy("check", path, "--set", "path.closed=true", "--out", picture)
-    assert result.exit_code == 0
-    assert picture.exists()
-    assert "the lead waits there" not in result.stdout
-    assert "the lead waits there" in convoy("check", path).stdout

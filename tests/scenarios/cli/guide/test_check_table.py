@@ -87,14 +87,12 @@ SETTINGS = {
 
 
 def checked(*arguments: str) -> str:
-    """Output of `convoy check` in 80 columns."""
     result = CliRunner().invoke(cli, ["check", *arguments], env={"COLUMNS": "80"})
     assert result.exit_code == 0, result.output
     return result.stdout
 
 
 def rows(text: str) -> list[tuple[str, str]]:
-    """Names and values of the rows; a row may take several lines."""
     found: list[tuple[str, str]] = []
     for line in text.splitlines()[1:]:
         what, figure = line[:26].strip(), line[26:].strip()
@@ -114,27 +112,11 @@ def test_a_setting_is_printed_in_its_row(setting: str) -> None:
     assert any(re.search(expected, figure) for figure in values), found
 
 
-def test_rows_about_the_path_and_the_lead_name_their_subject() -> None:
-    found = dict(rows(checked("church_lot")))
-    assert found["length of the path"] == found["distance driven"] == "255 m"
-    assert "from the recorded points" in found["deviation of the path"]
-    assert re.search(r"up to 1.5 m/s², braking .*, lateral", found["acceleration of the lead"])
-
-
-def test_absent_limits_are_printed_as_none() -> None:
-    assert ("limits that fail the run", "none") in rows(checked("lane_change"))
-
-
 @pytest.mark.parametrize("name", library())
 def test_no_line_is_empty_or_wider_than_a_terminal(name: str) -> None:
     lines = checked(name).splitlines()
     assert all(line.strip() for line in lines)
     assert max(map(len, lines)) <= 80 or lines[-1].startswith("warning: ")
-
-
-def test_a_single_vehicle_has_neither_gaps_nor_links() -> None:
-    found = {what for what, _ in rows(checked("lane_change", "--set", "convoy.vehicles=1"))}
-    assert not found & {"gaps at the start", "links", "fusion", "followers drive"}
 
 
 def test_json_has_the_same_figures() -> None:

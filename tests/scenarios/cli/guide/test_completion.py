@@ -10,14 +10,11 @@ from pathlib import Path
 import pytest
 from click.shell_completion import ShellComplete
 
-from scenarios.cli.guide.completion import OWN_FILES
 from scenarios.cli.main import EXAMPLES, cli
 from scenarios.definition.library import library
-from scenarios.definition.traces.formats.registry import TEXT_FORMATS
 
 
 def offered(*words: str) -> list[str]:
-    """Completions of the last word of a command line."""
     *before, begun = words
     shell = ShellComplete(cli, {}, "convoy", "_CONVOY_COMPLETE")
     return [item.value for item in shell.get_completions(before, begun) if item.type == "plain"]
@@ -25,7 +22,6 @@ def offered(*words: str) -> list[str]:
 
 @pytest.fixture(autouse=True)
 def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Work in a folder with one scenario and one recorded drive."""
     (tmp_path / "mine.toml").touch()
     (tmp_path / "ride.gpx").touch()
     (tmp_path / "notes.md").touch()
@@ -36,11 +32,6 @@ def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_shipped_scenarios_and_files_are_offered(command: str) -> None:
     assert offered(command, "") == [*library(), "mine.toml", "ride.gpx"]
     assert offered(command, "lo") == ["lossy_lane_change"]
-
-
-def test_offered_drives_can_be_read() -> None:
-    known = {suffix for one in TEXT_FORMATS for suffix in one.suffixes}
-    assert {*OWN_FILES} - known == {".toml", ".mcap"}
 
 
 BASH = """

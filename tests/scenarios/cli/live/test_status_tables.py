@@ -7,13 +7,10 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 from rich.console import Console
 
-from scenarios.cli.common_options import Time
 from scenarios.cli.live.change_requests import run_to_join
 from scenarios.cli.live.status_tables import show, tables
-from scenarios.cli.main import cli
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.metrics import Metrics
 from scenarios.runs.control.open_runs import OpenRun
@@ -30,7 +27,6 @@ ONE, TWO = (OpenRun(name, f"tcp/127.0.0.1:{name}", "/runs") for name in ("one", 
 
 
 def board() -> StatusBoard:
-    """The recorder's status after a made-up drive."""
     names = ", ".join(f'"{name}"' for name in drive.VEHICLES)
     scenario = load_scenario("lane_change", [f"convoy.names=[{names}]"])
     metrics = Metrics.of(scenario)
@@ -52,12 +48,6 @@ def test_the_status_has_every_vehicle_and_every_link_and_survives_the_bus() -> N
     assert links == [("v1", "v2"), ("v1", "v3"), ("v2", "v3")]
     assert RunStatus.of(status.text.encode()) == status
     json.loads(status.text, parse_constant=pytest.fail)  # no NaN, which JSON does not know
-
-
-@pytest.mark.parametrize("text", [b"[]", b"{}", b"[" * 9000, b'{"vehicles": 1}', b"null"])
-def test_an_invalid_status_is_refused(text: bytes) -> None:
-    with pytest.raises(ValueError, match="no status of a run"):
-        RunStatus.of(text)
 
 
 def printed(read: Callable[[], RunStatus | None], stop: Stop, **how: Any) -> tuple[bool, str]:
@@ -100,12 +90,6 @@ def test_a_refreshing_table_of_a_long_convoy_shows_the_worst() -> None:
     _, text = printed(lambda: many, Stop())
     assert all(f"c{place} " in text for place in range(40))  # shown once, it has all
     assert "the worst" not in text
-
-
-def test_before_the_start_there_is_no_status() -> None:
-    assert printed(lambda: None, Stop()) == (False, "")
-    (text,) = tables(None).renderables
-    assert "not started" in str(text)
 
 
 def test_the_status_refreshes_until_the_run_ends_or_a_signal() -> None:
@@ -161,18 +145,3 @@ def test_an_ambiguous_run_is_refused(
     with pytest.raises(BusError) as refused:
         run_to_join(run_name, {**NO_FLAGS, **flags}, runs)
     assert all(fact in str(refused.value) for fact in facts)
-
-
-@pytest.mark.parametrize(
-    ("text", "seconds"), [("5s", 5.0), ("500ms", 0.5), ("2min", 120.0), ("3", 3.0), (".5 s", 0.5)]
-)
-def test_times_have_units(text: str, seconds: float) -> None:
-    assert Time().convert(text, None, None) == pytest.approx(seconds, rel=1e-12)
-
-
-@pytest.mark.parametrize("text", ["", "-1s", "1h", "s", "1e3s", "nan", "5 5s"])
-def test_an_invalid_time_is_a_usage_error(text: str) -> None:
-    result = CliRunner().invoke(cli, ["stall", "v1", "--for", text])
-    assert result.exit_code == 2
-    assert "--for" in result.stderr
-    assert "500ms" in result.stderr

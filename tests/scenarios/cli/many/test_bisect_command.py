@@ -20,7 +20,6 @@ def convoy(*words: str) -> Result:
 
 
 def settings() -> dict[str, object]:
-    """Settings of the small convoy as Python has them."""
     parsed = map(parse_override, SETTINGS)
     return {".".join(keys): value for keys, value in parsed}
 

@@ -39,7 +39,6 @@ within_s = 0.5
 
 @pytest.fixture(autouse=True)
 def own_signals() -> Iterator[None]:
-    """Restore the signal handlers of the test run."""
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     yield
     for number, handler in before.items():
@@ -94,7 +93,6 @@ def test_a_failed_drill_names_the_command_that_repeats_it(tmp_path: Path) -> Non
 
 
 def test_run_log_and_drill_agree_about_limits(tmp_path: Path) -> None:
-    """The figures computed from the messages of the log agree as well."""
     file = short(tmp_path, error=0.001)
     convoy("run", file, "--clock", "virtual", "--quiet", "--out", tmp_path / "run")
     log = tmp_path / "run" / "run.mcap"
@@ -137,8 +135,3 @@ def test_invalid_drills_are_refused_in_one_line(arguments: tuple[str, ...], line
     assert refused.exit_code == 2
     assert refused.stderr.startswith(f"error: {line}")
     assert refused.stderr.count("\n") == 1
-
-
-def test_an_unknown_drill_leads_to_the_list() -> None:
-    refused = convoy("drill", "nowhere", "--workers", "0")
-    assert "`convoy list` names the drills" in refused.stderr

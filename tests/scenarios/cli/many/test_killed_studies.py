@@ -47,7 +47,6 @@ FILES = {"*.json", "*.csv", "*.png", "*.toml"}
 
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with the drill and the log that the studies read."""
     folder = tmp_path_factory.mktemp("inputs")
     (folder / "drill.toml").write_text(DRILL)
     run_virtual(planted(TINY, 3).scenario, folder / "log", Stop())
@@ -56,7 +55,6 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def places(inputs: Path, tmp_path: Path) -> Path:
-    """Folders with the same inputs."""
     for name in ("undisturbed", "disturbed"):
         (tmp_path / name / "out").mkdir(parents=True)
         for one in inputs.iterdir():
@@ -65,7 +63,6 @@ def places(inputs: Path, tmp_path: Path) -> Path:
 
 
 def carried_out(folder: Path, study: str, *more: str) -> dict[str, bytes]:
-    """Run a study in a folder; returns the content of its files."""
     os.chdir(folder)
     done = CliRunner().invoke(cli, [*STUDIES[study], *more])
     assert done.exit_code == 0, done.output
@@ -82,14 +79,11 @@ def own_folder() -> Iterator[None]:
 
 
 class DeadlyPool(WorkerPool):
-    """Kills the workers of its second and third batch, after some of the batch's jobs."""
-
     def __init__(self, workers: int) -> None:
         super().__init__(workers)
         self._batches = 0
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Any:  # noqa: ARG002 - none are given
-        """Hand the call to a worker, to be killed or not."""
         self._batches += 1
         return super().submit(partial(_killed, fn) if self._batches in {2, 3} else fn, *args)
 
@@ -141,7 +135,6 @@ def test_a_killed_driver_resumes(study: str, places: Path, monkeypatch: pytest.M
 
 
 def workers_of(driver: "subprocess.Popen[str]") -> list[psutil.Process]:
-    """Wait for the worker processes of a driver, and return them."""
     end = time.monotonic() + 120.0
     while time.monotonic() < end:
         workers = psutil.Process(driver.pid).children(recursive=True)

@@ -51,7 +51,6 @@ def convoy(*arguments: str | Path) -> Result:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of an undisturbed sweep in this process."""
     out = tmp_path_factory.mktemp("whole")
     run_sweep_here(small_plan(seeds=SEEDS), out)
     return out
@@ -81,7 +80,6 @@ def ended(processes: Sequence[psutil.Process]) -> bool:
 
 
 def workers_of(driver: "subprocess.Popen[bytes]") -> list[psutil.Process]:
-    """Worker processes, and the process that forks them."""
     found = []
     for child in psutil.Process(driver.pid).children(recursive=True):
         with suppress(psutil.NoSuchProcess):  # one that has just ended
@@ -151,31 +149,6 @@ def test_the_command_of_a_run_repeats_it_bit_for_bit(whole: Path, tmp_path: Path
         assert row[figure.name] == repr(figure.of(summary))
 
 
-def test_a_finished_sweep_prints_its_tables_again(whole: Path) -> None:
-    before = tables(whole)
-    done = convoy("sweep", *ARGUMENTS, "--out", whole, "--workers", "0")
-    assert done.exit_code == 0, done.output
-    assert f"{4 * SEEDS} of {4 * SEEDS} runs are in the journal, 0 left" in done.stderr
-    assert "cross_track_error_m_max, lane; 4 runs per row" in done.stdout
-    with (whole / "sweep.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    worst = max(rows, key=lambda row: float(row["cross_track_error_m_max.maximum"]))
-    assert worst["worst_command"] in done.stdout
-    for row in rows:
-        assert f"{float(row['cross_track_error_m_max.median']):.3g}" in done.stdout
-    assert tables(whole) == before
-
-
-def test_another_command_into_the_folder_is_refused(whole: Path) -> None:
-    before = tables(whole)
-    done = convoy("sweep", *ARGUMENTS, "--seeds", "5", "--out", whole)
-    assert done.exit_code == 2
-    assert done.stderr.startswith(f"error: {whole}: ")
-    assert done.stderr.count("\n") == 1
-    assert "--seeds" in done.stderr
-    assert tables(whole) == before
-
-
 def test_a_run_that_raises_is_printed_with_exit_code_1(tmp_path: Path) -> None:
     vary = ["--vary=convoy.vehicles=3,2", "--vary=vehicle={},{v3={clock={offset_ms=3.0}}}"]
     given = ["sweep", "lane_change", *vary, "--set=duration_s=0.5", "--seeds=1"]
@@ -213,23 +186,3 @@ def test_invalid_input_is_refused_in_one_line(given: list[str], fact: str, tmp_p
     (line,) = done.stderr.splitlines()
     assert fact in line
     assert not (tmp_path / "sweep").exists()
-
-
-@pytest.mark.parametrize(
-    ("option", "package", "extra"),
-    [
-        (["--parquet"], "pyarrow", "tables"),
-        (["--scheduler=tcp://127.0.0.1:1"], "distributed", "dask"),
-        (["--output=a.png"], "matplotlib", "studies"),
-    ],
-)
-def test_a_missing_package_is_one_line(
-    option: list[str], package: str, extra: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(
-        "scenarios.definition.errors.find_spec", lambda name: name != package or None
-    )
-    done = convoy("sweep", "lane_change", *option)
-    assert done.exit_code == 2
-    (line,) = done.stderr.splitlines()
-    assert line.endswith(f"not installed here: pip install 'convoy-emulator[{extra}]'")

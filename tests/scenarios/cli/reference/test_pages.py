@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import fields
-from importlib.resources import files
 from inspect import getdoc
 from pkgutil import resolve_name
 from typing import get_args
@@ -15,8 +14,8 @@ from scenarios.cli.main import cli
 from scenarios.cli.reference.message_pages import DEVIATION_ROW
 from scenarios.cli.reference.plug_in_examples import EXAMPLES
 from scenarios.cli.reference.plug_in_page import shipped_texts
-from scenarios.cli.reference.reference_command import ALIASES, PAGES, printers
-from scenarios.cli.reference.scenario_pages import gnss_presets, limit_texts
+from scenarios.cli.reference.reference_command import PAGES, printers
+from scenarios.cli.reference.scenario_pages import limit_texts
 from scenarios.cli.reference.table_keys import models_at, scenario_tables, split_doc, tables_at
 from scenarios.definition.channel.presets import presets, read_preset
 from scenarios.definition.schema.limit_rows import LIMITS, WORDS
@@ -32,25 +31,21 @@ from vehicles.messages import MODES, Message, Mode
 
 
 def printed(page: str) -> str:
-    """Output of `convoy reference PAGE` in a terminal with 80 columns."""
     result = CliRunner().invoke(cli, ["reference", page], env={"COLUMNS": "80"})
     assert result.exit_code == 0, result.output
     return result.stdout
 
 
 def words(page: str) -> str:
-    """The same with single spaces."""
     return " ".join(printed(page).split())
 
 
 def sections(page: str) -> dict[str, str]:
-    """The text below each heading of a page."""
     parts = printed(page).split("\n\n")
     return {part.partition("\n")[0]: part.partition("\n")[2] for part in parts}
 
 
 def rows(table: str) -> list[list[str]]:
-    """Cells of rows; a row may take several lines."""
     found: list[list[str]] = []
     for line in table.splitlines():
         if line.startswith(" "):
@@ -69,11 +64,6 @@ def test_without_a_page_all_are_listed() -> None:
     assert [line.split()[0] for line in result.stdout.splitlines()] == list(PAGES)
     assert max(map(len, result.stdout.splitlines())) <= 80
     assert set(printers()) == set(PAGES)
-
-
-@pytest.mark.parametrize("alias", ALIASES)
-def test_an_old_name_prints_the_page(alias: str) -> None:
-    assert printed(alias) == printed(ALIASES[alias])
 
 
 def test_an_unknown_page_is_refused_with_the_pages() -> None:
@@ -127,13 +117,6 @@ def test_every_law_is_on_the_page_of_links() -> None:
     assert [row[0] for row in rows(entry)] == ["sender", "receiver"]
 
 
-def test_ranges_and_defaults_are_printed() -> None:
-    text = words("links")
-    assert "latency_ms" in text
-    assert "0 to 60000, default 20" in text
-    assert '"newest" | "oldest", default "newest"' in text
-
-
 def test_every_preset_has_its_source() -> None:
     text = words("presets")
     for name in presets():
@@ -141,12 +124,6 @@ def test_every_preset_has_its_source() -> None:
         assert name in sections("presets")
         assert " ".join(preset.description.split()) in text
         assert " ".join(preset.source.split()) in text
-
-
-def test_every_preset_of_the_receiver_has_its_values() -> None:
-    for name, expected in gnss_presets().items():
-        found = rows(sections("gnss")[f'gnss.preset = "{name}"'])
-        assert found == [list(row) for row in expected]
 
 
 def test_every_limit_and_its_word_are_printed() -> None:
@@ -203,10 +180,6 @@ def test_reasons_are_those_of_links_and_receivers() -> None:
         counts = ["lost"] * reason.counts_as_loss + ["late"] * reason.counts_as_late
         source = "link" if reason.is_drop else "receiver"
         assert row == [word, source, *counts, reason.meaning]
-
-
-def test_the_schema_is_printed_whole() -> None:
-    assert printed(".proto") == (files("transport") / "convoy.proto").read_text(encoding="utf-8")
 
 
 # ---- Other pages

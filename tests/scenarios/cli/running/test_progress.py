@@ -20,8 +20,6 @@ CONVOY = dict.fromkeys(("v1", "v2"), BodySize(5.0, 2.0, 0.0))
 
 
 class Shown:
-    """Progress beside the figures that it shows, which take each message first, as in a run."""
-
     def __init__(self, metrics: Metrics, progress: Progress) -> None:
         self._metrics = metrics
         self._progress = progress
@@ -40,8 +38,6 @@ def shown_for(duration_s: float) -> Iterator[Shown]:
 
 
 class FakeTime:
-    """A monotonic clock that stands until it is moved."""
-
     def __init__(self) -> None:
         self.now = 1000.0
 
@@ -58,7 +54,6 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> FakeTime:
 
 @pytest.fixture
 def plain(clock: FakeTime, monkeypatch: pytest.MonkeyPatch) -> Iterator[Shown]:
-    """Progress into a file or a pipe."""
     for name in ("FORCE_COLOR", "TTY_COMPATIBLE"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("COLUMNS", "100")
@@ -69,7 +64,6 @@ def plain(clock: FakeTime, monkeypatch: pytest.MonkeyPatch) -> Iterator[Shown]:
 
 @pytest.fixture
 def live(clock: FakeTime, monkeypatch: pytest.MonkeyPatch) -> Iterator[Shown]:
-    """Progress on a terminal."""
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "80")
     del clock
@@ -78,7 +72,6 @@ def live(clock: FakeTime, monkeypatch: pytest.MonkeyPatch) -> Iterator[Shown]:
 
 
 def drive(shown: Shown, seconds: float = 12.0) -> None:
-    """Messages of two vehicles until `seconds` after the start."""
     seq = round(seconds * 50)
     for name, error, east in (("v1", 0.02, 0.0), ("v2", -0.2, -15.0)):
         # At first v2 is 34.5 cm beside the path, then 10 cm, and estimates 20 cm.
@@ -91,15 +84,6 @@ def drive(shown: Shown, seconds: float = 12.0) -> None:
     shown.listen(START, verdict("v1", "v2", 6, dropped="rate"))
     shown.listen(START, verdict("v1", "v2", 7, received_after_ms=90.0))
     shown.listen(START, health("v2", late_ticks=3))
-
-
-def test_nothing_is_shown_before_the_start(
-    plain: Shown, clock: FakeTime, capsys: pytest.CaptureFixture[str]
-) -> None:
-    drive(plain)
-    clock.now += 60.0
-    drive(plain)
-    assert capsys.readouterr() == ("", "")
 
 
 def test_without_a_terminal_a_plain_line_now_and_then(
@@ -124,16 +108,6 @@ def test_without_a_terminal_a_plain_line_now_and_then(
         "12.0 of 35.0 s · largest true error now 10.0 cm, so far 34.5 cm · min gap 10.0 m"
         " · delivered 6 · dropped 1 · late 4\n"
     )
-
-
-def test_the_time_shown_does_not_go_back(
-    plain: Shown, clock: FakeTime, capsys: pytest.CaptureFixture[str]
-) -> None:
-    plain.listen(START, start())
-    plain.listen(START, truth("v1", 500, 0.0, 0.0))
-    clock.now += LINE_EVERY_S
-    plain.listen(START, truth("v2", 450, 0.0, 0.0))
-    assert capsys.readouterr().err.splitlines()[-1].split()[0] == "10.0"
 
 
 def test_a_terminal_shows_a_row_for_each_vehicle(
@@ -180,21 +154,6 @@ def test_of_a_long_convoy_the_worst_have_a_row_and_all_a_line(
     assert "min gap 10.0 m · delivered 0 · dropped 0 · late 0" in words
 
 
-def test_the_live_table_fits_a_terminal_of_eighty_columns(
-    live: Shown, clock: FakeTime, capsys: pytest.CaptureFixture[str]
-) -> None:
-    live.listen(START, start())
-    drive(live)
-    live.listen(START, tracking("v2", 601, lateral_error_m=-12.345, mode="predecessor"))
-    capsys.readouterr()
-    clock.now += REDRAW_S
-    live.listen(START, gps("v1", 0))
-    err = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", capsys.readouterr().err)
-    assert "…" not in err
-    for words in ("true", "estimated", "error", "cm", "max", "gap", "predecessor", "late"):
-        assert words in err
-
-
 def test_while_the_log_catches_up_the_time_goes_on_and_the_backlog_is_shown(
     clock: FakeTime, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -238,20 +197,3 @@ def test_messages_of_the_run_and_errors_are_printed(
         "run: the router was out of reach for 1.0 s",
         "v2: no way",
     ]
-
-
-@pytest.mark.parametrize("words", ["[/red] gone", "[bold]not bold", ":bomb:", "links[0]"])
-def test_texts_are_printed_as_they_are(
-    plain: Shown, capsys: pytest.CaptureFixture[str], words: str
-) -> None:
-    plain.listen(START, text("v2", 0, words, "error"))
-    assert capsys.readouterr().err == f"v2: {words}\n"
-
-
-def test_strangers_are_not_shown(plain: Shown, capsys: pytest.CaptureFixture[str]) -> None:
-    plain.listen(START, start())
-    capsys.readouterr()
-    plain.listen(START, truth("v9", 1, 0.0, 0.0))
-    plain.listen(START, tracking("v9", 1))
-    plain.listen(START, health("v9"))
-    assert capsys.readouterr().err == ""

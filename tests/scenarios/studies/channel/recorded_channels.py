@@ -35,7 +35,6 @@ segments = [{ length_m = 70000.0 }]
 
 
 def long_drive(links: str) -> Scenario:
-    """Four cars on a long straight, with these links."""
     return scenario_from_text(f"{STRAIGHT}\n{links}")
 
 

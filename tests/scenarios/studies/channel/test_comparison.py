@@ -1,7 +1,5 @@
 """Closed forms of bursts and delays, and samples that follow them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -46,7 +44,6 @@ def test_bursts_of_gilbert_s_chain_are_geometric(p: float, r: float) -> None:
 def test_bursts_of_a_chain_with_independent_losses_are_those_of_a_hidden_chain(
     p: float, r: float, q: float
 ) -> None:
-    """Computed by hand for bursts of one message."""
     table = gilbert(p, r, q)
     shares = burst_shares(expected_channel(table), link_effects(table, 20.0))
     assert shares is not None
@@ -93,7 +90,6 @@ def test_delay_quantiles_of_one_law_agree_with_its_messages(setting: str) -> Non
 @pytest.mark.spread(5)
 @pytest.mark.parametrize("name", presets())
 def test_samples_of_presets_follow_their_laws(name: str) -> None:
-    """Allows for 2.5 times the half-width of the 95 % interval."""
     comparison = compared(f"links.preset={name}", messages=1500)
     for row in (*comparison.figures[:2], *comparison.distances):
         if row.law is None or row.sample is None or row.low is None or row.high is None:
@@ -111,26 +107,3 @@ def test_a_sample_consists_of_the_verdicts_of_the_scenario_s_link() -> None:
     sample = straight.sample(500)
     assert sample.lost.tolist() == [bool(verdict.reason) for verdict in verdicts]
     assert sample.dropped == {"burst": int(sample.lost.sum())}
-
-
-def test_corrupted_messages_count_as_lost_and_rate_limited_ones_do_not() -> None:
-    sample = drive("links.rate_hz=5.0", "links.content={bit_error_ratio=0.001}").sample(800)
-    assert len(sample.lost) == 200
-    assert sample.dropped["rate"] == 600
-    assert sample.dropped["corrupted"] == sample.lost.sum() > 80
-
-
-def test_a_link_that_loses_all_has_no_delays() -> None:
-    figures = {row.figure: row for row in compared("links.loss_ratio=1.0").figures}
-    assert figures["loss"].sample == 1.0
-    assert figures["mean delay"].sample is None
-    assert figures["lost in a row"].law is None
-
-
-def test_bursts_are_shares_of_all_bursts() -> None:
-    rows = compared("links.loss_ratio=0.5").bursts
-    assert sum(row.sample or 0.0 for row in rows) == pytest.approx(1.0)
-    assert sum(row.law or 0.0 for row in rows) == pytest.approx(1.0, abs=1e-3)
-    nearer = compare(replace(drive("links.preset=ieee80211p_jam"), distance_m=10.0), 500)[0]
-    farther = compare(replace(drive("links.preset=ieee80211p_jam"), distance_m=200.0), 500)[0]
-    assert (nearer.figures[0].sample or 0.0) < (farther.figures[0].sample or 0.0)

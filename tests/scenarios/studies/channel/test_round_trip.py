@@ -81,7 +81,6 @@ def scores_of(scenario: Scenario, fitted: FittedLink) -> Iterator[float]:
 
 
 def true_value(table: LinkTable, full_key: str, between: int) -> float:
-    """Configured value of the key of an estimate."""
     key = full_key.removeprefix("loss.").removeprefix("delay.").removeprefix("radio.")
     if full_key in {"loss_ratio", "latency_ms"}:
         return float(getattr(table, full_key))
@@ -102,7 +101,6 @@ def true_value(table: LinkTable, full_key: str, between: int) -> float:
 
 
 def path_loss_values(radio: PathLossRadio, between: int) -> dict[str, float]:
-    """Parameters of one path-loss law that includes the vehicles in between."""
     assert radio.shadowing is not None
     deviation, obstruction, median = radio.shadowing.deviation_db, 0.0, radio.errors.snr_db[0]
     if between:
@@ -147,7 +145,6 @@ def compare_links(first: RecordedLink, second: RecordedLink) -> dict[str, float]
 
 
 def p_value(first: Counts, second: Counts, measure: Measure) -> float:
-    """Share of random swaps after which two samples differ at least as much as before."""
     signs = np.random.default_rng(1).choice([-1.0, 1.0], (SHUFFLES, len(first)))
     signs[0] = 1.0
     differences = measure(signs @ (first - second), (first + second).sum(axis=0))
@@ -165,7 +162,6 @@ def chi_square(differences: Counts, total: Counts) -> Counts:
 
 
 def histogram(at: NDArray[np.intp], values: Counts, edges: Counts, count: int) -> Counts:
-    """Count values per part of the drive; `at` holds indices of its `count` messages."""
     counts = np.zeros((BLOCKS, len(edges) + 1))
     np.add.at(counts, (at * BLOCKS // count, np.searchsorted(edges, values)), 1.0)
     return counts

@@ -16,7 +16,6 @@ from scenarios.results.log_summary import scenario_of, summary_of
 from scenarios.results.vehicles.string_errors import string_errors
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
-from scenarios.studies.comparison.comparison_picture import tracks_of
 from scenarios.studies.comparison.run_comparison import compare_runs
 from tests.made.transport.changed_logs import changed_log
 from vehicles.geometry.path_offsets import driven_feet
@@ -35,7 +34,6 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def shifted(whole: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The log with v3 half a metre to the left from 300 m on."""
     scenario = scenario_of(whole)
     start = scenario.route.start - scenario.route.start_station(2)
 
@@ -76,7 +74,6 @@ def test_equal_runs_do_not_diverge(whole: Path) -> None:
 
 
 def test_the_offset_at_a_place_does_not_depend_on_the_time(tmp_path: Path) -> None:
-    """A slower convoy on the same path, with perfect receivers, does not diverge."""
     for name, speed in (("a", 20), ("b", 10)):
         settings = ["duration_s=8.0", "convoy.vehicles=1", f"speed.set_mps={speed}"]
         settings.append("vehicle.v1.lateral_offset_m=0.0")
@@ -111,18 +108,6 @@ def test_a_drive_that_crosses_itself_stays_on_its_branch() -> None:
     assert np.abs(feet[1]).max() < 0.1
 
 
-def test_tracks_have_times_and_places(whole: Path, shifted: Path) -> None:
-    tracks = tracks_of(compare_runs([whole, shifted]))
-    assert [(one.run, one.vehicle) for one in tracks.tracks] == [
-        (run, vehicle) for run in "AB" for vehicle in ("v1", "v2", "v3")
-    ]
-    assert tracks.divergence is not None
-    assert tracks.divergence.station_m == pytest.approx(FROM_M, abs=1.0)
-    last = tracks.tracks[-1]
-    assert set(last.curves) == {"error", "gap", "difference"}
-    assert last.modes[0].mode == "straight" or last.modes[0].at_s <= 0.1
-
-
 def test_a_figure_is_written_once(whole: Path, shifted: Path, tmp_path: Path) -> None:
     out = tmp_path / "both.svg"
     assert compare(whole, shifted, "-o", out).exit_code == 0
@@ -142,10 +127,6 @@ def test_a_recording_has_both_timelines(whole: Path, shifted: Path, tmp_path: Pa
         timelines.setdefault(entity, set()).update(names)
     for entity in ("plots/error/v3/A", "plots/difference/v3/B", "mode/v2_B", "world/cars/A/v1"):
         assert {"run_time", "path_m"} <= timelines[entity], entity
-
-
-def test_one_run_is_refused(whole: Path) -> None:
-    assert compare(whole, "--json").exit_code == 2
 
 
 def test_errors_along_the_string_are_those_of_the_summary(whole: Path) -> None:

@@ -137,7 +137,6 @@ def test_settings_that_differ_are_listed(tmp_path: Path) -> None:
 
 
 def with_error(summary: RunSummary, seed: int, error: float) -> RunSummary:
-    """A copy with another seed, and another largest error of v2."""
     vehicles = [
         replace(row, cross_track_error_m_max=error) if row.name == "v2" else row
         for row in summary.vehicles

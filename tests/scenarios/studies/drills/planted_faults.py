@@ -15,8 +15,6 @@ from vehicles.received_pose import ReceivedPose
 
 @dataclass(frozen=True)
 class Fault:
-    """A replacement of a function or constant of `vehicles/`, by dotted name."""
-
     place: str
     by: Callable[..., Any] | float
 

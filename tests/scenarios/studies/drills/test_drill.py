@@ -1,21 +1,17 @@
 """Rows of a drill: the worst value of each limit over all seeds, and its margin."""
 
-import io
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import Any
 from xml.etree import ElementTree as Xml
 
 import pytest
-from rich.console import Console
 
-from scenarios.cli.many.drill import print_drills
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.summary import LimitFigure
 from scenarios.studies.drills.drill import (
     UNMEASURED,
     DrillResult,
     DrillRow,
-    drill_result,
     drill_rows,
     drill_variants,
     rows_of_drill,
@@ -54,13 +50,6 @@ def test_the_value_is_the_worst_of_all_vehicles_and_seeds() -> None:
     assert row.command == "convoy run one --seed 2 --clock virtual"
 
 
-def test_the_smallest_value_of_a_lower_limit_is_the_worst() -> None:
-    name = "true_gap_m_min"
-    row = only_row(run(limit(0.8, name)), run(limit(0.6, name), seed=2))
-    assert row.value == 0.6
-    assert row.margin_ratio == pytest.approx(0.2)
-
-
 def test_a_broken_limit_has_a_negative_margin_and_a_message() -> None:
     row = only_row(run(limit(0.3)), run(limit(0.75, message="too far"), seed=2))
     assert (row.passed, row.value, row.message) == (False, 0.75, "too far")
@@ -92,17 +81,6 @@ def test_another_failure_has_a_separate_row() -> None:
     assert second.passed
 
 
-def test_a_bound_of_0_has_no_margin_ratio() -> None:
-    zero = LimitFigure(limit="collisions_max", bound=0, value=0)
-    row = only_row(run(zero))
-    assert (row.margin_ratio, row.passed, row.label) == (None, True, "collisions_max = 0")
-
-
-def test_rows_keep_the_order_of_the_drills() -> None:
-    runs = [run(limit(0.1), drill="b"), run(limit(0.2), drill="a"), run(limit(0.3), drill="b")]
-    assert [(row.drill, row.value) for row in drill_rows(runs)] == [("b", 0.3), ("a", 0.2)]
-
-
 def test_a_scenario_without_limits_is_not_a_drill() -> None:
     with pytest.raises(ScenarioError, match=r"^lane_change: limits: missing, .*collisions_max"):
         drill_variants("lane_change")
@@ -111,19 +89,6 @@ def test_a_scenario_without_limits_is_not_a_drill() -> None:
     (one,) = drill_variants("lane_change", ["limits.collisions_max=0", "seed=7"])
     assert one.seed == 7
     assert [one.seed for one in drill_variants("tunnel", seeds=(1, 2, 3))] == [1, 2, 3]
-
-
-def test_other_reasons_exclude_those_of_limits() -> None:
-    short = ["duration_s=0.5", "convoy.vehicles=2", "limits.true_gap_m_min=50.0"]
-    (variant,) = drill_variants("lane_change", short)
-    summary = variant.run()
-    (broken,) = (one.message for one in summary.limits)
-    assert summary.reason == broken
-    for other in ("", "v2 failed", "v2 failed; v2 refused 3 messages"):
-        reason = "; ".join(filter(None, (other, broken)))
-        found = drill_result(variant, replace(summary, reason=reason), 0.1)
-        assert found.other_reason == other
-        assert found.limits == summary.limits
 
 
 def test_each_drill_is_simulated_once() -> None:
@@ -140,16 +105,6 @@ def test_each_drill_is_simulated_once() -> None:
         ("lead_lost", 1),
     ]
     assert found[0] == run(limit(0.1), drill="tunnel", seed=1)
-
-
-@pytest.mark.parametrize("several_seeds", [False, True])
-def test_a_row_without_a_vehicle_has_no_comma_before_its_seed(several_seeds: bool) -> None:
-    rows = drill_rows([run(LimitFigure(limit="collisions_max", bound=0, value=0), seed=7)])
-    console = Console(file=io.StringIO(), width=120)
-    print_drills(rows, console, several_seeds=several_seeds)
-    text = console.file.getvalue()  # type: ignore[attr-defined]
-    assert ("seed 7" in text) == several_seeds
-    assert ", seed" not in text
 
 
 # ---- JSON and XML
@@ -182,15 +137,6 @@ def test_xml_has_a_case_for_each_limit_and_failure_messages() -> None:
     assert failure.get("message") == "v3 was <far> & off"
     assert "convoy run bad --seed 1 --clock virtual" in (failure.text or "")
     assert suites["odd"].find("testcase/failure") is not None
-
-
-def test_xml_omits_unknown_figures() -> None:
-    zero = replace(limit(None), bound=0)
-    runs = [replace(run(zero), duration_s=0.0)]
-    case = as_xml(drill_rows(runs), runs).find("testsuite/testcase")
-    assert case is not None
-    assert case.get("time") is None
-    assert case.findtext("system-out") == "seed 1"
 
 
 def test_json_has_rows_and_runs() -> None:

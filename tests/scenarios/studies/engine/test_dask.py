@@ -28,7 +28,6 @@ distributed = pytest.importorskip("distributed")
 
 @contextmanager
 def local_cluster(*, processes: bool) -> Iterator[Any]:
-    """A scheduler with two workers on the loopback interface."""
     with distributed.LocalCluster(
         n_workers=2,
         threads_per_worker=1,
@@ -43,7 +42,6 @@ def local_cluster(*, processes: bool) -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
-    """Workers as threads of this process, which start quickly."""
     with local_cluster(processes=False) as cluster:
         yield cluster
 

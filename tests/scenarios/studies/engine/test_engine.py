@@ -18,13 +18,11 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.results.versions import current_stamp, module_digests
 from scenarios.studies.engine.dispatcher import (
     MAX_ATTEMPTS,
-    TARGET_BATCH_S,
     WORKER_DIED,
-    BatchSizer,
     JobDispatcher,
 )
-from scenarios.studies.engine.engine import JobProgress, study_engine
-from scenarios.studies.engine.job import Job, JobResult, Work, run_batch
+from scenarios.studies.engine.engine import study_engine
+from scenarios.studies.engine.job import Job, Work, run_batch
 from scenarios.studies.engine.workers import InlineExecutor, WorkerGroup, open_workers
 from tests.made.many.engines import engine_here
 
@@ -82,8 +80,6 @@ def test_an_error_is_one_line_and_the_other_jobs_run() -> None:
 
 
 class Deadly(Executor):
-    """Executor whose worker dies in batches with `poison`, and at the calls `killed_at`."""
-
     def __init__(self, poison: set[int], killed_at: set[int]) -> None:
         self.poison = poison
         self.killed_at = killed_at
@@ -133,8 +129,6 @@ def test_a_killed_process_is_replaced(tmp_path: Path) -> None:
 
 
 class Gone(Executor):
-    """An executor without workers."""
-
     def submit(self, _fn: Callable[..., Any], /, *_args: Any, **_kwargs: Any) -> "Future[Any]":
         raise BrokenExecutor("none left")
 
@@ -142,16 +136,6 @@ class Gone(Executor):
 def test_lost_workers_are_one_error_line() -> None:
     with pytest.raises(ScenarioError, match=r"workers are lost.*none left"):
         list(JobDispatcher(jobs_of({1: partial(square, 1)}), threads(Gone())).outcomes())
-
-
-def test_results_keep_the_order_and_errors_name_the_command() -> None:
-    with engine_here() as engine:
-        assert engine.results(jobs_of({k: partial(square, k) for k in (2, 0, 1)})) == [4, 0, 1]
-        bad = Job(key="bad", work=partial(square, -1), command="convoy run lane_change --seed 1")
-        with pytest.raises(ScenarioError, match=r"^convoy run lane_change --seed 1: ValueError"):
-            engine.results([bad])
-        with pytest.raises(ScenarioError, match=r"^gap_m: given 1\nseed"):
-            engine.results(jobs_of({"refused": refuse}))
 
 
 def test_a_job_that_kills_its_workers_is_one_line_with_its_command() -> None:
@@ -162,7 +146,6 @@ def test_a_job_that_kills_its_workers_is_one_line_with_its_command() -> None:
 
 
 def test_a_study_resumes_after_an_interrupt(tmp_path: Path) -> None:
-    """Each job runs once, and the journal is removed at the end."""
     done, out = list[int](), tmp_path / "out"
 
     def count(number: int) -> list[float]:
@@ -186,62 +169,6 @@ def test_a_study_resumes_after_an_interrupt(tmp_path: Path) -> None:
     assert study(99) == [[k / 7, float("inf")] for k in range(5)]
     assert done == [0, 1, 2, 3, 4]
     assert not list(out.iterdir())
-
-
-@given(duration_s=st.floats(0.0, 100.0), waiting=st.integers(1, 5000), slots=st.integers(1, 64))
-def test_a_batch_takes_over_a_second_or_fills_its_slot(
-    duration_s: float, waiting: int, slots: int
-) -> None:
-    sizer = BatchSizer()
-    assert sizer.size(waiting, slots) == 1
-    sizer.add([JobResult(duration_s=duration_s), JobResult(duration_s=duration_s)])
-    size = sizer.size(waiting, slots)
-    assert 1 <= size <= -(-waiting // slots)
-    assert size * duration_s >= 1.0 or size in {-(-waiting // slots), 1000}
-    assert (size - 1) * duration_s <= TARGET_BATCH_S
-
-
-def test_the_time_left_excludes_the_first_run(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    now = [0.0]
-    monkeypatch.setattr("time.monotonic", lambda: now[0])
-    lines: list[str] = []
-    progress = JobProgress(lines.append)
-    progress.total, progress.done = 10, 4
-    for at in (30.0, 35.0, 36.0, 41.0, 43.0, 44.0):
-        now[0] = at
-        progress.count_job()
-    assert lines == [
-        "  30.0 s  5 of 10 runs",
-        "  35.0 s  6 of 10 runs, 20 s left",
-        "  41.0 s  8 of 10 runs, 7 s left",
-        "  44.0 s  10 of 10 runs",
-    ]
-
-
-def test_an_expected_total_is_called_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    now = [0.0]
-    monkeypatch.setattr("time.monotonic", lambda: now[0])
-    lines: list[str] = []
-    progress = JobProgress(lines.append)
-    progress.expected = 10
-    for at in (30.0, 35.0):
-        now[0] = at
-        progress.count_job()
-    assert [line.count("about") for line in lines] == [1, 2]
-    assert "40 s" in lines[1]
-
-
-def test_a_silent_study_reports_every_five_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
-    now = [0.0]
-    monkeypatch.setattr("time.monotonic", lambda: now[0])
-    lines: list[str] = []
-    progress = JobProgress(lines.append)
-    for at in range(13):
-        now[0] = float(at)
-        progress.report_if_due()
-    assert lines == ["   5.0 s  0 runs", "  10.0 s  0 runs"]
 
 
 def test_no_more_jobs_run_after_the_caller_stops(tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """Jobs on worker processes: all results, and no further jobs after a failure."""
 
 import os
-import time
 from functools import partial
 from pathlib import Path
 
@@ -43,17 +42,3 @@ def test_no_job_starts_after_a_failure(tmp_path: Path, workers: int) -> None:
     with engine_here(workers) as engine, pytest.raises(ScenarioError, match="invalid literal"):
         engine.results(jobs)
     assert len(list(tmp_path.iterdir())) <= workers
-
-
-def test_no_job_starts_after_the_caller_stops(tmp_path: Path) -> None:
-    jobs = [
-        Job(key=str(k), work=partial(_write_pid_and_wait, tmp_path / str(k))) for k in range(50)
-    ]
-    with engine_here(1) as engine:
-        next(engine.outcomes(jobs))
-    assert len(list(tmp_path.iterdir())) < 40
-
-
-def _write_pid_and_wait(path: Path) -> None:
-    write_pid(path)
-    time.sleep(0.05)

@@ -42,14 +42,12 @@ Module = Callable[[str], str]
 
 
 def variant(name: str, limit: str = "lane", *more: str) -> tuple[Variant, Limit]:
-    """A run of half a second with the figures of a module."""
     figures = f"figure=[{{use='{name}.Scaled',factor=0.5}},'{name}.Ebbing']"
     sets = ["convoy.vehicles=2", "duration_s=0.5", figures, *more]
     return limited_variant("lane_change", sets, limit)
 
 
 def test_limits_bound_own_figures_of_the_convoy_and_of_a_vehicle(module: Module) -> None:
-    """The figure is half of the distance driven, by its parameter."""
     bounds = "limits.own_figures={Scaled_max=100,Scaled_min=0.1}"
     of_one = "limits.v1.own_figures.Scaled_max=0.1"
     run, _ = variant(module(CODE), "lane", bounds, of_one)
@@ -75,7 +73,6 @@ def test_limits_bound_own_figures_of_the_convoy_and_of_a_vehicle(module: Module)
     ],
 )  # fmt: skip
 def test_searches_judge_own_figures_at_the_end(module: Module, limit: str, broken: bool) -> None:
-    """`Ebbing` is positive at first, and negative at the end, after more than 4 m."""
     run, parsed = variant(module(CODE), limit)
     assert str(parsed) == limit
     summary = run.run()
@@ -122,27 +119,3 @@ def test_a_figure_that_fails_is_not_judged(module: Module) -> None:
         broken_by(limit, summary)
     with pytest.raises(PlugInError, match=r"Faulty_max=1: v1: figure .* ZeroDivisionError"):
         run.breaks(limit)
-
-
-@pytest.mark.parametrize(
-    ("override", "line"),
-    [
-        ("limits.own_figures.Scaled_mx=1", "no such figure, did you mean Scaled_max?"),
-        ("limits.v2.own_figures.Other_max=1", "no such figure, allowed Scaled_max, Scaled_min, "),
-        ("limits.own_figures.Scaled_max='a'", 'limits.own_figures.Scaled_max: given "a", allowed'),
-        ("limits.own_figures.Scaled_max=nan", "Scaled_max: given nan, allowed a finite number"),
-        ("figure=['M.Scaled','M.Scaled']", "figure[1]: figure 'M.Scaled': given Scaled twice"),
-    ],
-)
-def test_a_wrong_bound_is_one_line(module: Module, override: str, line: str) -> None:
-    name = module(CODE)
-    with pytest.raises(ScenarioError) as refused:
-        variant(name, "lane", override.replace("M.", f"{name}."))
-    (text,) = refused.value.lines
-    assert line in text.replace(f"{name}.", "M.")
-
-
-@pytest.mark.parametrize("limit", ["Scaled=1", "Other_max=1", "Scaled_max=inf", "Scaled_max"])
-def test_a_limit_of_the_command_line_names_own_figures(module: Module, limit: str) -> None:
-    with pytest.raises(ScenarioError, match=r"--limit: given .*Scaled_max=1, Ebbing_max=1"):
-        variant(module(CODE), limit)

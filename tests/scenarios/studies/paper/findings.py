@@ -69,12 +69,10 @@ def late_third_car(error: float) -> Trial:
 
 
 def along_both_trajectories(findings: Findings) -> dict[Trajectory, Findings]:
-    """Return the same findings for both trajectories."""
     return {"fitted": findings, "paper": replace(findings, trajectory="paper")}
 
 
 def findings_with_all_claims_true() -> Findings:
-    """Make findings in which every claim about simulations and the field experiment holds."""
     falling = trial_of((0.08, 0.06, 0.05))
     same = (
         BASE,

@@ -285,7 +285,6 @@ def test_a_run_uses_its_trajectory(kind: Trajectory) -> None:
 
 
 def test_the_paper_s_trajectory_gives_the_paper_s_numbers() -> None:
-    """At 500 m with an exact own state, and neither on 250 m nor with noise."""
     largest = {}
     for key in (A, C, BASE, at_radius(250.0), BASE.noisy(1)):
         run = EXPERIMENTS[key].with_trajectory("paper")

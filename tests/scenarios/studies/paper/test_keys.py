@@ -8,7 +8,6 @@ from scenarios.studies.paper.keys import (
     FIELD_WITHOUT,
     LONG_WITH,
     NO_LEAD_DATA,
-    VARIABLE_SPEED,
     A,
     JobKey,
     Part,
@@ -54,8 +53,3 @@ def test_the_exact_run_of_a_repetition() -> None:
     key = at_radius(400.0).with_variant("slip_compensated")
     assert key.noisy(2).exact == key.moved(0.5).exact == key.exact == key
     assert key.noisy(2) != key
-
-
-def test_labels() -> None:
-    assert A.label == "A"
-    assert VARIABLE_SPEED.label == "variable speed"

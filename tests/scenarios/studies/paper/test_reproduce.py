@@ -16,27 +16,19 @@ from scenarios.studies.engine.job import Job
 from scenarios.studies.paper import reproduce as reproduction
 from scenarios.studies.paper.claims.claim import JUDGEMENTS
 from scenarios.studies.paper.experiments import RUNS_OF_CASE, Experiment
-from scenarios.studies.paper.field_runs import FieldRuns
-from scenarios.studies.paper.findings import Findings
 from scenarios.studies.paper.keys import (
     BASE,
-    FIELD_WITH,
-    FIELD_WITHOUT,
     TRAJECTORIES,
     VARIABLE_SPEED,
-    A,
     Part,
-    SineKey,
     WithTrajectory,
 )
 from scenarios.studies.paper.report.report import CLAIMS, all_pictures, write_report
 from scenarios.studies.paper.reproduce import (
-    ExperimentRun,
     chosen_cases,
     jobs_of,
     reproduce,
     run_experiment,
-    store_result,
 )
 from tests.made.many.engines import engine_here
 from tests.scenarios.studies.paper.findings import (
@@ -70,7 +62,6 @@ def no_progress(_: str) -> None:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write the report on made-up findings for every run of every case."""
     out = tmp_path_factory.mktemp("whole")
     findings = findings_with_all_claims_true()
     for case in RUNS_OF_CASE.values():
@@ -97,12 +88,6 @@ def test_a_whole_report_has_a_row_for_each_claim_and_every_picture(whole: Path) 
     assert set(re.findall(r"!\[.*?\]\((.*?)\)", text)) == set(all_pictures())
     for name in all_pictures():
         assert (whole / name).read_bytes().startswith(PNG)
-
-
-def test_every_row_of_a_table_has_all_its_columns(whole: Path) -> None:
-    for table in re.findall(r"(?:^\|.*\|\n)+", (whole / "report.md").read_text(), re.MULTILINE):
-        widths = {len(re.findall(r"(?<!\\)\|", row)) for row in table.splitlines()}
-        assert len(widths) == 1, table.splitlines()[0]
 
 
 def test_report_json_agrees_with_report_md(whole: Path) -> None:
@@ -156,17 +141,6 @@ def test_a_report_is_never_overwritten(tmp_path: Path) -> None:
     assert (tmp_path / "report.md").read_text() == "mine"
 
 
-def test_an_unknown_case_is_refused_with_a_hint(tmp_path: Path) -> None:
-    with pytest.raises(ScenarioError, match=r"no such case, did you mean radius\?, allowed base"):
-        reproduce(["radios"], tmp_path / "new", no_progress)
-    assert not (tmp_path / "new").exists()
-
-
-def test_cases_come_in_the_order_of_the_paper_and_none_means_all() -> None:
-    assert chosen_cases(["field", "a", "base"]) == ["base", "a", "field"]
-    assert chosen_cases([]) == list(RUNS_OF_CASE)
-
-
 def test_every_run_is_one_job_and_long_jobs_come_first(tmp_path: Path) -> None:
     jobs = list(jobs_of(chosen_cases([]), tmp_path))
     runs = {key: run for case in RUNS_OF_CASE.values() for key, run in case.items()}
@@ -185,21 +159,6 @@ def test_a_failed_job_ends_the_reproduction(tmp_path: Path) -> None:
     work = partial(run_experiment, Experiment(scenario="no_such"), tmp_path)
     with engine_here() as engine, pytest.raises(ScenarioError, match="no such file"):
         engine.results([Job(key="bad", work=work)])
-
-
-def test_results_are_stored_by_key() -> None:
-    source, findings = findings_with_all_claims_true(), Findings()
-    field = FieldRuns(source.trials[FIELD_WITH], source.trials[FIELD_WITHOUT], ("run_1_v1",))
-    store_result(findings, BASE, ExperimentRun(source.trials[BASE], source.samples[BASE]))
-    store_result(findings, A, ExperimentRun(source.trials[A]))
-    store_result(findings, Part.FIELD, field)
-    store_result(findings, Part.GAINS, ("one.png",))
-    store_result(findings, SineKey(0.8, 0.25), source.sine_responses[0])
-    assert all(map(findings.has, (BASE, *Part)))
-    assert findings.samples == {BASE: source.samples[BASE]}
-    assert findings.field_logs == ("run_1_v1",)
-    with pytest.raises(TypeError, match=r"base: .*FieldRuns"):
-        store_result(findings, BASE, field)
 
 
 def test_the_gains_pictures_are_those_of_the_gains_report(

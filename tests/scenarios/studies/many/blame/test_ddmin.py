@@ -3,11 +3,10 @@
 from collections.abc import Callable, Sequence
 from hashlib import blake2b
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.studies.many.blame.shrinking import SmallestSet, ddmin, split, trim
+from scenarios.studies.many.blame.shrinking import SmallestSet, ddmin, trim
 
 Fails = Callable[[frozenset[int]], bool]
 SIZES = st.integers(1, 40)
@@ -15,7 +14,6 @@ few = settings(max_examples=40)
 
 
 def first_that(fails: Fails) -> Callable[[Sequence[tuple[int, ...]]], int | None]:
-    """Return the index of the first set with which the test fails."""
     return lambda sets: next((k for k, items in enumerate(sets) if fails(frozenset(items))), None)
 
 
@@ -47,7 +45,6 @@ def test_one_of_several_sufficient_causes_remains(data: st.DataObject, size: int
 def test_the_result_is_minimal_for_a_test_that_is_not_monotone(
     size: int, salt: int, of_ten: int
 ) -> None:
-    """The test fails at random, independently for each set."""
     every = frozenset(range(size))
 
     def fails(items: frozenset[int]) -> bool:
@@ -84,7 +81,6 @@ def test_an_exhausted_search_returns_a_failing_set(size: int, salt: int, most: i
 
 
 def test_consecutive_causes_take_few_tests() -> None:
-    """20 consecutive items of 1000: some halvings, and one or two tests for each of the 20."""
     tried = 0
 
     def fails(items: frozenset[int]) -> bool:
@@ -103,23 +99,3 @@ def test_trimming_keeps_exactly_consecutive_causes(data: st.DataObject, size: in
     needed = set(range(first, last + 1))
     left = trim(range(size), first_that(lambda items: needed <= items))
     assert left == tuple(range(first, last + 1))
-
-
-@given(SIZES, st.integers(0, 1000))
-def test_the_trimmed_set_always_fails(size: int, salt: int) -> None:
-    every = frozenset(range(size))
-
-    def fails(items: frozenset[int]) -> bool:
-        return items == every or (bool(items) and (sum(items) * 31 + salt) % 3 == 0)
-
-    left = trim(range(size), first_that(fails))
-    assert fails(frozenset(left))
-    assert left == tuple(range(left[0], left[-1] + 1))
-
-
-@pytest.mark.parametrize("chunks", [1, 2, 3, 7])
-def test_chunks_are_even_and_keep_the_order(chunks: int) -> None:
-    parts = split(tuple(range(7)), chunks)
-    assert [item for part in parts for item in part] == list(range(7))
-    assert len(parts) == chunks
-    assert max(map(len, parts)) - min(map(len, parts)) <= 1

@@ -17,7 +17,6 @@ from tests.made.many.planted_losses import FULL, LANE, SHORT, TINY, Convoy, plan
 
 
 def blame_planted(convoy: Convoy, case: int, folder: Path, workers: int | None) -> BlameResult:
-    """Blame the log of a planted run; only messages of the burst may be found."""
     cause = planted(convoy, case)
     run_virtual(cause.scenario, folder, Stop())
     with engine_here(workers) as engine:

@@ -12,7 +12,7 @@ import pytest
 from scenarios.definition.run_limits import Limit
 from scenarios.studies.engine.job import Job
 from scenarios.studies.many.blame.listed_losses import LossFreeScenario
-from scenarios.studies.many.blame.losses import Burst, Losses, LostMessage, bursts_of, overlaps_of
+from scenarios.studies.many.blame.losses import Losses, LostMessage, bursts_of, overlaps_of
 from scenarios.studies.many.blame.ranking import Attribution, losses_of, rank_losses, run_alone
 from scenarios.studies.many.blame.rerun import RerunCriteria, RerunResult
 from scenarios.studies.many.blame.shrinking import SmallestSet, smallest_set
@@ -25,8 +25,6 @@ PERIOD = 50_000_000
 
 
 class NoConvoy:
-    """Stands in for a scenario; nothing is simulated."""
-
     def with_losses(self, losses: Losses) -> SimpleNamespace:
         return SimpleNamespace(text=losses)
 
@@ -98,7 +96,6 @@ def test_the_harmful_one_of_a_hundred_bursts_is_found_in_few_runs(first: int) ->
 
 
 def test_two_bursts_that_are_harmful_together_are_both_found() -> None:
-    """As for lead and predecessor: one of them is enough."""
     lead, ahead = frozenset(lost("v1", 300, 10)), frozenset(lost("v2", 302, 6))
     rows, smallest, _ = found(
         lambda losses: 1.5 * (lead | ahead <= losses), [*lost("v1", 100, 9), *lead, *ahead]
@@ -106,17 +103,6 @@ def test_two_bursts_that_are_harmful_together_are_both_found() -> None:
     costly = {row.losses for row in rows if row.reduction_m > 1.0}
     assert {lead, ahead, lead | ahead} <= costly
     assert set(smallest.items) == lead | ahead
-
-
-def test_two_bursts_that_are_each_sufficient_are_both_divided() -> None:
-    """Restoring one of them has no effect while the other is lost."""
-    early, late = frozenset(lost("v1", 100, 8)), frozenset(lost("v1", 500, 8))
-    rows, smallest, _ = found(
-        lambda losses: 1.5 * (early <= losses or late <= losses), [*HARMLESS[:8], *early, *late]
-    )
-    alone = {row.losses for row in rows if row.alone and row.alone.broken_at is not None}
-    assert {early, late} <= alone | {row.losses for row in rows}
-    assert set(smallest.items) in (early, late)
 
 
 @pytest.mark.parametrize("parallel", [2, 3, 8])
@@ -140,18 +126,3 @@ def test_a_set_is_not_minimal_when_the_runs_are_used_up() -> None:
     assert burst <= set(smallest.items)
     assert not smallest.is_minimal
     assert trials.runs <= 31
-
-
-def test_each_set_is_simulated_once() -> None:
-    simulated: list[Losses] = []
-
-    def error_of(losses: Losses) -> float:
-        simulated.append(losses)
-        return 0.2 * len(losses)
-
-    bursts: tuple[Burst, ...] = bursts_of(lost("v1", 3, 7))
-    trials = trials_of(error_of)
-    sets = [frozenset(one.messages[:k]) for one in bursts for k in range(1, 8)]
-    trials.results(sets)
-    assert trials.first_breaking([*sets, *sets]) == 4  # five messages, 1.0 m
-    assert len(simulated) == len(set(simulated)) == trials.runs == 7

@@ -19,30 +19,6 @@ def refused(*texts: str) -> str:
     return line
 
 
-@pytest.mark.parametrize(
-    ("given", "texts"),
-    [
-        ("0:0.9:0.1", ["0", *(f"0.{digit}" for digit in range(1, 10))]),
-        ("8:35:9", ["8", "17", "26", "35"]),
-        ("1:0:-0.25", ["1", "0.75", "0.5", "0.25", "0"]),
-        ("-0.5:0.5:0.5", ["-0.5", "0", "0.5"]),
-        ("100:300:100", ["100", "200", "300"]),
-        ("1e-3:3e-3:1e-3", ["0.001", "0.002", "0.003"]),
-        ("5:5:1", ["5"]),
-        ("8,15,35", ["8", "15", "35"]),
-        ("clear, lossy", ["clear", "lossy"]),
-        ("[1,2],[{a=3,b=4}]", ["[1,2]", "[{a=3,b=4}]"]),
-        ("\"a,b\",'c]'", ['"a,b"', "'c]'"]),
-        ("true,false", ["true", "false"]),
-        ("2026-01-01T00:00:00Z", ["2026-01-01T00:00:00Z"]),
-    ],
-)
-def test_values_keep_their_text(given: str, texts: list[str]) -> None:
-    axis = parsed_axis(f"some.key={given}")
-    assert axis.key == "some.key"
-    assert list(axis.texts) == texts
-
-
 @given(
     start=st.decimals(-100, 100, places=3),
     step=st.decimals(-10, 10, places=3).filter(bool),

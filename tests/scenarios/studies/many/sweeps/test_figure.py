@@ -17,7 +17,6 @@ NAMES = ("v1", "v2", "v3")
 
 @cache
 def run() -> RunSummary:
-    """A short run with losses and an event: v3 is without data for a while."""
     overrides = ["duration_s=4", "convoy.vehicles=3", "links.loss_ratio=0.9", "convoy.gap_m=1"]
     return run_unlogged(load_scenario("lane_change", overrides))
 
@@ -56,10 +55,6 @@ def test_every_allowed_name_has_a_value_or_none() -> None:
     for name in (*VEHICLE_FIELDS, *(f"links.{path}" for path in LINK_FIELDS)):
         value = of(name)
         assert value is None or isinstance(value, float), name
-
-
-def test_a_missing_vehicle_has_no_figure() -> None:
-    assert parsed_figure("v9.distance_m", [*NAMES, "v9"]).of(run()) is None
 
 
 @pytest.mark.parametrize(

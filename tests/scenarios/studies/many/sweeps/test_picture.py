@@ -17,7 +17,6 @@ GAPS = "convoy.gap_m=3,10"
 
 
 def swept(*vary: str) -> SweepTable:
-    """A sweep with known figures; its second metric is missing in all runs."""
     plan = small_plan(vary, seeds=3)
     entries = {
         f"{cell}/{seed}": {
@@ -33,7 +32,6 @@ def swept(*vary: str) -> SweepTable:
 
 
 def places_of(table: SweepTable) -> list[Axes]:
-    """The panels: two limits, then two metrics."""
     return sweep_picture(table).axes[:4]
 
 
@@ -69,13 +67,6 @@ def test_a_line_has_the_means_of_its_value_over_the_numbers(vary: tuple[str, ...
         assert lines_of(lane)[fusion].lines[0].get_ydata() == pytest.approx(
             [100.0 * (share or 0.0) for share in shares]
         )
-
-
-def test_values_without_numbers_are_points_side_by_side() -> None:
-    error = places_of(swept(FUSIONS))[2]
-    (line,) = lines_of(error).values()
-    assert line.lines[0].get_linestyle() == "None"
-    assert [text.get_text() for text in error.get_xticklabels()] == ["composite", "blend"]
 
 
 def test_two_keys_with_numbers_give_heat_maps() -> None:

@@ -1,7 +1,6 @@
 """Small sweeps give the same bytes when resumed, on several executors, and with errors."""
 
 import json
-import random
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -20,7 +19,6 @@ from tests.made.many.small_sweeps import SETS, run_sweep_here, small_plan, table
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of an uninterrupted sweep."""
     out = tmp_path_factory.mktemp("sweep")
     run_sweep_here(small_plan(), out)
     return out
@@ -50,7 +48,6 @@ def test_seeds_are_shared_between_cells() -> None:
 def test_a_changed_controller_or_file_is_another_sweep(
     place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Otherwise the resumed sweep would mix runs of both."""
     monkeypatch.syspath_prepend(tmp_path)
     law = "from vehicles.driver.steering import Stanley\nclass Mine(Stanley):\n    sign = {}\n"
     losses = tmp_path / "losses.csv"
@@ -72,34 +69,6 @@ def test_a_changed_controller_or_file_is_another_sweep(
     assert second != third
 
 
-@pytest.mark.campaign(2, 20)
-def test_a_truncated_journal_gives_the_same_tables(
-    whole: Path, campaign: int, tmp_path: Path
-) -> None:
-    journal = (whole / JOURNAL).read_bytes()
-    noise = random.Random(11)
-    for cut in (len(journal), *(noise.randrange(len(journal)) for _ in range(campaign))):
-        (tmp_path / JOURNAL).write_bytes(journal[:cut])
-        run_sweep_here(small_plan(), tmp_path)
-        assert tables(tmp_path) == tables(whole)
-        assert (tmp_path / JOURNAL).read_bytes().count(b"\n") == journal.count(b"\n")
-
-
-@pytest.mark.campaign(12, 200)
-def test_flipped_bits_of_a_journal_give_the_same_tables(
-    whole: Path, campaign: int, tmp_path: Path
-) -> None:
-    journal = (whole / JOURNAL).read_bytes()
-    noise = random.Random(12)
-    for _ in range(campaign):
-        place = noise.randrange(len(journal))
-        damaged = bytearray(journal)
-        damaged[place] ^= 1 << noise.randrange(8)
-        (tmp_path / JOURNAL).write_bytes(damaged)
-        run_sweep_here(small_plan(), tmp_path)
-        assert tables(tmp_path) == tables(whole), place
-
-
 @contextmanager
 def three_threads() -> Iterator[WorkerGroup]:
     with ThreadPoolExecutor(3) as pool:
@@ -107,13 +76,11 @@ def three_threads() -> Iterator[WorkerGroup]:
 
 
 def test_another_executor_gives_the_same_tables(whole: Path, tmp_path: Path) -> None:
-    """For process pools see the tests of the command."""
     run_sweep(small_plan(), tmp_path, three_threads, lambda _: None)
     assert tables(tmp_path) == tables(whole)
 
 
 def test_an_error_is_counted_in_its_cell(tmp_path: Path) -> None:
-    """Each value is valid, but two vehicles and a clock of a third one are not."""
     vary = ("convoy.vehicles=3,2", "vehicle={},{v3={clock={offset_ms=3.0}}}")
     plan = planned("lane_change", vary=vary, seeds=1, sets=SETS[:1], limits=["lane"])
     table = run_sweep_here(plan, tmp_path)
@@ -182,15 +149,9 @@ def test_invalid_sweeps_are_refused_before_anything_runs(
 
 
 def test_a_key_of_a_list_entry_varies() -> None:
-    """The entry may be given by --set or by another --vary."""
     times = "change[0].at_s=0.2,0.4"
     for sets, vary in (([CUT], [times]), ([], [CUT, times])):
         plan = planned("lane_change", vary=vary, seeds=1, sets=sets)
         cuts = [plan.variants(cell)[0].scenario.tables.change[0] for cell in plan.cells]
         assert [(one.kind, one.at_s) for one in cuts] == [("cut", 0.2), ("cut", 0.4)]
         assert plan.axes[-1].key == "change.0.at_s"
-
-
-def test_figures_of_vehicles_of_any_cell_are_allowed() -> None:
-    plan = planned("lane_change", vary=["convoy.vehicles=2,5"], seeds=1, metrics=["v5.distance_m"])
-    assert [figure.name for figure in plan.figures] == ["v5.distance_m"]
