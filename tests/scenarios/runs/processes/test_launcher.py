@@ -64,10 +64,6 @@ class FakeSupervisor:
         self.started.append(child)
         return child
 
-    def start_all(self, requested: Sequence[tuple[str, Sequence[str]]]) -> None:
-        for name, arguments in requested:
-            self.start(name, arguments)
-
     def send_reason(self, name: str, reason: str) -> None:
         self.calls.append(("send reason", name, reason))
 

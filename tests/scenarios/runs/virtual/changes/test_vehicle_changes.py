@@ -2,8 +2,6 @@
 
 import json
 import math
-import pickle
-from io import BytesIO
 from itertools import pairwise
 
 import pytest
@@ -13,7 +11,6 @@ from hypothesis import strategies as st
 from scenarios.runs.node.node import Node, VehicleFaultError
 from scenarios.runs.node.phases import BRAKING, Down
 from scenarios.runs.node.probe import NoProbe
-from scenarios.runs.processes.restart import pack
 from scenarios.runs.virtual.virtual_convoy import steps_in_order
 from tests.made.convoys.changed_convoys import ChangedConvoy, changed
 from tests.made.examples import examples
@@ -278,7 +275,7 @@ def test_messages_of_a_clock_off_by_ten_seconds_are_received(offset_ms: float) -
 def test_a_restarted_process_continues_from_the_handover(
     at_s: float, for_s: float, name: str
 ) -> None:
-    """Through bytes, as the real process hands itself over: what is sent is equal to the bit."""
+    """What is sent is equal to the bit."""
     scenario = changed(
         f'kind = "crash"\nvehicle = "{name}"\nat_s = {at_s}\nfor_s = {for_s}',
         'kind = "speed"\nat_s = 1.0\nspeed_mps = 12.0',
@@ -296,8 +293,6 @@ def test_a_restarted_process_continues_from_the_handover(
         if handover is None or exchanged:
             continue
         exchanged += 1
-        pack(handover, file := BytesIO())
-        handover = pickle.loads(file.getvalue())
         arrived = node.inbox
         other = restarted.builders[name].node(
             restarted.start_at, restarted.sink(name), NoProbe(), handover
