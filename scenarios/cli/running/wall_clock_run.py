@@ -9,6 +9,7 @@ from scenarios.cli.display_options import DisplayOptions, start_line
 from scenarios.cli.error_lines import error_line
 from scenarios.cli.running.commands import run_part
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
+from scenarios.runs.processes.fork_server import stop_fork_server
 from scenarios.runs.processes.launcher import LaunchPlan, launch
 from scenarios.runs.processes.supervisor import Supervisor
 from scenarios.runs.stop import EXIT_DONE, Stop, stop_on_signals
@@ -18,7 +19,10 @@ from transport.log.errors import LogError
 
 def run_processes(plan: LaunchPlan, display: DisplayOptions) -> int:
     """Run on the wall clock; returns the exit code."""
-    return launch_and_report(plan, stop_on_signals(), Supervisor(run_part), display)
+    try:
+        return launch_and_report(plan, stop_on_signals(), Supervisor(run_part), display)
+    finally:
+        stop_fork_server()
 
 
 def launch_and_report(

@@ -5,7 +5,7 @@ import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from multiprocessing import get_all_start_methods, get_context, resource_tracker
+from multiprocessing import forkserver, get_all_start_methods, get_context, resource_tracker
 from multiprocessing.context import BaseContext
 from types import ModuleType
 
@@ -46,3 +46,12 @@ def starting_processes() -> Iterator[None]:
                 os.environ[SAFE_PATH] = safe_path
             sys.modules["__main__"] = main
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def stop_fork_server() -> None:
+    """Wait for the end of the fork server, whose children have all ended, and of its helper.
+
+    They would end by themselves, but a little after this process.
+    """
+    forkserver._forkserver._stop()  # type: ignore[attr-defined]
+    resource_tracker._resource_tracker._stop()  # type: ignore[attr-defined]

@@ -369,7 +369,7 @@ class World:
 
     def _kill(self, name: str, back: int | None) -> None:
         process = self.process(name)
-        if process is None or process.poll() is not None:
+        if process is None or process.exitcode is not None:
             return
         process.is_faulty = True
         process.kill()
@@ -378,7 +378,7 @@ class World:
 
     def _stop(self, name: str, number: int) -> None:
         process = self.process(name)
-        if process is not None and process.poll() is None:
+        if process is not None and process.exitcode is None:
             process.is_faulty = True
             process.signal(number)
 
