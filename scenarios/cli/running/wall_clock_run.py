@@ -1,13 +1,14 @@
 """A run on the wall clock: start its processes, complete its files."""
 
+from collections.abc import Sequence
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 
 import click
 
 from scenarios.cli.display_options import DisplayOptions, start_line
 from scenarios.cli.error_lines import error_line
-from scenarios.cli.running.commands import run_part
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.runs.processes.fork_server import stop_fork_server
 from scenarios.runs.processes.launcher import LaunchPlan, launch
@@ -16,11 +17,21 @@ from scenarios.runs.stop import EXIT_DONE, Stop, stop_on_signals
 from transport.clock import SYSTEM_TIME, SystemTime
 from transport.log.errors import LogError
 
+COMMANDS = "scenarios.cli.running.commands"
+"""Module of the commands, which import this one."""
+
+
+def run_part(arguments: Sequence[str]) -> None:
+    """Run `convoy ARGUMENTS` as a part of a run, in a new process."""
+    import_module(COMMANDS).run_part(arguments)
+
 
 def run_processes(plan: LaunchPlan, display: DisplayOptions) -> int:
     """Run on the wall clock; returns the exit code."""
     try:
-        return launch_and_report(plan, stop_on_signals(), Supervisor(run_part), display)
+        return launch_and_report(
+            plan, stop_on_signals(), Supervisor(run_part, (COMMANDS,)), display
+        )
     finally:
         stop_fork_server()
 

@@ -76,12 +76,18 @@ class Supervisor:
     input is a pipe from the launcher: when that closes, the child stops by itself.
     """
 
-    def __init__(self, run_part: RunPart, system: SystemTime = SYSTEM_TIME) -> None:
+    def __init__(
+        self,
+        run_part: RunPart,
+        preload: Sequence[str] = (),
+        system: SystemTime = SYSTEM_TIME,
+    ) -> None:
+        """The fork server imports the module of `run_part`, and those named in `preload`."""
         self.children: list[Child] = []
         self._router_output: BinaryIO | None = None
         self._system = system
         self._run_part = run_part
-        self._context: BaseContext = fork_server((run_part.__module__, *PRELOADED))
+        self._context: BaseContext = fork_server((run_part.__module__, *preload, *PRELOADED))
 
     def start(self, name: str, arguments: Sequence[str], *, piped: bool = False) -> Child:
         """Start `convoy ARGUMENTS` as a child; `piped` sends its output here. Raises OSError."""

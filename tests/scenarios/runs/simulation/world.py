@@ -135,7 +135,7 @@ class SimulatedSupervisor(Supervisor):
     """Starts roles instead of processes."""
 
     def __init__(self, world: "World", system: SystemTime) -> None:
-        super().__init__(lambda _: None, system)
+        super().__init__(lambda _: None, system=system)
         self._world = world
 
     def start_router(self) -> str:
