@@ -32,8 +32,6 @@ EXIT_CODES: Mapping[int, str] = {
     exit_code_of_signal(signal.SIGTERM): "stopped by SIGTERM; files are complete",
 }
 """Meaning of each exit code; `convoy reference exit-codes` prints it."""
-END_OF_WATCH = 0
-"""No signal's number: it ends the watch thread."""
 
 
 def write_error(text: bytes) -> None:
@@ -104,19 +102,11 @@ class _Watch:
         self._reading, self._writing = os.pipe()
         os.set_blocking(self._writing, False)
         signal.set_wakeup_fd(self._writing, warn_on_full_buffer=False)
-        self.begin()
-
-    def begin(self) -> None:
-        self._thread = Thread(target=self._wait, name="signals", daemon=True)
-        self._thread.start()
-
-    def pause(self) -> None:
-        """End the thread; later signals wait for the next one."""
-        os.write(self._writing, bytes([END_OF_WATCH]))
-        self._thread.join()
+        Thread(target=self._wait, name="signals", daemon=True).start()
 
     def _wait(self) -> None:
-        while (number := os.read(self._reading, 1)[0]) != END_OF_WATCH:
+        while True:
+            number = os.read(self._reading, 1)[0]
             if number not in STOP_SIGNALS:
                 continue
             if self._say and not self.stop.launched:
@@ -154,22 +144,6 @@ def remove_if_empty(folder: Path) -> None:
     """Remove an empty `folder` if a signal ends this process at once."""
     if _watch is not None:
         _watch.stop.folder = folder
-
-
-@contextmanager
-def without_watch() -> Iterator[None]:
-    """Pause the thread that watches for signals, as before a fork.
-
-    Signals are handled afterwards. Call it in the main thread.
-    """
-    if _watch is None:
-        yield
-        return
-    _watch.pause()
-    try:
-        yield
-    finally:
-        _watch.begin()
 
 
 @contextmanager

@@ -32,15 +32,6 @@ def test_the_second_of_two_runs_into_one_folder_is_refused(tmp_path: Path) -> No
     assert_nothing_missing(run, DURATION_S)
 
 
-def test_runs_started_in_the_same_second_use_separate_folders(tmp_path: Path) -> None:
-    with start(*SHORT, folder=tmp_path) as first, start(*SHORT, folder=tmp_path) as second:
-        assert (first.wait(), second.wait()) == (0, 0), (first.err, second.err)
-    folders = list((tmp_path / "runs").iterdir())
-    assert len(folders) == 2
-    for folder in folders:
-        assert_sound(Run(folder).log)
-
-
 LONG = ("run", "lane_change", "--set=convoy.vehicles=2", "--set=duration_s=30")
 
 

@@ -141,27 +141,6 @@ def test_processes_that_do_not_match_the_run_are_refused(hub: SharedRouter, tmp_
     assert Run(tmp_path / "run").summary["outcome"] == "completed"
 
 
-def test_vehicles_report_a_cancelled_or_already_started_run(hub: SharedRouter) -> None:
-    vehicle = hub.start("vehicle", *SHORT, "--name=v1")
-    assert until(lambda: "joined" in vehicle.err), vehicle.err
-    recorder = hub.start("record", *SHORT, "--out=off", "--wait=4")
-    assert recorder.wait() == 1
-    assert "run: waiting for v2" in recorder.lines()
-    assert vehicle.wait() == 1
-    assert vehicle.lines()[1:] == ["v1: run lane_change was cancelled: not present in time: v2"]
-
-    continuing = (*TWO, "--set=duration_s=12", '--set=convoy.on_vehicle_failure="continue"')
-    recorder, first, second = hub.convoy(continuing, "on")
-    await_driving(recorder, 0.2)
-    second.popen.send_signal(signal.SIGKILL)
-    late = hub.try_out("vehicle", *continuing, "--name=v2")
-    assert late.exit_code == 1
-    assert late.lines()[1:] == ["v2: run lane_change had started before this vehicle joined"]
-    recorder.popen.send_signal(signal.SIGKILL)
-    assert first.wait() == 1
-    assert first.lines()[2:] == ["v1: run lane_change failed: its recorder has left"]
-
-
 def test_a_router_absent_at_the_end_does_not_fail_a_completed_run(
     hub: SharedRouter, tmp_path: Path
 ) -> None:
@@ -257,17 +236,6 @@ def test_a_wrong_clock_is_corrected(
     assert lines
     reported_ms = abs(float(re.findall(r"-?\d+\.\d+", lines[0])[0]))
     assert abs(reported_ms - abs(offset_ms)) < 1.0 + drift * 20_000.0  # first 20 s of the clock
-
-
-def test_a_run_does_not_start_while_a_clock_is_uncertain(hub: SharedRouter, tmp_path: Path) -> None:
-    exact = (*SHORT, "--set=convoy.clock_uncertainty_ms_max=1e-6")
-    recorder = hub.start("record", *exact, "--out=run", "--wait=8")
-    vehicles = [hub.start("vehicle", *exact, "--name", name) for name in NAMES]
-    assert recorder.wait() == 1
-    reason = Run(tmp_path / "run").summary["reason"]
-    assert reason.startswith("not present in time: v1 (its clock is known within")
-    for vehicle in vehicles:
-        assert vehicle.wait() == 1
 
 
 def test_a_suspended_recorder_loses_nothing(hub: SharedRouter, tmp_path: Path) -> None:

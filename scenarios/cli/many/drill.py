@@ -129,7 +129,6 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
     from dataclasses import replace
 
     from scenarios.cli.display_options import DisplayOptions
-    from scenarios.cli.running.commands import prepare_command
     from scenarios.cli.running.launching import RunOptions, run_scenario
     from scenarios.definition.errors import ScenarioError
     from scenarios.results.files import LOG_NAME
@@ -148,7 +147,6 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
         began = time.perf_counter()
         options = RunOptions(
             clock="wall",
-            prepare_command=prepare_command,
             display=DisplayOptions(quiet=True),
             out=folder,
             confirmed=True,

@@ -1,10 +1,11 @@
 """Commands that run a convoy, or one of its processes."""
 
+import signal
 import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -21,12 +22,8 @@ from scenarios.cli.common_options import (
 )
 from scenarios.cli.display_options import DisplayOptions, Tables
 from scenarios.cli.error_lines import clear_errors, print_error
-from scenarios.cli.output import unwritable_output_reported
-from scenarios.runs.stop import ignore_hangup, stop_on_request
-
-if TYPE_CHECKING:  # help needs none of these slow imports
-    from scenarios.definition.scenario import Scenario
-    from scenarios.runs.processes.forking import Task
+from scenarios.cli.output import keep_output_going, unwritable_output_reported
+from scenarios.runs.stop import STOP_SIGNALS, end_on_signals, ignore_hangup, stop_on_request
 
 
 @click.command(
@@ -72,7 +69,6 @@ def run(
                 seed,
                 RunOptions(
                     clock=clock,
-                    prepare_command=prepare_command,
                     display=DisplayOptions(rerun, quiet, tables),
                     run_name=run_name,
                     out=out,
@@ -98,7 +94,7 @@ def router(*, until_empty: bool, launched: bool, **flags: Any) -> None:
     Vehicles and recorder of a convoy connect to it. By default it listens on tcp/127.0.0.1:7447.
     """
     stop = stop_on_request(with_launcher=launched)
-    from scenarios.runs.processes.forking import name_process
+    from scenarios.runs.machine import name_process
     from scenarios.runs.processes.router import route
 
     name_process("router")
@@ -126,10 +122,7 @@ Examples:
 @time_option("--wait", default=600.0, help_text="Longest wait for the start. Default: 10min.")
 @click.option("--quiet", is_flag=True, help="Print errors and warnings only.")
 @parent_watch_option
-@click.pass_obj
 def vehicle(
-    known: "Scenario | None",
-    /,
     *,
     scenario: str,
     overrides: tuple[str, ...],
@@ -148,30 +141,34 @@ def vehicle(
     """
     stop = stop_on_request(with_launcher=launched)
     from scenarios.definition.scenario import load_scenario
-    from scenarios.runs.processes.forking import name_process
+    from scenarios.runs.machine import name_process
     from scenarios.runs.processes.membership import checked_run_name
-    from scenarios.runs.processes.restart import restarted_on_request
+    from scenarios.runs.processes.restart import ProcessHandover, RestartRequestedError
     from scenarios.runs.processes.vehicle_process import run_vehicle
 
     name_process(name)
     ignore_hangup()
     with clear_errors():
-        # A forked process inherits the scenario.
-        convoy = known or load_scenario(scenario, overrides, seed)
+        convoy = load_scenario(scenario, overrides, seed)
         options = zenoh_from(flags, checked_run_name(run_name or convoy.name))
-        with restarted_on_request() as before:
-            exit_code = run_vehicle(
-                convoy,
-                name,
-                options,
-                stop,
-                report=(lambda _: None) if quiet or launched else partial(click.echo, err=True),
-                report_error=print_error,
-                launched=launched,
-                wait_s=wait_s,
-                before=before,
-            )
-        sys.exit(exit_code)
+        before: ProcessHandover | None = None
+        while True:
+            try:
+                exit_code = run_vehicle(
+                    convoy,
+                    name,
+                    options,
+                    stop,
+                    report=(lambda _: None) if quiet or launched else partial(click.echo, err=True),
+                    report_error=print_error,
+                    launched=launched,
+                    wait_s=wait_s,
+                    before=before,
+                )
+            except RestartRequestedError as request:
+                before = request.handover
+            else:
+                sys.exit(exit_code)
 
 
 @click.command(
@@ -189,10 +186,7 @@ Examples:
 @time_option("--wait", default=60.0, help_text="Longest wait for all vehicles. Default: 60s.")
 @click.option("--rerun", hidden=True, help="Destination of the picture, from `convoy run`.")
 @parent_watch_option
-@click.pass_obj
 def record(
-    known: "Scenario | None",
-    /,
     *,
     scenario: str,
     overrides: tuple[str, ...],
@@ -216,13 +210,13 @@ def record(
     from scenarios.cli.running.recorder_run import record_run
     from scenarios.definition.check.confirmation import confirmed_lines
     from scenarios.definition.scenario import load_scenario
-    from scenarios.runs.processes.forking import name_process
+    from scenarios.runs.machine import name_process
     from scenarios.runs.processes.membership import checked_run_name
 
     name_process("recorder")
     ignore_hangup()
     with clear_errors():
-        convoy = known or load_scenario(scenario, overrides, seed)
+        convoy = load_scenario(scenario, overrides, seed)
         confirmed_lines(convoy, wall_clock=True, confirmed=confirmed or launched)
         sys.exit(
             record_run(
@@ -237,23 +231,12 @@ def record(
         )
 
 
-def prepare_command(scenario: "Scenario", arguments: Sequence[str]) -> "Task":
-    """Prepare `convoy ARGUMENTS` as a part of a run of `scenario`.
-
-    Parsing here and not in each child saves memory; so does preparing the bus of the vehicles.
-    """
-    from scenarios.runs.processes.membership import checked_run_name
-    from transport.bus.zenoh_bus import prepare_bus
-
+def run_part(arguments: Sequence[str]) -> None:
+    """Run `convoy ARGUMENTS` as a part of a run, in a process started with blocked signals."""
+    end_on_signals(report=False)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
+    keep_output_going()
     part, *flags = arguments
     command = {"router": router, "record": record, "vehicle": vehicle}[part]
-    context = command.make_context(f"convoy {part}", flags, obj=scenario)
-    if part == "vehicle":
-        given = context.params
-        prepare_bus(zenoh_from(given, checked_run_name(given["run_name"] or scenario.name)))
-
-    def run_command() -> None:
-        with unwritable_output_reported(), context:
-            command.invoke(context)
-
-    return run_command
+    with unwritable_output_reported():
+        command.main(flags, prog_name=f"convoy {part}")

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
 
 import click
 
@@ -19,16 +18,10 @@ from scenarios.runs.processes.membership import checked_run_name
 from scenarios.runs.run_folder import claimed, folder_of
 from scenarios.runs.stop import stop_on_signals
 
-if TYPE_CHECKING:  # virtual runs need none
-    from scenarios.cli.running.wall_clock_run import PrepareCommand
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOptions:
-    """How a scenario runs; forked processes do `prepare_command`."""
-
     clock: str
-    prepare_command: "PrepareCommand"
     display: DisplayOptions
     run_name: str | None = None
     out: Path | None = None
@@ -50,7 +43,7 @@ def run_scenario(name: str, overrides: Sequence[str], seed: int | None, options:
 def replay_run(scenario: Scenario, options: RunOptions) -> int:
     """Run a scenario that is in no file; returns the exit code.
 
-    A process that restarts reads it from a file, which is deleted at the end.
+    The processes of the run read it from a file, which is deleted at the end.
     """
     with TemporaryDirectory(prefix="convoy-") as folder:
         file = Path(folder, f"{scenario.name}.toml")
@@ -77,7 +70,7 @@ def _run_loaded(scenario: Scenario, arguments: Sequence[str], options: RunOption
         from scenarios.runs.processes.launcher import LaunchPlan
 
         plan = LaunchPlan(scenario, arguments, folder, display.arguments, common)
-        return run_processes(plan, options.prepare_command, display)
+        return run_processes(plan, display)
 
 
 def scenario_arguments(name: str, overrides: Sequence[str], seed: int | None) -> list[str]:

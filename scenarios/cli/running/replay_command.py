@@ -17,7 +17,6 @@ from scenarios.cli.common_options import (
 )
 from scenarios.cli.display_options import DisplayOptions, Tables
 from scenarios.cli.error_lines import clear_errors, warn_of_log
-from scenarios.cli.running.commands import prepare_command
 from scenarios.runs.stop import ignore_hangup
 
 
@@ -95,7 +94,6 @@ def replay(
                 scenario,
                 RunOptions(
                     clock=clock,
-                    prepare_command=prepare_command,
                     display=DisplayOptions(rerun, quiet, tables),
                     run_name=run_name,
                     out=out,

@@ -1,11 +1,7 @@
-"""A run on the wall clock: prepare shared modules and data, then start the processes.
+"""A run on the wall clock: start its processes, complete its files."""
 
-Modules of the recorder are not imported before the vehicles are forked, to save their memory.
-"""
-
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 
@@ -13,32 +9,31 @@ import click
 
 from scenarios.cli.display_options import DisplayOptions, start_line
 from scenarios.cli.error_lines import error_line
-from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
-from scenarios.runs.node.sink import BatchingSink
-from scenarios.runs.processes.forking import Task
+from scenarios.runs.processes.fork_server import stop_fork_server
 from scenarios.runs.processes.launcher import LaunchPlan, launch
-from scenarios.runs.processes.membership import Fingerprint
 from scenarios.runs.processes.supervisor import Supervisor
 from scenarios.runs.stop import EXIT_DONE, Stop, stop_on_signals
-from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
 from transport.clock import SYSTEM_TIME, SystemTime
 from transport.log.errors import LogError
 
-PrepareCommand = Callable[[Scenario, Sequence[str]], Task]
-"""Prepares `convoy ARGUMENTS` in a forked process, for a run of a scenario."""
-PARTS = ("scenarios.runs.processes.router", "scenarios.runs.processes.vehicle_process")
-"""Modules of the processes of a run other than the recorder."""
+COMMANDS = "scenarios.cli.running.commands"
+"""Module of the commands, which import this one."""
 
 
-def run_processes(
-    plan: LaunchPlan, prepare_command: PrepareCommand, display: DisplayOptions
-) -> int:
+def run_part(arguments: Sequence[str]) -> None:
+    """Run `convoy ARGUMENTS` as a part of a run, in a new process."""
+    import_module(COMMANDS).run_part(arguments)
+
+
+def run_processes(plan: LaunchPlan, display: DisplayOptions) -> int:
     """Run on the wall clock; returns the exit code."""
-    stop = stop_on_signals()
-    prepare_parts(plan.scenario)
-    supervisor = Supervisor(partial(prepare_command, plan.scenario))
-    return launch_and_report(plan, stop, supervisor, display)
+    try:
+        return launch_and_report(
+            plan, stop_on_signals(), Supervisor(run_part, (COMMANDS,)), display
+        )
+    finally:
+        stop_fork_server()
 
 
 def launch_and_report(
@@ -99,22 +94,3 @@ def _complete(log: Path) -> bool:
     from transport.log.mcap_file import repair_if_truncated
 
     return repair_if_truncated(log)
-
-
-def prepare_parts(scenario: Scenario) -> None:
-    for module in PARTS:
-        import_module(module)
-    Fingerprint.of(scenario)
-    for vehicle in scenario.vehicle_names:
-        scenario.vehicle(vehicle)
-    warm_up()
-
-
-def warm_up() -> None:
-    """Drive three vehicles for a second of virtual time, so that the interpreter specializes code.
-
-    Otherwise each vehicle specializes it in its own memory, which slows its first ticks.
-    """
-    convoy = VirtualConvoy(load_scenario("lane_change", ("duration_s=1", "convoy.vehicles=3")))
-    convoy.build(lambda vehicle: BatchingSink(vehicle, convoy.bus, convoy.clock.now))
-    convoy.run()

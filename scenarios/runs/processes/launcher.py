@@ -77,8 +77,8 @@ def launch(
             RECORDER,
             ["record", *common, "--out", str(plan.folder), *plan.recorder_arguments],
         )
-        names = plan.scenario.vehicle_names
-        supervisor.start_all([(name, ["vehicle", *common, "--name", name]) for name in names])
+        for name in plan.scenario.vehicle_names:
+            supervisor.start(name, ["vehicle", *common, "--name", name])
         stop.begun = True
         with announced(OpenRun(plan.run, endpoint, str(plan.folder.resolve()))):
             poll(

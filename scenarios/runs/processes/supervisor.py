@@ -1,20 +1,18 @@
 """Starts, watches and stops the processes of a run."""
 
+import atexit
+import errno
 import os
-import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import IO
+from multiprocessing.connection import Connection
+from multiprocessing.context import BaseContext
+from multiprocessing.process import BaseProcess
+from typing import BinaryIO
 
-from scenarios.runs.processes.forking import (
-    ChildSpec,
-    ForkedProcess,
-    PrepareTask,
-    can_fork,
-    fork_all,
-)
+from scenarios.runs.processes.fork_server import fork_server, starting_processes
 from scenarios.runs.processes.router import LISTENING
 from scenarios.runs.stop import write_error
 from transport.bus.bus import BusError
@@ -25,14 +23,24 @@ GRACE_S = 3.0
 """Time between SIGTERM and SIGKILL; every run ends within five seconds."""
 
 
+RunPart = Callable[[Sequence[str]], None]
+"""Runs `convoy ARGUMENTS` in a new process; a function of a module."""
+PRELOADED = ("scenarios.runs.processes.router", "scenarios.runs.processes.vehicle_process")
+"""Modules of the processes of a run other than the recorder."""
+
+
 @dataclass(slots=True)
 class Child:
+    """A process; `stdin` is the writing end of its standard input, `stdout` of a piped output."""
+
     name: str
-    process: "subprocess.Popen[bytes] | ForkedProcess"
+    process: BaseProcess
+    stdin: Connection | None = None
+    stdout: BinaryIO | None = None
 
     @property
     def exit_code(self) -> int | None:
-        return self.process.poll()
+        return self.process.exitcode
 
 
 def describe(child: Child) -> str:
@@ -44,14 +52,21 @@ def describe(child: Child) -> str:
     return f"{child.name} ended with exit code {code}"
 
 
-def spawn(arguments: Sequence[str], *, piped: bool) -> "subprocess.Popen[bytes]":
-    """Start `convoy ARGUMENTS` as a new program."""
-    return subprocess.Popen(  # noqa: S603 - our own command line, no shell
-        [sys.executable, "-m", "scenarios.cli", *arguments],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE if piped else None,
-        start_new_session=True,
-    )
+def _run_child(
+    run_part: RunPart, arguments: Sequence[str], stdin: Connection, stdout: Connection | None
+) -> None:
+    """Run a part in the child: with its own session, standard files and command line."""
+    os.setsid()
+    os.dup2(stdin.fileno(), 0)
+    stdin.close()
+    if stdout is not None:
+        os.dup2(stdout.fileno(), 1)
+        stdout.close()
+    sys.argv = ["convoy", *arguments]
+    try:
+        run_part(arguments)
+    finally:
+        atexit._run_exitfuncs()
 
 
 class Supervisor:
@@ -62,34 +77,42 @@ class Supervisor:
     """
 
     def __init__(
-        self, prepare_task: PrepareTask | None = None, system: SystemTime = SYSTEM_TIME
+        self,
+        run_part: RunPart,
+        preload: Sequence[str] = (),
+        system: SystemTime = SYSTEM_TIME,
     ) -> None:
-        """Fork children with the tasks of `prepare_task` where possible; else start programs."""
+        """The fork server imports the module of `run_part`, and those named in `preload`."""
         self.children: list[Child] = []
-        self._router_output: IO[bytes] | None = None
+        self._router_output: BinaryIO | None = None
         self._system = system
-        self._prepare_task = prepare_task if prepare_task is not None and can_fork() else None
+        self._run_part = run_part
+        self._context: BaseContext = fork_server((run_part.__module__, *preload, *PRELOADED))
 
     def start(self, name: str, arguments: Sequence[str], *, piped: bool = False) -> Child:
-        """Start `convoy ARGUMENTS` as a child; `piped` sends its output here."""
-        return self._start([(name, arguments)], piped=piped)[0]
-
-    def start_all(self, commands: Sequence[tuple[str, Sequence[str]]]) -> None:
-        self._start(commands, piped=False)
-
-    def _start(self, commands: Sequence[tuple[str, Sequence[str]]], *, piped: bool) -> list[Child]:
-        before = len(self.children)
-        if (prepare_task := self._prepare_task) is not None:
-            specs = [
-                ChildSpec(name, arguments, prepare_task(arguments), piped)
-                for name, arguments in commands
-            ]
-            for spec, process in zip(specs, fork_all(specs), strict=True):
-                self.children.append(Child(spec.name, process))
-        else:
-            for name, arguments in commands:  # appended one by one: a later one may fail
-                self.children.append(Child(name, spawn(arguments, piped=piped)))
-        return self.children[before:]
+        """Start `convoy ARGUMENTS` as a child; `piped` sends its output here. Raises OSError."""
+        child_stdin, stdin = self._context.Pipe(duplex=False)
+        stdout, child_stdout = self._context.Pipe(duplex=False) if piped else (None, None)
+        process = self._context.Process(  # type: ignore[attr-defined]
+            target=_run_child,
+            args=(self._run_part, arguments, child_stdin, child_stdout),
+            name=name,
+        )
+        sys.stdout.flush()
+        sys.stderr.flush()
+        try:
+            with starting_processes():
+                process.start()
+        except EOFError as error:  # the fork server could not fork
+            raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN)) from error
+        finally:
+            child_stdin.close()
+            if child_stdout is not None:
+                child_stdout.close()
+        output = None if stdout is None else os.fdopen(os.dup(stdout.fileno()), "rb")
+        child = Child(name, process, stdin, output)
+        self.children.append(child)
+        return child
 
     def start_router(self) -> str:
         """Start a router on a free port of the loopback interface; returns its endpoint.
@@ -97,7 +120,8 @@ class Supervisor:
         Other output of the router goes to the standard error.
         """
         arguments = ["router", "--parent-watch", "-l", "tcp/127.0.0.1:0"]
-        output = self.start("router", arguments, piped=True).process.stdout
+        child = self.start("router", arguments, piped=True)
+        output = child.stdout
         while output is not None and (line := output.readline()):
             if line.startswith(LISTENING.encode()):
                 os.set_blocking(output.fileno(), False)
@@ -114,10 +138,9 @@ class Supervisor:
     def send_reason(self, name: str, reason: str) -> None:
         """Send a child the reason to stop; an ended child is skipped."""
         for child in self.children:
-            if child.name == name and child.process.stdin:
+            if child.name == name and child.stdin is not None:
                 with suppress(OSError):
-                    child.process.stdin.write(reason.encode())
-                    child.process.stdin.flush()
+                    os.write(child.stdin.fileno(), reason.encode())
 
     def ended(self) -> list[Child]:
         """Remove the ended children from `children` and return them."""
@@ -143,6 +166,6 @@ class Supervisor:
         remaining = [child for child in chosen if child.exit_code is None]
         for child in remaining:
             child.process.kill()
-            child.process.wait()
+            child.process.join()
         self.children = [child for child in self.children if child not in chosen]
         return remaining

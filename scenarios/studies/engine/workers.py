@@ -5,7 +5,6 @@ All are executors of `concurrent.futures`.
 
 import os
 import signal
-import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
@@ -13,12 +12,11 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_all_start_methods, get_context, parent_process
+from multiprocessing import parent_process
 from threading import Thread
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
-from scenarios.runs.stop import delayed_exit
+from scenarios.runs.processes.fork_server import fork_server, starting_processes
 from scenarios.studies.engine.job import EngineError
 
 if TYPE_CHECKING:
@@ -29,8 +27,6 @@ Result = TypeVar("Result")
 
 BATCHES_PER_THREAD = 2
 """Queue depth of a remote worker, so that it does not wait for the next batch."""
-SAFE_PATH = "PYTHONSAFEPATH"
-"""Variable with which Python does not search the working folder."""
 POLL_INTERVAL_S = 1.0
 """Interval at which the workers of a scheduler are counted; they may join and leave."""
 CONNECT_TIMEOUT_S = 10.0
@@ -98,8 +94,7 @@ class WorkerPool(Executor):
 
     def _submit_to(self, place: int, work: Callable[[], Result]) -> Future[Result]:
         """Submit to one worker; replace it if it died."""
-        # Workers inherit the mask, and exit with their parent.
-        with delayed_exit(), _block_ctrl_c(), _safe_path(), _empty_main_module():
+        with starting_processes():
             for pause_s in RETRY_DELAYS_S:
                 try:
                     return self._processes[place].submit(work)
@@ -116,52 +111,12 @@ class WorkerPool(Executor):
 
 
 def _new_process() -> ProcessPoolExecutor:
-    if "forkserver" not in get_all_start_methods():
-        return ProcessPoolExecutor(1, get_context("spawn"), initializer=_end_with_parent)
-    context = get_context("forkserver")
-    context.set_forkserver_preload(list(PRELOADED))
-    return ProcessPoolExecutor(1, context, initializer=_end_with_parent)
+    return ProcessPoolExecutor(1, fork_server(PRELOADED), initializer=_start_worker)
 
 
-@contextmanager
-def _block_ctrl_c() -> Iterator[None]:
-    """Block SIGINT in this thread; another thread still receives it."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextmanager
-def _empty_main_module() -> Iterator[None]:
-    """Start processes that do not import the caller's script, which would run it again."""
-    main = sys.modules["__main__"]
-    sys.modules["__main__"] = ModuleType("__main__")
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = main
-
-
-@contextmanager
-def _safe_path() -> Iterator[None]:
-    """Let new processes import no packages from the working folder in place of the installed ones.
-
-    The fork server imports its packages before it gets the search path of this process.
-    """
-    before = os.environ.get(SAFE_PATH)
-    os.environ[SAFE_PATH] = "1"
-    try:
-        yield
-    finally:
-        del os.environ[SAFE_PATH]
-        if before is not None:
-            os.environ[SAFE_PATH] = before
-
-
-def _end_with_parent() -> None:
-    """Exit this worker when its parent is gone, even if it was killed."""
+def _start_worker() -> None:
+    """Exit this worker when its parent is gone, even if it was killed; Ctrl-C is the parent's."""
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
     parent = parent_process()
 
     def watch() -> None:

@@ -127,20 +127,15 @@ def test_help_imports_no_slow_packages() -> None:
 # ---- list, new, check
 
 
-def test_modules_of_the_recorder_are_imported_after_the_fork() -> None:
+def test_the_fork_server_imports_no_modules_of_the_recorder() -> None:
     code = (
-        "from scenarios.cli.running.commands import prepare_command\n"
-        "from scenarios.cli.running.launching import load_scenario, warnings\n"
-        "from scenarios.cli.running.wall_clock_run import prepare_parts\n"
-        "scenario = load_scenario('lane_change')\n"
-        "list(warnings(scenario))\n"
-        "prepare_parts(scenario)\n"
-        "prepare_command(scenario, ['vehicle', 'lane_change', '--name', 'v1'])\n"
+        "import scenarios.cli.running.commands, scenarios.runs.processes.router\n"
+        "import scenarios.runs.processes.vehicle_process\n"
         "import sys; print(*sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = {*done.stdout.split()}
-    assert {"zenoh", "scenarios.runs.processes.vehicle_process"} <= loaded
+    assert "zenoh" in loaded
     assert not {"rich", "mcap", "zstandard", "foxglove_schemas_protobuf", "scipy", "rerun"} & loaded
     assert not [name for name in loaded if name.startswith("scenarios.results.metrics")]
 

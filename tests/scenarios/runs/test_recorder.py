@@ -1,4 +1,3 @@
-import math
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from hypothesis import strategies as st
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.metrics import Metrics
 from scenarios.results.vehicles.vehicle_figures import VehicleSummary
-from scenarios.runs.observer import OnMessage, kinds_of
+from scenarios.runs.observer import OnMessage
 from scenarios.runs.recorder import Recorder
 from tests.made.examples import examples
 from tests.made.scenarios.messages import (
@@ -20,7 +19,6 @@ from tests.made.scenarios.messages import (
     gps,
     health,
     sent,
-    start,
     text,
     tracking,
     truth,
@@ -32,8 +30,7 @@ from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
 from transport.topics import RUN_SENDER, TOPIC_OF, TOPICS, key
 from vehicles.geometry.geodesy import LocalPlane, Origin
-from vehicles.messages import GpsPose, LogText, Message, RunEnd, RunStart, TruePose
-from vehicles.schedule import instant
+from vehicles.messages import LogText, Message, RunEnd, RunStart
 
 CONVOY = ("v1", "v2")
 PLANE = LocalPlane(Origin(30.638, -96.481, 80.0))
@@ -94,18 +91,6 @@ SOUND: list[Message] = [
     text("v1", 0, "mode path"),
     gps("v1", 1),
 ]
-
-
-def test_messages_are_logged_counted_and_shown_as_they_came(recorded: Recorded) -> None:
-    recorded.take(SOUND)
-    assert recorded.recorded == len(SOUND)
-    assert not recorded.recorder.rejected
-    assert recorded.received == [(START + k, message) for k, message in enumerate(SOUND)]
-    assert recorded.row("v1").poses == 2
-    assert recorded.row("v2").lateral_error_m_max == 0.3
-    assert recorded.logged() == [
-        (START + k, message.vehicle, message) for k, message in enumerate(SOUND)
-    ]
 
 
 def test_a_listener_sees_what_is_in_the_figures_already(tmp_path: Path) -> None:
@@ -198,11 +183,6 @@ def test_the_largest_message_that_is_accepted(recorded: Recorded) -> None:
     assert recorded.recorder.rejected == {"oversized": 1}
 
 
-def test_numbers_count_for_each_vehicle_and_topic_alone(recorded: Recorded) -> None:
-    recorded.take([gps("v1", 3), gps("v2", 3), truth("v1", 3, 0.0, 0.0), gps("v1", 2)])
-    assert recorded.recorded == 4
-
-
 def test_the_run_s_own_messages_are_numbered_and_returned_for_the_bus(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path / "run.mcap", begun=False)
     recorder = recorded.recorder
@@ -226,16 +206,6 @@ def test_the_run_s_own_messages_are_numbered_and_returned_for_the_bus(tmp_path: 
     assert [message for _, message in recorded.received] == [begin, first, second, end]
 
 
-def test_the_run_s_own_messages_are_not_taken_again_from_the_bus(tmp_path: Path) -> None:
-    recorded = Recorded(tmp_path / "run.mcap", begun=False)
-    data = recorded.recorder.begin(at(0.0), START, "trial")
-    assert data == encode(start())
-    for _ in range(3):
-        recorded.recorder.accept("convoy/run/start", data, at(0.1))
-    assert recorded.recorded == 0
-    assert recorded.recorder.rejected == {"reserved": 3}
-
-
 def test_no_other_process_sends_for_the_run(recorded: Recorded) -> None:
     data = encode(RunEnd(vehicle=RUN_SENDER, seq=0, end_at_ns=at(1.0), reason="enough"))
     recorded.recorder.accept("convoy/run/end", data, at(1.0))
@@ -250,20 +220,6 @@ def test_another_run_s_messages_take_no_number_from_this_run_s(recorded: Recorde
     recorded.take([gps("v1", 0), gps("v1", 1)])
     assert recorded.recorded == 2
     assert recorded.recorder.rejected == {"early": 2, "future": 1}
-
-
-def test_no_vehicle_sends_before_the_start_is_known(tmp_path: Path) -> None:
-    recorded = Recorded(tmp_path / "run.mcap", begun=False)
-    recorded.take(SOUND)
-    assert recorded.recorder.recorded == 0
-    assert recorded.recorder.rejected == {"early": len(SOUND)}
-
-
-def test_last_words_just_before_the_start_are_recorded(recorded: Recorded) -> None:
-    """A vehicle may learn before the start that the run is over."""
-    recorded.take([health("v1", 0, seconds=-0.9, final=True), health("v2", 0, seconds=-1.1)])
-    assert [message.vehicle for _, _, message in recorded.logged()] == ["v1"]
-    assert recorded.recorder.rejected == {"early": 1}
 
 
 def test_a_pose_that_vehicles_refuse_is_refused_by_the_recorder_for_the_same_reason(
@@ -301,31 +257,6 @@ def test_a_pose_numbered_ahead_of_its_schedule_makes_none_missing(
     assert (row.poses, row.missing_poses) == (30, 0)
 
 
-@pytest.mark.parametrize("number", [1, 40, 2**32, 2**63 - 1])
-def test_a_true_pose_numbered_ahead_of_its_schedule_makes_none_missing(
-    recorded: Recorded, number: int
-) -> None:
-    recorder = recorded.recorder
-    for seq in range(30):
-        pose = truth("v1", seq, 0.0, 0.0)
-        recorder.accept("convoy/v1/truth", encode(pose), pose.true_at_ns)
-        recorder.accept("convoy/v1/truth", encode(replace(pose, seq=seq + number)), pose.true_at_ns)
-    assert recorder.rejected == {"sequence": 30}
-    assert recorded.metrics.vehicles["v1"].truth.count == 30
-
-
-@pytest.mark.parametrize("rate_hz", [1.0, 3.0, 7.0, 20.0, 30.0, 99.9])
-def test_a_sender_on_schedule_is_never_ahead_of_it(tmp_path: Path, rate_hz: float) -> None:
-    recorder = Recorded(tmp_path / "run.mcap", v1=rate_hz).recorder
-    for seq in (0, 1, 2, 3, 100, 4711, 1_000_000):
-        pose = sent(gps("v1", seq), instant(START, seq, rate_hz))
-        recorder.accept("convoy/v1/gps", encode(pose), pose.measured_at_ns)
-    assert not recorder.rejected
-    later = sent(gps("v2", 3), at(1.0))  # a receiver may leave numbers out
-    recorder.accept("convoy/v2/gps", encode(later), at(1.0))
-    assert not recorder.rejected
-
-
 def test_the_recorder_logs_its_refusals(recorded: Recorded) -> None:
     recorded.take(SOUND)
     recorded.recorder.accept("convoy/v1/gps", b"rubbish", at(1.0))
@@ -343,19 +274,6 @@ def test_the_recorder_logs_its_refusals(recorded: Recorded) -> None:
     )
 
 
-def test_a_witness_records_as_the_bus_does(tmp_path: Path) -> None:
-    """In virtual time messages come with their bytes and need no decoding."""
-    by_bus, by_witness = Recorded(tmp_path / "bus.mcap"), Recorded(tmp_path / "witness.mcap")
-    by_bus.take(SOUND)
-    for k, message in enumerate(SOUND):
-        by_witness.recorder.record(START + k, message, encode(message))
-    assert by_witness.received == by_bus.received
-    assert by_witness.metrics.vehicle_summaries() == by_bus.metrics.vehicle_summaries()
-    by_bus.writer.close()
-    by_witness.writer.close()
-    assert by_witness.path.read_bytes() == by_bus.path.read_bytes()
-
-
 def test_a_text_is_shown_and_logged_without_control_characters(recorded: Recorded) -> None:
     recorded.take([text("v1", 0, "\x1b[2Jgone\n\x07")])
     escaped = text("v1", 0, r"\x1b[2Jgone\n\x07")
@@ -364,33 +282,3 @@ def test_a_text_is_shown_and_logged_without_control_characters(recorded: Recorde
     content = [row[2].data for row in rows(recorded.path)]
     assert not any(b"\x1b[2J" in data or b"\x07" in data[-6:] for data in content)
     assert encode(escaped) in content
-
-
-def test_a_number_that_is_not_finite_is_refused_as_absurd(recorded: Recorded) -> None:
-    recorded.take([truth("v1", 0, math.inf, 0.0)])
-    assert recorded.recorder.rejected == {"absurd": 1}
-
-
-def test_a_selective_listener_receives_only_its_kinds_in_order(tmp_path: Path) -> None:
-    received: list[tuple[str, type[Message]]] = []
-    everything = OnMessage(lambda _, message: received.append(("all", type(message))))
-    some = OnMessage(
-        lambda _, message: received.append(("some", type(message))), frozenset({GpsPose, RunStart})
-    )
-    with LogWriter(tmp_path / "run.mcap") as writer:
-        recorder = Recorder(
-            vehicles=dict.fromkeys(CONVOY, 20.0),
-            plane=PLANE,
-            writer=writer,
-            metrics=Metrics(CONVOY, {}),
-            observers=[some, everything],
-        )
-        recorder.begin(START, START, "trial")
-        recorder.accept("convoy/v1/gps", encode(gps("v1", 0)), at(0.0))
-        recorder.accept("convoy/v1/truth", encode(truth("v1", 0, 0.0, 0.0)), at(0.0))
-    each = [RunStart, GpsPose, TruePose]
-    assert [kind for observer, kind in received if observer == "all"] == each
-    assert [kind for observer, kind in received if observer == "some"] == each[:2]
-    assert received[0][0] == "some"
-    assert kinds_of([some]) == {GpsPose, RunStart}
-    assert TruePose in kinds_of([everything])

@@ -11,13 +11,12 @@ from scenarios.results.log_summary import summary_of
 from scenarios.results.pictures.layouts import FOXGLOVE_NAME
 from scenarios.results.summarise import METADATA_NAME
 from scenarios.results.summary import to_json
-from scenarios.runs.observer import OnMessage
 from scenarios.runs.run_log import RunLog
-from tests.made.scenarios.messages import START, at, gps, health, tracking, truth, verdict
+from tests.made.scenarios.messages import START, at, gps, health, tracking, truth
 from transport.codec import decode, encode
 from transport.log.reader import LogReader
 from transport.topics import TOPIC_OF, TOPICS, key
-from vehicles.messages import Health, LogText, Message, RunEnd, RunStart
+from vehicles.messages import LogText, Message, RunEnd
 
 
 @pytest.fixture(scope="module")
@@ -65,41 +64,12 @@ def test_a_run_is_a_log_and_a_summary_that_say_the_same(scenario: Scenario, tmp_
         assert about[package][0].isdigit()
 
 
-def test_a_run_that_ends_as_planned_is_completed(scenario: Scenario, tmp_path: Path) -> None:
-    run = begun(scenario, tmp_path)
-    run.end(at(5.3), "")  # final counters come a moment later
-    summary = run.close(at(6.0))
-    assert (summary.outcome, summary.reason) == ("completed", "")
-    assert (summary.duration_s, summary.ran_s) == (5.0, 5.0)
-    assert summary.identity.seed == 7
-    assert [row.poses for row in summary.vehicles] == [10, 10]
-
-
 def test_a_run_with_a_reason_to_end_is_failed(scenario: Scenario, tmp_path: Path) -> None:
     run = begun(scenario, tmp_path)
     run.end(at(2.0), "v2 failed 1.5 s after the start")
     summary = run.close(at(3.0))
     assert (summary.outcome, summary.ran_s) == ("failed", 2.0)
     assert summary.reason == "v2 failed 1.5 s after the start"
-
-
-def test_a_run_that_never_started_ran_for_no_time(scenario: Scenario, tmp_path: Path) -> None:
-    run = RunLog(scenario, tmp_path, clock="wall", run_id="today")
-    run.end(at(60.0), "not present in time: v2")
-    assert run.close(at(60.0)).ran_s == 0.0
-    messages = [message for _, _, message in LogReader(tmp_path / LOG_NAME).messages()]
-    assert [type(message) for message in messages] == [RunEnd, Health]
-
-
-def test_start_and_end_are_announced_as_they_are_logged(scenario: Scenario, tmp_path: Path) -> None:
-    run = RunLog(scenario, tmp_path, clock="wall", run_id="today")
-    start = decode(TOPICS["start"], run.start(at(0.0), at(0.5)))
-    end = decode(TOPICS["end"], run.end(at(9.0), "enough"))
-    run.close(at(9.1))
-    assert start == RunStart(vehicle="run", seq=0, start_at_ns=at(0.5), run_id="today")
-    assert end == RunEnd(vehicle="run", seq=0, end_at_ns=at(9.0), reason="enough", run_id="today")
-    logged = [message for _, _, message in LogReader(tmp_path / LOG_NAME).messages()]
-    assert logged[:2] == [start, end]
 
 
 def test_last_words_after_the_end_are_recorded_until_it_closes(
@@ -110,14 +80,6 @@ def test_last_words_after_the_end_are_recorded_until_it_closes(
     take(run, health("v2", seconds=2.1, final=True), 41)
     summary = run.close(at(2.2))
     assert [row.finished for row in summary.vehicles] == [False, True]
-
-
-def test_refusals_are_in_the_summary(scenario: Scenario, tmp_path: Path) -> None:
-    run = begun(scenario, tmp_path)
-    for where, data in (("convoy/v1/gps", b"?"), ("convoy/v7/gps", b"?"), ("convoy/v1/gps", b"!")):
-        run.recorder.accept(where, data, at(1.0))
-    run.end(at(5.0), "")
-    assert run.close(at(5.0)).recorder_rejected_messages == {"garbage": 2, "unknown": 1}
 
 
 def test_a_log_that_is_being_written_can_be_read_up_to_its_last_flush(
@@ -142,27 +104,6 @@ def test_the_same_run_gives_the_same_bytes(scenario: Scenario, tmp_path: Path) -
         run.close(at(5.0))
         logs.append((tmp_path / name / LOG_NAME).read_bytes())
     assert logs[0] == logs[1]
-
-
-def test_listeners_receive_everything(scenario: Scenario, tmp_path: Path) -> None:
-    received: list[Message] = []
-    run = RunLog(
-        scenario,
-        tmp_path,
-        clock="virtual",
-        run_id="x",
-        observers=[OnMessage(lambda _at, message: received.append(message))],
-    )
-    run.start(START, START)
-    take(run, gps("v1", 0))
-    run.end(at(1.0), "")
-    run.close(at(1.0))
-    assert [type(message).__name__ for message in received] == [
-        "RunStart",
-        "GpsPose",
-        "RunEnd",
-        "Health",
-    ]
 
 
 @pytest.mark.parametrize(
@@ -190,17 +131,6 @@ def test_a_clean_link_that_delivered_nothing_fails_the_run(
     end = decode(TOPICS["end"], run.end(at(5.0), ""))
     assert isinstance(end, RunEnd)
     assert end.reason == run.close(at(5.1)).reason == reason
-
-
-def test_one_delivered_message_is_enough_for_a_link(scenario: Scenario, tmp_path: Path) -> None:
-    run = RunLog(scenario, tmp_path, clock="wall", run_id="today")
-    run.start(START, START)
-    for seq in range(60):
-        for name in ("v1", "v2"):
-            take(run, gps(name, seq), seq)
-    take(run, verdict("v1", "v2", 0))
-    run.end(at(5.0), "")
-    assert run.close(at(5.1)).reason == ""
 
 
 def test_an_impossible_clock_is_reported_at_once_and_in_the_summary(

@@ -1,21 +1,15 @@
 """Requests to stop, each in a small process of its own."""
 
-import ast
-import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
 
 from scenarios.runs.stop import Stop
 
-ROOT = Path(__file__).parents[3]
-PACKAGES = ("vehicles", "transport", "scenarios")
 SOON_S = 10.0
 WAITER = """
 import sys, time
@@ -28,11 +22,6 @@ while not stop.requested and time.monotonic() < deadline:
     time.sleep(0.005)
 print(stop.reason, "orphaned" if stop.orphaned else "held", flush=True)
 sys.exit(stop.exit_code)
-"""
-LAUNCHER = """
-import subprocess, sys, time
-subprocess.Popen([sys.executable, "-c", sys.argv[1], "launched"], stdin=subprocess.PIPE)
-time.sleep(20.0)
 """
 
 
@@ -69,59 +58,6 @@ def test_the_first_request_decides() -> None:
     assert (stop.reason, stop.exit_code) == ("stopped by SIGTERM", 143)
 
 
-def test_a_signal_before_another_request_decides() -> None:
-    stop = Stop()
-    stop.signals.append(signal.SIGTERM)
-    stop.request("the launcher has ended", 1)
-    assert (stop.reason, stop.exit_code) == ("stopped by SIGTERM", 143)
-    later = Stop()
-    later.request("the launcher has ended", 1)
-    later.signals.append(signal.SIGINT)
-    assert (later.reason, later.exit_code) == ("the launcher has ended", 1)
-
-
-def handlers(tree: ast.Module) -> Iterator[ast.expr]:
-    """Second arguments of all calls of `signal.signal`."""
-    for node in ast.walk(tree):
-        match node:
-            case ast.Call(func=ast.Attribute(ast.Name("signal"), "signal"), args=[_, handler]):
-                yield handler
-
-
-def only_sets_flags(body: list[ast.stmt]) -> bool:
-    """Whether statements are assignments of names or one `append` of a name."""
-    for statement in body:
-        match statement:
-            case ast.Assign(value=ast.Name() | ast.Constant()):
-                pass
-            case ast.Expr(ast.Call(func=ast.Attribute(ast.Name(), "append"), args=[ast.Name()])):
-                pass
-            case _:
-                return False
-    return True
-
-
-def test_signal_handlers_set_flags_and_nothing_else() -> None:
-    """A handler that takes a lock deadlocks with the code that it interrupts."""
-    checked = 0
-    for package in PACKAGES:
-        for path in (ROOT / package).rglob("*.py"):
-            tree = ast.parse(path.read_text())
-            functions = {n.name: n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)}
-            for handler in handlers(tree):
-                checked += 1
-                match handler:
-                    case ast.Attribute(ast.Name("signal"), "SIG_IGN" | "SIG_DFL"):
-                        pass
-                    case ast.BoolOp(values=[ast.Name("before"), ast.Attribute()]):
-                        pass  # restores an earlier handler
-                    case ast.Name(name) if name in functions:
-                        assert only_sets_flags(functions[name].body), f"{path}: {name}"
-                    case _:
-                        raise AssertionError(f"{path}: {ast.dump(handler)}")
-    assert checked >= 3
-
-
 @pytest.mark.parametrize(
     ("number", "name", "code"), [(signal.SIGINT, "SIGINT", 130), (signal.SIGTERM, "SIGTERM", 143)]
 )
@@ -140,58 +76,6 @@ def test_a_second_signal_changes_nothing() -> None:
         assert last_words(process)[1] in {130, 143}  # the kernel may deliver either first
 
 
-INTERRUPTED = """
-import signal, sys
-from scenarios.runs.stop import stop_on_signals
-
-def interrupted_at(step):
-    # Let SIGINT interrupt the handler of SIGTERM at its line number `step`, counted from 0.
-    left = step
-
-    def trace(frame, event, argument):
-        nonlocal left
-        if event == "line":
-            if left == 0:
-                signal.raise_signal(signal.SIGINT)
-            left -= 1
-        return trace
-
-    stop = stop_on_signals()
-    handler = signal.getsignal(signal.SIGTERM)
-    sys.settrace(trace)
-    handler(signal.SIGTERM, None)
-    sys.settrace(None)
-    assert (stop.reason, stop.exit_code) in (
-        ("stopped by SIGTERM", 143), ("stopped by SIGINT", 130)
-    ), (step, stop.reason, stop.exit_code)
-    return left < 0
-
-step = 0
-while interrupted_at(step):
-    step += 1
-print(step)
-"""
-
-
-def test_a_signal_within_the_handler_of_another_neither_hangs_nor_mixes_them() -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", INTERRUPTED],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=SOON_S,
-    )
-    assert done.returncode == 0, done.stderr
-    assert int(done.stdout) > 0
-
-
-def test_the_end_of_standard_input_is_the_end_of_the_launcher() -> None:
-    with waiter("launched") as process:
-        assert process.stdin is not None
-        process.stdin.close()
-        assert last_words(process) == ("the launcher has ended orphaned", 1)
-
-
 def test_a_process_that_has_not_begun_ends_with_its_launcher_at_once() -> None:
     with waiter("launched", "importing") as process:
         assert process.stdin is not None
@@ -205,33 +89,6 @@ def test_a_launcher_may_say_why() -> None:
         process.stdin.write("v2 was killed by signal 9")
         process.stdin.flush()
         assert last_words(process) == ("v2 was killed by signal 9 held", 1)
-
-
-def test_without_a_launcher_the_end_of_standard_input_means_nothing() -> None:
-    with waiter() as process:
-        assert process.stdin is not None
-        process.stdin.close()
-        time.sleep(0.2)
-        assert process.poll() is None
-        process.terminate()
-        assert last_words(process) == ("stopped by SIGTERM held", 143)
-
-
-def test_the_children_of_a_launcher_that_is_killed_stop(tmp_path: Path) -> None:
-    reported = tmp_path / "output"
-    with reported.open("wb") as out:
-        launcher = subprocess.Popen([sys.executable, "-c", LAUNCHER, WAITER], stdout=out)
-    wait_for(reported, "ready")
-    os.kill(launcher.pid, signal.SIGKILL)
-    launcher.wait(SOON_S)
-    wait_for(reported, "the launcher has ended orphaned")
-
-
-def wait_for(file: Path, words: str) -> None:
-    deadline = time.monotonic() + SOON_S
-    while words not in file.read_text():
-        assert time.monotonic() < deadline, file.read_text()
-        time.sleep(0.01)
 
 
 def test_a_signal_after_all_is_done_changes_nothing() -> None:

@@ -26,9 +26,3 @@ def test_while_the_log_is_behind_only_the_few_that_matter_are_shown() -> None:
     waiting[0] = 0
     watchers.listen(START, ordinary[0])
     assert shown == [*important, ordinary[0]]
-
-
-def test_nothing_is_skipped_without_observers() -> None:
-    watchers = ThrottledObservers([], lambda: 11, 10)
-    watchers.listen(START, truth("v1", 0, 0.0, 0.0))
-    assert watchers.skipped_line() == ""

@@ -158,17 +158,6 @@ def assert_drives_as_in_virtual_time(run: Run, virtual: Run) -> None:
     assert_equal_while_nothing_was_late(run, virtual, within_m=0.05)
 
 
-def test_defaults_are_the_default_scenario_and_ports_of_rerun(
-    project: Path,
-) -> None:
-    shown = call("docker-compose", "config", cwd=project).stdout
-    assert shown.count(" lane_change ") == 5  # a recorder and four vehicles
-    assert re.findall(r"(?:\d+\.){3}\d+:\d+:\d+/\S+", shown) == [
-        "127.0.0.1:9090:9090/tcp",
-        "127.0.0.1:9876:9876/tcp",
-    ]
-
-
 def test_the_vehicle_image_lacks_the_extras(project: Path) -> None:
     build = ("docker", "build", "--target", "vehicle", "-t", VEHICLE_IMAGE, ".")
     built = call(*build, cwd=project, timeout=BUILD_S)

@@ -43,7 +43,7 @@ def test_a_recorder_killed_after_its_log_was_complete_fails_nothing(
     monkeypatch.setattr(wall_clock_run, "launch", launch)
     plan = LaunchPlan(scenario, (), tmp_path, (), "mine")
     display = DisplayOptions(quiet=True)
-    code = wall_clock_run.launch_and_report(plan, Stop(), Supervisor(None), display)
+    code = wall_clock_run.launch_and_report(plan, Stop(), Supervisor(lambda _: None), display)
     assert code == exit_code
     completed = '"outcome": "completed"'
     if exit_code == 0 or cut:

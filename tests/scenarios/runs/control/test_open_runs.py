@@ -1,15 +1,12 @@
 """The runs of this machine: found while they go on, and not longer, however they end."""
 
-import os
 import signal
 import subprocess
 import sys
 import textwrap
 from pathlib import Path
 
-import pytest
-
-from scenarios.runs.control.open_runs import OpenRun, announced, open_runs, runtime_folder
+from scenarios.runs.control.open_runs import OpenRun, announced, open_runs
 
 ONE = OpenRun("one", "tcp/127.0.0.1:7001", "/runs/one")
 TWO = OpenRun("two", "tcp/127.0.0.1:7002", "/runs/two")
@@ -43,24 +40,3 @@ def test_files_of_a_killed_run_are_removed(tmp_path: Path) -> None:
     assert len(list(tmp_path.glob("*.json"))) == 1
     assert open_runs(tmp_path) == []
     assert list(tmp_path.glob("*.json")) == []
-
-
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"run": "one"}', '{"other": 1}'])
-def test_an_empty_file_is_skipped(tmp_path: Path, text: str) -> None:
-    with announced(ONE, tmp_path):
-        (path,) = tmp_path.glob("*.json")
-        path.write_text(text)
-        assert open_runs(tmp_path) == []
-
-
-def test_a_run_goes_on_where_no_file_can_be_written(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with announced(ONE, tmp_path / "file" / "open"):
-        assert open_runs(tmp_path / "file" / "open") == []
-
-
-def test_the_folder_is_the_users_own(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    assert runtime_folder() == tmp_path / "convoy"
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "gone"))
-    assert runtime_folder().name == f"convoy-{os.getuid()}"

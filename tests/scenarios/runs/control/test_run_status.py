@@ -6,7 +6,7 @@ from scenarios.definition.scenario import load_scenario
 from scenarios.results.metrics import Metrics
 from scenarios.runs.control import run_status
 from scenarios.runs.control.run_status import OFTEN_NS, RunStatus, StatusBoard
-from tests.made.scenarios.messages import START, start, truth
+from tests.made.scenarios.messages import START, start
 from transport.bus.memory_bus import MemoryBus
 from transport.topics import RUN_SENDER, control_key
 from vehicles.schedule import SECOND
@@ -61,16 +61,3 @@ def test_the_status_is_updated_once_a_second_and_often_on_request(
     requested.drawn = 0
     requested.go(4.0)
     assert requested.drawn == 4
-
-
-def test_the_answer_is_that_of_the_last_update() -> None:
-    scenario = load_scenario("lane_change", ["convoy.vehicles=2"])
-    metrics = Metrics.of(scenario)
-    board, bus = StatusBoard(scenario, "mine", metrics), MemoryBus()
-    board.serve(bus)
-    for message in (start(), truth("v1", 50, 30.0, 0.0)):
-        metrics.listen(0, message)
-        board.listen(START, message)
-    board.update(START + SECOND)
-    found = RunStatus.of(bus.query(control_key(RUN_SENDER), 1.0) or b"")
-    assert (found.at_s, found.vehicles[0].speed_mps) == (1.0, 20.0)

@@ -10,7 +10,6 @@ from scenarios.definition.schema.change_tables import (
     CutTable,
     HealTable,
     LinkChangeTable,
-    StallTable,
 )
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.runs.node.changed_links import ChangedLinks, ChangingLink
@@ -85,19 +84,6 @@ def test_adding_one_by_one_equals_all_at_once(
     for one in at_once:
         whole = course(one.changes, one.requested, one.effects_of)
         assert [two.from_at for two in whole] == [two.from_at for two in one.link.changes]
-
-
-def test_changes_are_reported_by_link() -> None:
-    changed = ChangedLinks(NAMES, [])
-    changed.adopt(made(sender) for sender, _ in PAIRS)
-    cut = CutTable(kind="cut", at_s=0.0, for_s=0.5)
-    assert changed.carry_out(DueChange(START, cut)) == "v1 → v3, v2 → v3: cut for 0.5 s"
-    heal = HealTable(kind="heal", at_s=0.0, sender="v2")
-    assert changed.carry_out(DueChange(START, heal, by_hand=True)) == (
-        "v2 → v3: as in the scenario, by hand"
-    )
-    stall = StallTable(kind="stall", at_s=0.0, vehicle="v3", for_s=1.0)
-    assert changed.carry_out(DueChange(START, stall)) == ""
 
 
 @pytest.mark.parametrize("by_hand", [True, False])

@@ -9,11 +9,9 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from scenarios.runs.virtual.logged_run import run_virtual
-from transport.log.reader import LogReader
 from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.driver.steering import FeedforwardFeedback, SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
-from vehicles.messages import LogText
 
 
 class Failing(FeedforwardFeedback):
@@ -77,17 +75,6 @@ def test_a_controller_that_fails_in_mid_run_fails_the_run(
     assert summary.reason.startswith(f"v2: controller '{__name__}.{name}': {why}")
     assert stop.exit_code == EXIT_FAILED
     assert summary.ran_s == pytest.approx(0.98)
-
-
-def test_of_a_convoy_that_goes_on_the_last_vehicle_still_fails_the_run(tmp_path: Path) -> None:
-    own = f"control.controller={__name__}.Failing"
-    requested = ["duration_s=2", "convoy.vehicles=2", own, "convoy.on_vehicle_failure=continue"]
-    summary = run_virtual(load_scenario("lane_change", requested), tmp_path, Stop())
-    assert summary.outcome == "failed"
-    assert summary.reason.startswith(f"v2: controller '{__name__}.Failing': steer() raised")
-    texts = LogReader(tmp_path / "run.mcap").messages(topics=("log",))
-    reported = [message.text for _, _, message in texts if isinstance(message, LogText)]
-    assert "v1 left 1.0 s after the start; the convoy continues without it" in reported
 
 
 def test_a_car_that_spins_ever_faster_fails_the_run(tmp_path: Path) -> None:

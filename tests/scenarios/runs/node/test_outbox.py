@@ -1,8 +1,5 @@
 from collections import defaultdict
-from collections.abc import Iterable
 from dataclasses import replace
-
-import numpy as np
 
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.runs.node.outbox import Outbox
@@ -16,7 +13,7 @@ from transport.clock import ticks
 from transport.codec import decode, encode
 from transport.links.inbox import Inbox
 from transport.links.true_poses import TruePoses
-from transport.topics import TOPIC_OF, TOPICS, Topic, key
+from transport.topics import TOPIC_OF, TOPICS, key
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ
@@ -25,11 +22,8 @@ from vehicles.driver.decision import Decision
 from vehicles.driver.degradation.situation import Situation, SourceFreshness
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
-from vehicles.geometry.arc_spline import ArcSpline, Piece
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.messages import (
-    Command,
-    CompositeTrajectory,
     GpsPose,
     Health,
     LinkVerdict,
@@ -37,7 +31,6 @@ from vehicles.messages import (
     Message,
     TruePose,
 )
-from vehicles.preview.trajectory import Fit
 from vehicles.received_pose import receive
 from vehicles.schedule import SECOND
 
@@ -149,45 +142,6 @@ def test_a_tick_sends_fix_truth_and_decision() -> None:
     assert [message for message in bus.published if message in messages] == list(messages)
 
 
-class Figures:
-    """A sink without readers of commands and trajectories."""
-
-    def __init__(self, sink: BusSink) -> None:
-        self.send, self.flush = sink.send, sink.flush
-
-    def reads(self, kind: type[Message]) -> bool:
-        return kind not in {Command, CompositeTrajectory}
-
-
-def test_unread_messages_are_not_built_but_counted() -> None:
-    bus, all_messages = UrgentBus(), UrgentBus()
-    box, other = outbox(bus, sink=Figures(BusSink("v3", bus))), outbox(all_messages)
-    spline = ArcSpline((Piece(0.0, 0.0, 0.0, 0.0, 10.0),))
-    none = np.zeros(0)
-    fit = Fit(spline, none, none, none, np.zeros(0, np.int8), 0.0, 0.0, 0)
-    for one in (box, other):
-        one.publish(at(0.1), BODY, FIX, replace(DECISION, fit=fit))
-        one.publish_health(at(0.2))
-    unread = {Command, CompositeTrajectory}
-    assert unread <= {type(message) for message in all_messages.published}
-    results = [encode(message) for message in all_messages.published if type(message) not in unread]
-    assert [encode(message) for message in bus.published] == results
-    assert box.state == other.state
-
-
-def test_between_decisions_only_fixes_and_verdicts_are_sent() -> None:
-    bus, inbox = UrgentBus(), receiving_inbox()
-    box = outbox(bus, inbox)
-    box.publish(at(0.0), BODY, FIX, DECISION)
-    inbox.on_bytes("convoy/v1/gps", encode(gps("v1", 0)))
-    inbox.take(at(0.025))
-    before = len(bus.published)
-    box.publish(at(0.025), BODY, replace(FIX, seq=5), HELD)
-    assert [type(message) for message in bus.published[before:]] == [GpsPose, LinkVerdict]
-    box.publish(at(0.05), BODY, None, HELD)
-    assert len(bus.published) == before + 2
-
-
 def test_every_verdict_is_sent_once() -> None:
     bus, inbox = UrgentBus(), receiving_inbox()
     box = outbox(bus, inbox)
@@ -203,20 +157,6 @@ def test_every_verdict_is_sent_once() -> None:
         for seq in range(4)
         for name in ("v1", "v2")
     ]
-
-
-def test_numbers_of_each_kind_follow_one_another() -> None:
-    bus = UrgentBus()
-    box = outbox(bus)
-    for k, tick in enumerate(ticks(START, at(3.0), 50.0, 20.0)):
-        due = (tick.at - START) % (SECOND // 50) == 0
-        fix = replace(FIX, seq=0) if k == 0 else None
-        box.publish(tick.at, BODY, fix, DECISION if due else HELD)
-    kinds = {type(message) for message in bus.published}
-    assert {TruePose, Command, Health, LogText} <= kinds
-    for kind in kinds:
-        assert [message.seq for message in bus.of(kind)] == list(range(len(bus.of(kind))))
-    assert len(bus.of(TruePose)) == 150
 
 
 def test_only_poses_and_announcements_are_urgent() -> None:
@@ -240,10 +180,6 @@ def reports(*rates_hz: float) -> list[float]:
         for message in bus.of(Health)
         if isinstance(message, Health)
     ]
-
-
-def test_health_is_sent_once_a_second() -> None:
-    assert reports(50.0, 20.0) == [float(k) for k in range(10)]
 
 
 def test_health_is_sent_once_a_second_at_any_rates() -> None:
@@ -290,31 +226,6 @@ def test_a_change_of_mode_is_logged_with_its_reason() -> None:
     ]
 
 
-def test_refused_messages_and_late_ticks_are_reported_once() -> None:
-    bus, inbox, slow = UrgentBus(), receiving_inbox(), Slow()
-    box = outbox(bus, inbox, slow)
-    refuse(inbox, [b"", b"rubbish", bytes(5000)])
-    slow.usage = replace(slow.usage, late_ticks=3, lateness_ms_max=12.34)
-    box.publish_health(at(1.0))
-    box.publish_health(at(2.0))
-    refuse(inbox, [b"?"])
-    slow.usage = replace(slow.usage, late_ticks=4)
-    box.publish_health(at(3.0))
-    assert texts(bus) == [
-        ("warning", "2 messages refused: garbage"),
-        ("warning", "1 messages refused: oversized"),
-        ("warning", "3 late ticks, by up to 12.3 ms so far"),
-        ("warning", "1 messages refused: garbage"),
-        ("warning", "1 late ticks, by up to 12.3 ms so far"),
-    ]
-
-
-def refuse(inbox: Inbox, wrong: Iterable[bytes]) -> None:
-    for data in wrong:
-        inbox.on_bytes("convoy/v1/gps", data)
-    inbox.take(at(1.0))
-
-
 def test_true_poses_too_late_for_the_gap_sensor_are_reported_once_and_counted() -> None:
     bus, target = UrgentBus(), TruePoses("v2")
     box = outbox(bus, target=target)
@@ -330,25 +241,6 @@ def test_true_poses_too_late_for_the_gap_sensor_are_reported_once_and_counted() 
     (line,) = [one for one in bus.published if isinstance(one, LogText)]
     assert line.level == "warning"
     assert line.text.startswith("2 ")
-
-
-def test_on_sent_receives_what_the_bus_carries() -> None:
-    seen: list[tuple[Topic, bytes, Message]] = []
-    bus = UrgentBus()
-    box = Outbox(
-        vehicle="v3",
-        sink=BusSink("v3", bus, lambda topic, data, message: seen.append((topic, data, message))),
-        plane=PLANE,
-        parameters=LINCOLN_MKZ,
-        inbox=receiving_inbox(),
-        probe=NoProbe(),
-        start_at=START,
-    )
-    box.publish(START, BODY, FIX, DECISION)
-    # As bytes: a number that is not known is unlike itself.
-    assert [data for _, data, _ in seen] == [encode(message) for message in bus.published]
-    assert [encode(message) for *_, message in seen] == [data for _, data, _ in seen]
-    assert [message.seq for _, _, message in seen] == [message.seq for message in bus.published]
 
 
 def test_refused_messages_are_reported_once_by_reason_and_counted() -> None:
@@ -369,15 +261,3 @@ def test_refused_messages_are_reported_once_by_reason_and_counted() -> None:
     ]
     healths = [one for one in bus.of(Health) if isinstance(one, Health)]
     assert [one.rejected_messages for one in healths] == [0, 3]
-
-
-def test_a_hundred_poses_with_wrong_stamps_are_logged_at_that_tick() -> None:
-    bus, inbox = UrgentBus(), receiving_inbox()
-    box = outbox(bus, inbox)
-    for seq in range(150):
-        inbox.on_bytes("convoy/v1/gps", encode(gps("v1", seq + 5000)))
-        inbox.take(at(seq * 0.02))
-        box.publish(at(seq * 0.02), BODY, None, DECISION)
-    results = [one for one in bus.of(LogText) if isinstance(one, LogText) and "clocks" in one.text]
-    assert [(one.level, one.logged_at_ns) for one in results] == [("alert", at(99 * 0.02))]
-    assert results[0].text.startswith("100 messages of v1 refused as future")

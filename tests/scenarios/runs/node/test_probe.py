@@ -1,8 +1,5 @@
-import time
-
 import pytest
 
-from scenarios.runs.node.probe import NoProbe, Usage
 from scenarios.runs.node.process_probe import Lateness, ProcessProbe, ThreadTimes
 
 MS = 1_000_000
@@ -46,11 +43,6 @@ def causes_of(
 QUICK = (2.0, 2.0, 0.0)
 
 
-def test_late_ticks_from_the_first_one_on_are_a_late_start() -> None:
-    assert causes_of((80, QUICK), (62, QUICK), (44, QUICK), (3, QUICK)) == (3, 0, 0)
-    assert causes_of((80, QUICK), (3, QUICK), (30, QUICK)) == (1, 0, 1)
-
-
 def test_a_blocked_step_makes_the_network_late() -> None:
     assert causes_of((0, (55.0, 2.0, 1.0)), (35, QUICK), (15, QUICK), (0, QUICK)) == (0, 2, 0)
 
@@ -60,37 +52,3 @@ def test_computing_waiting_and_oversleeping_are_the_processor_s(
     step: tuple[float, float, float],
 ) -> None:
     assert causes_of((0, step), (35, QUICK), (15, QUICK), (0, QUICK)) == (0, 0, 2)
-
-
-def test_a_real_sleep_is_blocked_and_real_work_is_not() -> None:
-    probe = ProcessProbe(10 * MS)
-    probe.tick_began(0)
-    time.sleep(0.05)
-    probe.tick_ended()
-    probe.tick_began(30 * MS)
-    until = time.thread_time() + 0.05
-    while time.thread_time() < until:
-        pass
-    probe.tick_ended()
-    probe.tick_began(0)
-    probe.tick_ended()
-    probe.tick_began(30 * MS)
-    assert (probe.lateness.ticks, probe.lateness.by_network) == (2, 1)
-
-
-def test_the_memory_is_that_of_this_process() -> None:
-    usage = ProcessProbe(10 * MS).read()
-    assert 10e6 < usage.memory_bytes < 4e9
-
-
-def test_a_process_that_computes_shows_it() -> None:
-    probe = ProcessProbe(10 * MS)
-    until = time.process_time() + 0.2
-    while time.process_time() < until:
-        pass
-    busy = probe.read().cpu_ratio
-    assert 0.02 < busy < 1.5  # on a loaded machine a busy process gets but a share of a core
-
-
-def test_in_virtual_time_nothing_is_used_and_nothing_late() -> None:
-    assert NoProbe().read() == Usage(0, 0.0, 0, 0.0)

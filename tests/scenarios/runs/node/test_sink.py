@@ -3,7 +3,7 @@
 from collections import Counter
 from itertools import pairwise
 
-from scenarios.runs.node.sink import BATCH_NS, BatchingSink, BusSink
+from scenarios.runs.node.sink import BATCH_NS, BatchingSink
 from scenarios.runs.observer import OnMessage, listeners_by_kind
 from scenarios.runs.virtual.drive import ObservedSink
 from tests.made.scenarios.messages import gps, health, tracking, truth
@@ -12,7 +12,6 @@ from tests.made.transport.bus import ReceivedMessages
 from transport.bus.memory_bus import MemoryBus
 from transport.bus.telemetry import unpacked
 from transport.codec import encode
-from transport.topics import Topic
 from vehicles.messages import (
     Command,
     CompositeTrajectory,
@@ -28,34 +27,6 @@ def listened_to() -> tuple[MemoryBus, ReceivedMessages]:
     bus, received = MemoryBus(), ReceivedMessages()
     bus.subscribe("convoy/**", received)
     return bus, received
-
-
-def test_messages_are_published_together_and_in_order_when_flushed() -> None:
-    bus, received = listened_to()
-    sink = BusSink("v1", bus)
-    sent: list[Message] = [truth("v1", 0, 1.0, 0.0), gps("v1", 0), tracking("v1", 0)]
-    for message in sent:
-        sink.send(message)
-    assert received == []
-    sink.flush()
-    keys = ("convoy/v1/truth", "convoy/v1/gps", "convoy/v1/tracking")
-    assert received == list(zip(keys, map(encode, sent), strict=True))
-    sink.flush()
-    assert len(received) == 3
-
-
-def test_on_sent_is_called_before_the_bus_has_the_message() -> None:
-    bus, received = listened_to()
-    seen: list[tuple[str, bytes, Message]] = []
-
-    def on_sent(topic: Topic, data: bytes, message: Message) -> None:
-        assert received == []
-        seen.append((topic.name, data, message))
-
-    sink = BusSink("v1", bus, on_sent)
-    pose = gps("v1", 3)
-    sink.send(pose)
-    assert seen == [("gps", encode(pose), pose)]
 
 
 def test_an_observed_vehicle_publishes_its_pose_and_observers_take_their_kinds() -> None:

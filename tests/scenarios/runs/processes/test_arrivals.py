@@ -1,14 +1,9 @@
-import os
-import signal
-import time
 from collections import Counter
 from itertools import starmap
-from threading import Timer
 
 import pytest
 
 from scenarios.runs.processes.arrivals import (
-    MOST_BYTES,
     OLDEST_NS,
     OVERHEAD_BYTES,
     Arrivals,
@@ -24,15 +19,6 @@ KEYS = [f"convoy/v{vehicle}/{topic}" for vehicle in range(20) for topic in "abcd
 def drained(arrivals: Arrivals) -> list[tuple[int, str, bytes]]:
     """All that waits, in turn."""
     return arrivals.take(len(arrivals), 0.0)
-
-
-def test_messages_are_taken_in_turn() -> None:
-    arrivals = Arrivals(KEYS)
-    assert arrivals.take(1, 0.0) == []
-    for at, name in enumerate(KEYS):
-        arrivals.put(at, name, name.encode())
-    assert drained(arrivals) == [(at, name, name.encode()) for at, name in enumerate(KEYS)]
-    assert not arrivals.error_lines()
 
 
 def test_a_recorder_of_twenty_that_is_held_up_for_five_seconds_loses_nothing() -> None:
@@ -64,15 +50,6 @@ def test_a_flood_is_refused_and_pushes_out_nothing_of_others() -> None:
     assert len(arrivals) == 1
 
 
-def test_under_a_flood_of_all_keys_twice_the_limit_waits_at_most() -> None:
-    arrivals = Arrivals(KEYS, most_bytes=1_000_000)
-    for at in range(100):
-        for name in KEYS:
-            arrivals.put(at, name, bytes(840))
-    assert sum(len(data) + OVERHEAD_BYTES for _, _, data in drained(arrivals)) <= 2_000_000
-    assert MOST_BYTES <= 64 * 2**20
-
-
 def test_unrecordable_messages_do_not_wait() -> None:
     arrivals = Arrivals(KEYS)
     for _ in range(3):
@@ -82,43 +59,6 @@ def test_unrecordable_messages_do_not_wait() -> None:
     assert arrivals.error_lines() == {"unknown": 3, "oversized": 3}
     assert not arrivals.error_lines()
     assert len(arrivals) == 1
-
-
-def test_a_signal_that_is_handled_for_long_does_not_make_a_wait_without_end() -> None:
-    """Ctrl-C while the router is frozen, on a busy machine: nothing comes any more."""
-    arrivals = Arrivals(KEYS)
-    before = signal.signal(signal.SIGUSR1, lambda *_: time.sleep(0.1))
-    rescue = Timer(5.0, arrivals.put, (0, KEYS[0], b"rescue"))
-    rescue.start()
-    try:
-        Timer(0.02, os.kill, (os.getpid(), signal.SIGUSR1)).start()
-        assert arrivals.take(1, 0.05) == []
-    finally:
-        rescue.cancel()
-        signal.signal(signal.SIGUSR1, before)
-
-
-def test_only_some_keys_may_have_larger_messages() -> None:
-    arrivals = Arrivals(["small"], larger={"large": 50_000})
-    for key in ("small", "large"):
-        arrivals.put(0, key, bytes(MAX_BYTES + 1))
-    arrivals.put(0, "large", bytes(50_001))
-    assert [key for _, key, _ in drained(arrivals)] == ["large"]
-    assert arrivals.error_lines() == {"oversized": 2}
-
-
-def test_few_messages_are_waited_for_and_many_are_returned_at_once() -> None:
-    arrivals = Arrivals(KEYS)
-    arrivals.put(0, KEYS[0], b"little")
-    begun = time.monotonic()
-    assert len(arrivals.take(3, 0.05)) == 1
-    assert time.monotonic() - begun >= 0.05
-    for at in (1, 2, 3):
-        Timer(0.05, arrivals.put, (at, KEYS[at], b"much")).start()
-    begun = time.monotonic()
-    assert len(arrivals.take(3, 60.0)) == 3
-    assert time.monotonic() - begun < 30.0
-    assert arrivals.take(1, 0.0) == []
 
 
 def test_messages_of_a_batch_take_their_places_by_their_own_instants() -> None:
@@ -154,16 +94,3 @@ def test_messages_are_returned_in_order_of_sending() -> None:
     held.put((5, "late", b""))
     assert [key for _, key, _ in held.until(20)] == ["late"]
     assert [key for _, key, _ in held.until()] == ["0", "4"]
-
-
-def test_a_flood_does_not_wait_for_its_turn() -> None:
-    size = 1000
-    held = SendingOrder(most_bytes=20 * (size + OVERHEAD_BYTES))
-    for at in range(30):
-        held.put((at, "x", bytes(size)))
-    assert [at for at, _, _ in held.until(-1)] == list(range(10))
-    held.put((100, "x", bytes(size)))
-    assert [at for at, _, _ in held.until(-1)] == [10]
-    assert [at for at, _, _ in held.until()] == [*range(11, 30), 100]
-    held.put((0, "x", bytes(size)))  # it counts what it has given away, too
-    assert held.until(-1) == []

@@ -18,7 +18,7 @@ from scenarios.runs.processes.conductor import (
 )
 from scenarios.runs.processes.router_watch import ROUTER_LOST_AFTER_NS
 from tests.made.examples import examples
-from tests.made.scenarios.messages import START, at, health, tracking
+from tests.made.scenarios.messages import START, at, health
 from vehicles.messages import Change
 from vehicles.schedule import SECOND
 
@@ -99,24 +99,6 @@ def test_a_vehicle_that_does_not_come_in_time_is_named() -> None:
     assert outcome.over == pytest.approx(GATHER_S, abs=0.11)
 
 
-def test_a_vehicle_that_left_again_is_waited_for() -> None:
-    outcome = play(
-        (0.5, "v1 comes"), (1.0, "v1 goes"), (1.1, "v2 comes"), (1.2, "v3 comes"), until=9
-    )
-    assert outcome.conductor.phase is Phase.GATHERING
-    assert outcome.conductor.missing() == ["v1"]
-    again = play((0.5, "v1 comes"), (0.7, "v1 goes"), *ALL_COME, until=5.0)
-    assert again.started == pytest.approx(STARTED)
-
-
-def test_strangers_count_for_nothing() -> None:
-    outcome = play(
-        (0.5, "v9 comes"), *ALL_COME, (5.0, "v9 goes"), (6.0, "v9 finishes"), *ALL_FINISH
-    )
-    assert outcome.reason == ""
-    assert outcome.lines == ["all 3 vehicles are present"]
-
-
 def test_missing_vehicles_are_reported_after_a_while_and_on_change() -> None:
     outcome = play((1.0, "v1 comes"), (5.0, "v2 comes"), (8.0, "v3 comes"), until=9.0)
     assert outcome.lines == ["waiting for v2, v3", "waiting for v3", "all 3 vehicles are present"]
@@ -130,24 +112,6 @@ def test_a_run_is_over_when_all_have_finished() -> None:
     assert outcome.over == pytest.approx(ENDED + 0.1, abs=0.06)
     assert outcome.reason == ""
     assert not outcome.conductor.awaits_final_counters()
-
-
-def test_only_the_last_word_of_health_finishes_a_vehicle() -> None:
-    outcome = play(*ALL_COME, until=5.0)
-    for name in CONVOY:
-        outcome.conductor.listen(at(5.0), health(name, seconds=30.0))
-        outcome.conductor.listen(at(5.0), tracking(name, 0))
-    assert outcome.conductor.advance(at(5.0), connected=True) == []
-    assert outcome.conductor.phase is Phase.RUNNING
-    assert outcome.conductor.awaits_final_counters()
-
-
-def test_vehicles_may_go_once_they_have_finished() -> None:
-    gone = [(ENDED + 0.2, "v1 goes"), (ENDED + 0.2, "v2 goes")]
-    late = [(ENDED + 0.1, "v1 ends"), (ENDED + 0.1, "v2 ends"), (ENDED + 2.0, "v3 ends")]
-    outcome = play(*ALL_COME, *gone, *late)
-    assert outcome.reason == ""
-    assert outcome.over == pytest.approx(ENDED + 2.0, abs=0.06)
 
 
 def test_a_vehicle_without_final_counters_is_reported() -> None:
@@ -170,42 +134,12 @@ def test_a_vehicle_that_leaves_early_ends_the_run() -> None:
     assert outcome.conductor.awaits_final_counters()  # of v1
 
 
-def test_the_cause_of_a_departure_has_time_to_be_reported() -> None:
-    """Its launcher speaks when its process has ended, which comes after its token has gone."""
-    outcome = play(*ALL_COME, (10.0, "v2 finishes"), (10.7, "v2 goes"), until=10.7 + 0.9 * LEFT_S)
-    assert outcome.over is None
-    outcome.conductor.stop("v2 ended with exit code 143")
-    assert outcome.reason == "v2 ended with exit code 143"
-
-
-def test_a_vehicle_that_finishes_early_and_stays_is_not_awaited_longer() -> None:
-    outcome = play(*ALL_COME, (10.0, "v2 finishes"))
-    assert outcome.reason == "left before the end: v2"
-    assert outcome.over == pytest.approx(10.0 + FINAL_COUNTERS_NS / SECOND, abs=0.1)
-
-
 def test_the_convoy_continues_without_leavers_if_requested() -> None:
     outcome = play(*ALL_COME, (STARTED + 7.0, "v2 finishes"), (STARTED + 7.1, "v2 goes"),
                 ALL_FINISH[0], ALL_FINISH[2], continues=True)  # fmt: skip
     assert outcome.lines[1:] == ["v2 left 7.0 s after the start; the convoy continues without it"]
     assert outcome.reason == ""
     assert outcome.over == pytest.approx(ENDED + 0.1, abs=0.06)
-
-
-def test_a_vehicle_that_leaves_at_the_end_delays_it_briefly() -> None:
-    almost = ENDED - 0.1
-    leaves = [(almost, "v3 finishes"), (almost + 0.1, "v3 goes")]
-    outcome = play(*ALL_COME, *ALL_FINISH[:2], *leaves, continues=True)
-    assert outcome.lines[1:] == [
-        f"v3 left {almost - STARTED:.1f} s after the start; the convoy continues without it"
-    ]
-    assert outcome.reason == ""
-    assert outcome.over == pytest.approx(almost + 0.1 + LEFT_S, abs=0.11)
-
-
-def test_a_vehicle_that_leaves_before_the_start_is_reported() -> None:
-    outcome = play(*ALL_COME, (STARTED - 0.3, "v3 finishes"), continues=True)
-    assert outcome.lines[1:] == ["v3 left before the start; the convoy continues without it"]
 
 
 @pytest.mark.parametrize(
@@ -236,36 +170,6 @@ def test_the_convoy_continues_without_failed_vehicles_if_requested() -> None:
     assert outcome.lines[1:] == ["v2 failed 7.0 s after the start; the convoy continues without it"]
     assert outcome.reason == ""
     assert outcome.over == pytest.approx(ENDED + 0.1, abs=0.06)
-
-
-def test_a_convoy_without_remaining_vehicles_ends() -> None:
-    failures = [(STARTED + 3.0 + k, f"{name} goes") for k, name in enumerate(CONVOY)]
-    outcome = play(*ALL_COME, *failures, continues=True)
-    assert len(outcome.lines) == 1 + 3
-    assert outcome.reason == "all vehicles failed"
-    assert outcome.over == pytest.approx(STARTED + 5.0 + FAILED_S, abs=0.06)
-
-
-def test_no_final_counters_are_awaited_of_failed_vehicles() -> None:
-    outcome = play(*ALL_COME, (STARTED + 7.0, "v2 goes"), ALL_FINISH[0], continues=True)
-    assert outcome.reason == "no final counters from v3"
-
-
-def test_a_failure_before_the_start_is_reported_as_such() -> None:
-    outcome = play(*ALL_COME, (STARTED - 0.3, "v3 goes"))
-    assert outcome.reason == "v3 failed before the start"
-
-
-def test_a_token_that_is_soon_back_is_no_death() -> None:
-    blink = [(5.0, "v2 goes"), (5.0 + 0.8 * FAILED_S, "v2 comes")]
-    outcome = play(*ALL_COME, *blink, *ALL_FINISH)
-    assert outcome.reason == ""
-    assert outcome.lines == ["all 3 vehicles are present"]
-
-
-def test_a_repeated_absence_notice_delays_nothing() -> None:
-    outcome = play(*ALL_COME, (5.0, "v2 goes"), (5.3, "v2 goes"))
-    assert outcome.over == pytest.approx(5.0 + FAILED_S, abs=0.06)
 
 
 # ---- Losing the router: everyone seems to vanish
@@ -311,37 +215,10 @@ def test_a_vehicle_that_does_not_return_after_an_outage_has_failed() -> None:
     assert outcome.over == pytest.approx(9.0 + RETURN_S + FAILED_S, abs=0.06)
 
 
-def test_each_outage_is_reported() -> None:
-    outages = [
-        *((6.0, "router vanishes"), (8.0, "router returns")),
-        *((9.0, "router vanishes"), (13.5, "router returns")),
-    ]
-    outcome = play(*ALL_COME, *outages, *ALL_FINISH)
-    assert outcome.lines[1:] == [
-        "the router was out of reach for 2.0 s",
-        "the router was out of reach for 4.5 s",
-    ]
-    assert outcome.reason == ""
-
-
 def test_a_router_that_stays_away_ends_the_run() -> None:
     outcome = play(*ALL_COME, *vanish(6.0), (6.0, "router vanishes"))
     assert outcome.reason == f"the router was lost {ENDED - 6.0:.1f} s before the end"
     assert outcome.over == pytest.approx(6.0 + ROUTER_LOST_AFTER_NS / SECOND, abs=0.11)
-
-
-def test_a_router_that_is_away_at_the_end_is_waited_for_and_then_the_final_counters() -> None:
-    back = ENDED + 4.5
-    outcome = play(
-        *ALL_COME,
-        *vanish(ENDED - 2.0 + 2.5),
-        (ENDED - 0.2, "router vanishes"),
-        (back, "router returns"),
-        *reappear(back + 0.6),
-        *[(back + FINAL_COUNTERS_NS / SECOND - 0.2, f"{name} ends") for name in CONVOY],
-    )
-    assert outcome.reason == ""
-    assert outcome.over == pytest.approx(back + FINAL_COUNTERS_NS / SECOND - 0.2, abs=0.06)
 
 
 @pytest.mark.parametrize(
@@ -355,41 +232,6 @@ def test_a_router_lost_before_the_final_counters_fails_the_run(lost_s: float, wh
     outcome = play(*ALL_COME, *vanish(lost_s), (lost_s, "router vanishes"))
     assert outcome.reason == f"the router was lost {when}"
     assert outcome.over == pytest.approx(lost_s + ROUTER_LOST_AFTER_NS / SECOND, abs=0.11)
-
-
-def test_a_router_lost_after_the_final_counters_leaves_a_completed_run() -> None:
-    lost = ENDED + 0.1
-    outcome = play(*ALL_COME, *vanish(lost), (lost, "router vanishes"), *ALL_FINISH)
-    assert outcome.reason == ""
-    assert outcome.over == pytest.approx(ENDED + 0.1, abs=0.06)
-
-
-def test_a_recorder_held_up_at_the_end_reads_the_messages_of_that_time() -> None:
-    outcome = play(*ALL_COME, until=ENDED - 1.0)
-    resumed = ENDED + FINAL_COUNTERS_NS / SECOND + 1.0
-    outcome.conductor.advance(at(resumed), connected=True)
-    assert outcome.conductor.phase is not Phase.OVER
-    for name in CONVOY:
-        outcome.conductor.listen(at(resumed), health(name, seconds=ENDED, final=True))
-    outcome.conductor.advance(at(resumed + 0.05), connected=True)
-    assert outcome.conductor.awaits_final_counters() is False
-    assert outcome.reason == ""
-
-
-def test_a_late_recorder_judges_no_vehicle_before_reading_its_messages() -> None:
-    outcome = play(*ALL_COME, until=ENDED - 1.0)
-    goes = ENDED + 0.2
-    outcome.conductor.note_presence(
-        "v2", alive=False, at=at(goes)
-    )  # its final counters are still to read
-    for now, read in ((ENDED + 4.0, ENDED - 1.0), (ENDED + 20.0, ENDED + 0.1)):
-        outcome.conductor.advance(at(now), connected=True, recorded_until=at(read))
-        assert outcome.conductor.phase is Phase.RUNNING
-    for name in CONVOY:
-        outcome.conductor.listen(at(ENDED + 0.1), health(name, seconds=ENDED, final=True))
-    outcome.conductor.advance(at(ENDED + 20.1), connected=True, recorded_until=at(goes))
-    assert outcome.conductor.phase is Phase.OVER
-    assert outcome.reason == ""
 
 
 def test_a_recorder_that_caught_up_judges_like_one_that_was_never_late() -> None:
@@ -451,28 +293,7 @@ def test_a_cut_off_vehicle_is_told_from_a_failed_one_and_its_return_reported(
     assert conductor.reason == ""
 
 
-def test_a_vehicle_of_which_nothing_came_after_the_start_was_cut_off() -> None:
-    gone = STARTED + 9.0
-    conductor = play(*ALL_COME, until=STARTED).conductor
-    conductor.listen(at(STARTED), health("v1"))
-    conductor.note_presence("v2", alive=False, at=at(gone))
-    for now in range(at(STARTED), at(gone + 1.0), PERIOD_NS):
-        conductor.advance(now, connected=True)
-    assert "v2 was cut off" in conductor.reason
-    assert "0.0 s after the start" in conductor.reason
-
-
 # ---- Stopping
-
-
-def test_the_first_reason_to_stop_stays() -> None:
-    outcome = play(*ALL_COME, until=5.0)
-    outcome.conductor.stop("stopped by SIGINT")
-    outcome.conductor.stop("something else")
-    assert outcome.conductor.phase is Phase.OVER
-    assert outcome.reason == "stopped by SIGINT"
-    assert outcome.conductor.advance(at(60.0), connected=False) == []
-    assert outcome.reason == "stopped by SIGINT"
 
 
 names = st.sampled_from(CONVOY)
@@ -541,36 +362,3 @@ def test_a_vehicle_that_restarts_on_request_is_awaited(
         conductor.advance(now, connected=True)
     assert conductor.reason.startswith(reason)
     assert (conductor.phase is Phase.OVER) == bool(reason)
-
-
-def test_a_vehicle_that_restarts_at_the_end_has_time_for_final_counters() -> None:
-    conductor = play(*ALL_COME, until=ENDED - 0.2).conductor
-    conductor.listen(at(ENDED - 0.2), crash("v2", ENDED - 0.2, 60.0))
-    conductor.note_presence("v2", alive=False, at=at(ENDED - 0.1))
-    for name in ("v1", "v3"):
-        conductor.listen(at(ENDED), health(name, seconds=ENDED, final=True))
-    for now in range(at(ENDED), at(ENDED + 5.0), PERIOD_NS):
-        conductor.advance(now, connected=True)
-    assert conductor.phase.name == "RUNNING"
-    conductor.listen(at(ENDED + 5.0), health("v2", seconds=ENDED, final=True))
-    conductor.note_presence("v2", alive=True, at=at(ENDED + 5.0))
-    conductor.advance(at(ENDED + 5.0), connected=True)
-    assert conductor.phase is Phase.OVER
-    assert conductor.reason == ""
-
-
-def test_the_start_waits_for_slow_announcements_and_missing_vehicles_have_reasons() -> None:
-    conductor = Conductor(
-        ("v1", "v2"),
-        duration_ns=SECOND,
-        continues_without_failed=False,
-        gather_until=at(GATHER_S),
-    )
-    conductor.note_presence("v1", alive=True, at=at(0.0))
-    conductor.excluded = {"v2": "runs other sources"}
-    assert conductor.advance(at(0.0), connected=True) == []
-    assert conductor.advance(at(5.0), connected=True) == ["waiting for v2 (runs other sources)"]
-    conductor.delivery_ns = 2 * SECOND
-    conductor.note_presence("v2", alive=True, at=at(6.0))
-    conductor.advance(at(6.0), connected=True)
-    assert conductor.start_at == at(6.0) + LEAD_TIME_NS + 2 * SECOND

@@ -64,10 +64,6 @@ class FakeSupervisor:
         self.started.append(child)
         return child
 
-    def start_all(self, requested: Sequence[tuple[str, Sequence[str]]]) -> None:
-        for name, arguments in requested:
-            self.start(name, arguments)
-
     def send_reason(self, name: str, reason: str) -> None:
         self.calls.append(("send reason", name, reason))
 
@@ -179,16 +175,6 @@ def test_a_run_is_completed_when_its_recorder_is(folder: Path) -> None:
     ]
 
 
-def test_a_vehicle_that_ends_with_0_does_not_end_the_run(folder: Path) -> None:
-    launched = play(folder, (3.0, "v2", 0), (20.0, "recorder", 0))
-    assert launched.ending == (0, "")
-    assert launched.over >= 20.0
-
-
-def test_a_completed_recorder_decides_over_a_signal_that_comes_later(folder: Path) -> None:
-    assert play(folder, (20.0, "recorder", 0), (20.1, "SIGINT", 130)).ending == (0, "")
-
-
 # ---- Failing
 
 
@@ -203,11 +189,6 @@ def test_a_vehicle_that_is_killed_ends_the_run(folder: Path) -> None:
         ("stop", "recorder"),
         ("stop", "router"),
     ]
-
-
-def test_a_vehicle_that_fails_ends_the_run_with_its_exit_code_in_the_line(folder: Path) -> None:
-    launched = play(folder, (1.0, "v3", 2), (20.0, "recorder", 0))
-    assert launched.ending == (1, "v3 ended with exit code 2")
 
 
 def test_the_convoy_continues_without_failed_vehicles_if_requested(folder: Path) -> None:
@@ -230,14 +211,6 @@ def test_a_recorder_that_completed_its_run_decides_over_the_router(folder: Path)
     reason = "router was killed by signal 9"
     assert ("send reason", "recorder", reason) in launched.supervisor.calls
     launched = play(folder, (20.0, "router", -9), (20.0, "recorder", 0))
-    assert launched.ending == (0, "")
-
-
-@pytest.mark.parametrize("source", ["v2", "SIGINT", "router"])
-def test_the_outcome_is_that_of_the_recorder_that_completed_its_run(
-    folder: Path, source: str
-) -> None:
-    launched = play(folder, (19.5, source, -9), recorder_ends_with=0)
     assert launched.ending == (0, "")
 
 
@@ -270,11 +243,6 @@ def test_a_stopped_launcher_ends_the_run_with_the_exit_code_of_the_signal(
     assert launched.ending == (130, "stopped by SIGINT")
     assert launched.over == pytest.approx(4.0, abs=2 * WATCH_PERIOD_S)
     assert ("send reason", "recorder", "stopped by SIGINT") in launched.supervisor.calls
-
-
-def test_a_stop_decides_over_the_deaths_that_it_brings(folder: Path) -> None:
-    launched = play(folder, (4.0, "SIGINT", 130), (4.0, "v1", -2), (4.0, "recorder", 1))
-    assert launched.ending == (130, "stopped by SIGINT")
 
 
 # ---- The log
@@ -310,21 +278,3 @@ def test_a_log_that_its_recorder_could_not_complete_is_repaired(folder: Path) ->
     assert launched.outcome.repaired
     assert launched.ending == (1, "recorder was killed by signal 9")
     assert not LogReader(folder / LOG_NAME).truncated
-
-
-def test_a_complete_log_is_left_as_it_is(folder: Path) -> None:
-    run = RunLog(scenario(), folder, clock="wall", run_id="run")
-    run.start(START, START)
-    run.end(START, "")
-    run.close(START)
-    before = (folder / LOG_NAME).read_bytes()
-    assert not play(folder, (5.0, "recorder", 0)).outcome.repaired
-    assert (folder / LOG_NAME).read_bytes() == before
-
-
-def test_a_log_that_was_not_begun_cannot_be_repaired(folder: Path) -> None:
-    folder.mkdir()
-    (folder / LOG_NAME).touch()
-    launched = play(folder, (0.1, "recorder", -9))
-    assert not launched.outcome.repaired
-    assert launched.ending == (1, "recorder was killed by signal 9")

@@ -6,13 +6,15 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from multiprocessing import forkserver
 from pathlib import Path
 
 import psutil
 import pytest
 
+from scenarios.cli.running.commands import run_part
 from scenarios.runs.processes.router import LISTENING
 from scenarios.runs.processes.supervisor import Child, Supervisor, describe
 from tests.made.ended import has_ended
@@ -23,8 +25,9 @@ PIPE_BYTES = 65536
 ROUTER = ("router", "--parent-watch", "-l", "tcp/127.0.0.1:0")
 LAUNCHER = """
 import time
+from scenarios.cli.running.commands import run_part
 from scenarios.runs.processes.supervisor import Supervisor
-supervisor = Supervisor()
+supervisor = Supervisor(run_part)
 endpoint = supervisor.start_router()
 print(supervisor.children[0].process.pid, endpoint, flush=True)
 time.sleep(60.0)
@@ -33,7 +36,7 @@ time.sleep(60.0)
 
 @pytest.fixture
 def supervisor() -> Iterator[Supervisor]:
-    one = Supervisor()
+    one = Supervisor(run_part)
     started: list[Child] = []
     spawn = one.start
 
@@ -46,8 +49,8 @@ def supervisor() -> Iterator[Supervisor]:
     yield one
     for child in (*started, *one.children):
         child.process.kill()
-        child.process.wait()
-        for stream in (child.process.stdin, child.process.stdout):
+        child.process.join()
+        for stream in (child.stdin, child.stdout):
             if stream:
                 with suppress(OSError):  # without a reader nothing can be written
                     stream.close()
@@ -69,9 +72,14 @@ def is_up(endpoint: str) -> bool:
         return False
 
 
-def catches(process: "subprocess.Popen[bytes]", number: int) -> bool:
+def pid_of(child: Child) -> int:
+    assert child.process.pid is not None
+    return child.process.pid
+
+
+def catches(pid: int, number: int) -> bool:
     """Whether the process has come so far that it handles a signal itself (Linux)."""
-    status = Path(f"/proc/{process.pid}/status").read_text(encoding="ascii").splitlines()
+    status = Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines()
     caught = next(line for line in status if line.startswith("SigCgt:"))
     return bool(int(caught.split()[1], 16) & 1 << (number - 1))
 
@@ -86,7 +94,7 @@ def test_a_router_listens_on_a_port_of_its_own(supervisor: Supervisor) -> None:
     assert router.exit_code is None
     assert describe(router) == "router still runs"
     # A Ctrl-C in the terminal must reach the launcher alone.
-    assert os.getsid(router.process.pid) == router.process.pid
+    assert os.getsid(pid_of(router)) == router.process.pid
     # Asked to stop it does so by itself, with the exit code of the signal.
     assert supervisor.stop() == []
     assert router.exit_code == 143
@@ -100,7 +108,7 @@ def test_failures_are_noticed_reasons_sent_and_hung_children_killed(supervisor: 
         supervisor.start(name, ROUTER) for name in ("killed", "informed", "orphan", "stubborn")
     )
     for child in (killed, results, orphan, stubborn):
-        until(lambda child=child: catches(child.process, signal.SIGTERM))  # type: ignore[misc]
+        until(lambda child=child: catches(pid_of(child), signal.SIGTERM))  # type: ignore[misc]
     killed.process.kill()
     until(lambda: killed.exit_code is not None)
     assert supervisor.ended() == [killed]
@@ -114,13 +122,13 @@ def test_failures_are_noticed_reasons_sent_and_hung_children_killed(supervisor: 
     assert describe(results) == "informed ended with exit code 1"
     supervisor.send_reason("informed", "has ended, nothing happens")
 
-    assert orphan.process.stdin is not None
-    orphan.process.stdin.close()
+    assert orphan.stdin is not None
+    orphan.stdin.close()
     until(lambda: orphan.exit_code is not None)
     assert describe(orphan) == "orphan ended with exit code 1"
     assert supervisor.ended() == [results, orphan]
 
-    stubborn.process.send_signal(signal.SIGSTOP)  # ignores SIGTERM
+    os.kill(pid_of(stubborn), signal.SIGSTOP)  # ignores SIGTERM
     assert supervisor.stop(["someone else"]) == []
     assert stubborn.exit_code is None
     began = time.monotonic()
@@ -131,7 +139,7 @@ def test_failures_are_noticed_reasons_sent_and_hung_children_killed(supervisor: 
 
 
 def test_a_child_that_cannot_do_its_work_ends_by_itself(supervisor: Supervisor) -> None:
-    child = supervisor.start("nonsense", ("nonsense",))
+    child = supervisor.start("nonsense", ("vehicle", "nonsense", "--name", "v1"))
     until(lambda: child.exit_code is not None)
     assert supervisor.ended() == [child]
     assert describe(child) == "nonsense ended with exit code 2"
@@ -142,6 +150,7 @@ def test_a_router_that_logs_starts_and_is_not_blocked_by_its_log(
     supervisor: Supervisor, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("RUST_LOG", "trace")
+    forkserver._forkserver._stop()  # type: ignore[attr-defined] # the next one has it
     endpoint = supervisor.start_router()
     logged = 0
 
@@ -157,12 +166,13 @@ def test_a_router_that_logs_starts_and_is_not_blocked_by_its_log(
     assert LISTENING not in capfd.readouterr().out
 
 
-def test_a_router_that_does_not_start_is_reported_in_one_line(
-    supervisor: Supervisor, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(sys, "executable", "/bin/false")
+def end_at_once(_arguments: Sequence[str]) -> None:
+    raise SystemExit(1)
+
+
+def test_a_router_that_does_not_start_is_reported_in_one_line() -> None:
     with pytest.raises(BusError, match="the router did not start"):
-        supervisor.start_router()
+        Supervisor(end_at_once).start_router()
 
 
 def test_a_killed_launcher_leaves_no_process_behind() -> None:

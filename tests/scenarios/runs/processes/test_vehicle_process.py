@@ -1,7 +1,6 @@
 """What a vehicle makes of what the recorder announces, and of its silence."""
 
 import time
-from dataclasses import replace
 from threading import Event, Thread
 
 import pytest
@@ -18,7 +17,6 @@ from tests.made.interpreted import interpreted_only
 from transport.bus.memory_bus import MemoryBus, MemoryNetwork
 from transport.clock import VirtualClock, late_threshold, ticks
 from transport.codec import encode
-from transport.links.inbox import QUEUE
 from transport.topics import RUN_SENDER, TOPICS, key
 from vehicles.messages import RunEnd, RunStart
 from vehicles.schedule import MILLISECOND, SECOND
@@ -147,32 +145,6 @@ def test_only_the_recorder_of_the_run_ends_it(scenario: Scenario, *, started: bo
     assert run.end("ours") is not None
 
 
-def test_only_the_recorder_of_the_run_starts_it(scenario: Scenario) -> None:
-    """Also not a recorder of an earlier run, and nobody moves a start that was announced."""
-    run = Announcements(scenario)
-    for run_id in ("", "theirs"):
-        assert run.start(5, run_id) is None
-    assert run.received.foreign == 2
-    assert run.start(1) == run.start(2)
-
-
-def test_a_stranger_does_not_follow_the_recorder_of_a_started_run(scenario: Scenario) -> None:
-    run = Announcements(scenario)
-    run.start()
-    run.network.leave(run.recorder)
-    run.announce_recorder(MemoryBus(run.network), "theirs")
-    assert run.end("theirs") is None
-    assert run.end("ours") is not None
-
-
-def test_before_the_start_another_recorder_may_follow(scenario: Scenario) -> None:
-    run = Announcements(scenario)
-    run.network.leave(run.recorder)
-    run.announce_recorder(MemoryBus(run.network), "theirs")
-    assert run.end("ours") is None
-    assert run.end("theirs") is not None
-
-
 def test_a_tick_begins_at_the_vehicle_s_turn_and_is_late_from_then_on() -> None:
     start_at = 1_790_000_000 * SECOND
     clock, probe = VirtualClock(start_at), ProcessProbe(late_threshold(50.0))
@@ -184,10 +156,3 @@ def test_a_tick_begins_at_the_vehicle_s_turn_and_is_late_from_then_on() -> None:
             clock.wait_until(clock.now() + 32 * MILLISECOND)  # what it does takes so long
     assert begun_ms == [15, 15, 15, 27, 15]
     assert probe.lateness == Lateness(1, 12 * MILLISECOND)
-
-
-@pytest.mark.parametrize(("rate_hz", "most"), [(20.0, 200), (7.5, 75), (0.01, 1), (1e6, QUEUE)])
-def test_the_queue_holds_ten_seconds_of_a_sender(rate_hz: float, most: int) -> None:
-    (link,) = VehicleBuilder(load_scenario("lane_change"), "v2").links(0)
-    link.gate = replace(link.gate, rate_hz=rate_hz)
-    assert process.queue_limit(link) == most

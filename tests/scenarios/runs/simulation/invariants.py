@@ -121,7 +121,7 @@ def no_role_waits_for_ever(run: Aftermath) -> Iterator[str]:
 def every_failure_has_a_reason(run: Aftermath) -> Iterator[str]:
     for process in run.world.processes:
         is_stopped = process.is_faulty or process.stop.requested or process.name == ROUTER
-        if process.poll() in {1, 2} and not is_stopped:
+        if process.exitcode in {1, 2} and not is_stopped:
             processes = run.world.processes if run.plan.launched else [process]
             lines = [line for each in processes for line in each.lines]
             errors = any(
@@ -136,17 +136,17 @@ def every_failure_has_a_reason(run: Aftermath) -> Iterator[str]:
 def outcome_and_exit_codes_agree(run: Aftermath) -> Iterator[str]:
     summary = run.summary
     outcome = summary.outcome if summary is not None else "no summary"
-    recorder = None if run.recorder is None else run.recorder.poll()
+    recorder = None if run.recorder is None else run.recorder.exitcode
     decides = recorder is not None and recorder >= 0 and recorder != EXIT_BAD_INPUT
     if decides and (recorder == EXIT_DONE) != run.is_completed:
         yield f"recorder ended with {recorder}, {outcome}"
-    launcher = None if run.launcher is None or run.launcher.is_faulty else run.launcher.poll()
+    launcher = None if run.launcher is None or run.launcher.is_faulty else run.launcher.exitcode
     if launcher is not None and (launcher == EXIT_DONE) != run.is_completed:
         yield f"convoy run ended with {launcher}, {outcome}"
     for vehicle in run.vehicles:
         if run.was_disturbed(vehicle) or vehicle.joined_at is None:
             continue
-        vehicle_code = vehicle.poll()
+        vehicle_code = vehicle.exitcode
         if run.plan.launched and vehicle_code in STOPPED_BY_LAUNCHER:
             continue
         is_named = _is_known_failed(run, vehicle.name) or (
@@ -221,7 +221,7 @@ def _had_own_trouble(run: Aftermath, name: str) -> bool:
     if any(process.is_faulty for process in processes):
         return True
     if name not in run.world.network.disturbed:
-        return any(process.poll() not in {EXIT_DONE, None} for process in processes)
+        return any(process.exitcode not in {EXIT_DONE, None} for process in processes)
     faults = run.plan.faults
     away = sum(fault[-1] or FOREVER for fault in faults if fault[0] in ROUTER_FAULTS)
     away += sum(fault[3] for fault in faults if fault[0] in CUTS and fault[2] == RECORDER)
@@ -249,7 +249,7 @@ def accounts_balance(run: Aftermath) -> Iterator[str]:
             yield f"{name}: sent {link.sent}, accounted {parts}"
         sent = run.count_sent(link.sender, "gps")
         sender = run.world.process(link.sender)
-        whole = sender is not None and not run.was_disturbed(sender) and sender.poll() == 0
+        whole = sender is not None and not run.was_disturbed(sender) and sender.exitcode == 0
         whole &= not _is_known_failed(run, link.sender)
         holes = any(hole.vehicle == link.sender for hole in run.summary.holes)
         if run.is_completed and whole and not holes and link.sent != sent:
@@ -261,7 +261,7 @@ def holes_are_named(run: Aftermath) -> Iterator[str]:
         return
     for name in run.plan.names:
         process = run.world.process(name)
-        if process is None or run.was_disturbed(process) or process.poll() != EXIT_DONE:
+        if process is None or run.was_disturbed(process) or process.exitcode != EXIT_DONE:
             continue
         if _is_known_failed(run, name):
             continue
@@ -277,7 +277,7 @@ def holes_are_named(run: Aftermath) -> Iterator[str]:
 def nothing_received_is_lost(run: Aftermath) -> Iterator[str]:
     """Poses that arrived at a recorder that ended by itself are in its log or refused."""
     recorder, log = run.recorder, run.log
-    code = None if recorder is None else recorder.poll()
+    code = None if recorder is None else recorder.exitcode
     if code is None or code < 0 or run.summary is None:
         return
     if run.is_completed and (log is None or log.truncated or log.damage):

@@ -55,7 +55,7 @@ def _digest(world: World) -> str:
     log = world.folder / LOG_NAME
     parts = [
         repr((world.scheduler.now, world.scheduler.switches)),
-        repr([(process.name, process.poll(), process.lines) for process in world.processes]),
+        repr([(process.name, process.exitcode, process.lines) for process in world.processes]),
         repr(list(world.network.published.items())),
         repr(log.read_bytes() if log.exists() else None),
     ]

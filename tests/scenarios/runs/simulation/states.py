@@ -29,7 +29,7 @@ def states(run: Aftermath) -> Iterator[str]:
         yield f"network: {name}"
     for process in run.world.processes:
         role = "vehicle" if process.name in run.plan.names else process.name
-        yield f"{role} ended with {process.poll()}"
+        yield f"{role} ended with {process.exitcode}"
         for line in process.lines:
             yield f"{role}: {state_of(line)}"
     for line in run.world.printed:

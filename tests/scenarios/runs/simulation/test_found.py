@@ -54,18 +54,6 @@ def test_a_change_confirmed_before_an_outage_is_in_the_log(tmp_path: Path) -> No
     assert [change.kind for change in run.of_kind(Change)] == ["stall"]
 
 
-def test_messages_that_arrive_after_the_last_tick_are_not_in_flight(tmp_path: Path) -> None:
-    faults = (("cut", 9 * SECOND // 10, "v2", 11 * SECOND // 10),)
-    world = World(Plan(seed=0, launched=False, starts=BY_HAND, faults=faults), tmp_path)
-    world.run()
-    run = Aftermath(world)
-    assert not broken(run)
-    assert run.summary is not None
-    (link,) = run.summary.links
-    assert link.in_flight <= 1
-    assert sum(link.not_arrived.values()) >= 8
-
-
 @pytest.mark.parametrize(("cut_s", "exit_code"), [(3, 0), (8, 1)])
 def test_a_vehicle_cut_off_after_its_final_counters_is_awaited_or_named(
     cut_s: int, exit_code: int
@@ -116,20 +104,5 @@ def test_a_full_disk_is_reported_by_all_processes(
     world.run()
     assert world.disk.has_failed
     assert any("No space left" in line for line in world.printed)
-    assert not any(process.poll() == 0 for process in world.processes)
+    assert not any(process.exitcode == 0 for process in world.processes)
     assert not broken(Aftermath(world))
-
-
-def test_a_vehicle_of_which_only_final_counters_arrived_has_holes() -> None:
-    """A change of its receiver leaves it without a schedule of sending."""
-    plan = Plan(
-        seed=8905,
-        network=NetworkSettings(lease=33 * SECOND // 100),
-        faults=(
-            ("change", 336699139, "gnss", "v1"),
-            ("pause", 343198999, "recorder", 2667009497),
-        ),
-    )
-    run = simulate(plan)
-    assert not run.broken
-    assert "change: confirmed" in run.states

@@ -85,17 +85,17 @@ class Process:
     def flush(self) -> None:
         """Nothing is buffered."""
 
-    def poll(self) -> int | None:
+    @property
+    def exitcode(self) -> int | None:
         if self.role is None:
             return None if self.world.network.is_up else self.world.router_code
         return self.role.exit_code if self.role.ended else None
 
-    def wait(self) -> int:
-        while (code := self.poll()) is None:
+    def join(self) -> None:
+        while self.exitcode is None:
             running = self.world.scheduler.current
             assert running is not None
             running.wait(MILLISECOND)
-        return code
 
     def terminate(self) -> None:
         self.signal(15)
@@ -135,7 +135,7 @@ class SimulatedSupervisor(Supervisor):
     """Starts roles instead of processes."""
 
     def __init__(self, world: "World", system: SystemTime) -> None:
-        super().__init__(None, system)
+        super().__init__(lambda _: None, system=system)
         self._world = world
 
     def start_router(self) -> str:
@@ -145,11 +145,11 @@ class SimulatedSupervisor(Supervisor):
         self.children.append(Child(ROUTER, cast("Any", router)))
         return "tcp/127.0.0.1:7447"
 
-    def _start(self, commands: Sequence[tuple[str, Sequence[str]]], *, piped: bool) -> list[Child]:
-        del piped
-        started = [Child(name, cast("Any", self._world.start(name))) for name, _ in commands]
-        self.children += started
-        return started
+    def start(self, name: str, arguments: Sequence[str], *, piped: bool = False) -> Child:
+        del arguments, piped
+        child = Child(name, cast("Any", self._world.start(name)))
+        self.children.append(child)
+        return child
 
 
 @dataclass
@@ -369,7 +369,7 @@ class World:
 
     def _kill(self, name: str, back: int | None) -> None:
         process = self.process(name)
-        if process is None or process.poll() is not None:
+        if process is None or process.exitcode is not None:
             return
         process.is_faulty = True
         process.kill()
@@ -378,7 +378,7 @@ class World:
 
     def _stop(self, name: str, number: int) -> None:
         process = self.process(name)
-        if process is not None and process.poll() is None:
+        if process is not None and process.exitcode is None:
             process.is_faulty = True
             process.signal(number)
 

@@ -9,7 +9,6 @@ from scenarios.cli.live.status_tables import VEHICLE_COLUMNS
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.log_queries.explain import RecordedKnowledge
 from scenarios.results.metrics import Metrics
-from scenarios.results.pictures.review import review
 from scenarios.results.pictures.run_drawing import open_drawing
 from scenarios.results.summary import RunSummary
 from scenarios.runs.control.run_status import RunStatus, StatusBoard
@@ -19,7 +18,7 @@ from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.transport.recording import Table, columns
 from transport.log.reader import LogReader
 from transport.picture.option import parse_rerun_option
-from vehicles.messages import CompositeTrajectory, Tracking
+from vehicles.messages import Tracking
 
 CUT_AT, END = 1.0, 2.5
 FLOW = (
@@ -76,14 +75,6 @@ def test_the_others_carry_on_after_the_loss_of_the_predecessor(run: FlowRun) -> 
     assert run.summary.events == ()
 
 
-def test_samples_have_the_places_of_their_sources(run: FlowRun) -> None:
-    used: dict[str, set[int]] = {}
-    for _, _, one in LogReader(run.folder / "run.mcap").messages(("trajectory",)):
-        assert isinstance(one, CompositeTrajectory)
-        used.setdefault(one.vehicle, set()).update(one.sample_source)
-    assert used == {"v2": {0}, "v3": {0, 1}, "v4": {0, 1, 2}, "v5": {1, 2, 3}}
-
-
 def test_links_and_limits_count_every_source(run: FlowRun) -> None:
     rows = {(row.sender, row.receiver): row for row in run.summary.links}
     assert set(rows) == set(run.scenario.links)
@@ -116,15 +107,3 @@ def test_the_explanation_and_the_status_name_every_source(run: FlowRun) -> None:
     assert vehicle.predecessor is not None
     (sources,) = (column for column in VEHICLE_COLUMNS if column.heading == "sources")
     assert sources.value(vehicle) == "ahead lost"
-
-
-def test_the_picture_has_every_source_live_and_from_the_log(run: FlowRun) -> None:
-    option = parse_rerun_option(f"save={run.folder / 'again.rrd'}")
-    review(run.folder / "run.mcap", option, wait=lambda _: pytest.fail("waits"))
-    again = columns(run.folder / "again.rrd")
-    for name in ("plots/age", "plots/received", "sources"):
-        for pair in ("v5/v2", "v5/v3", "v4/v2", "v4/v5"):
-            entity = f"/{name}/{pair}"
-            assert run.live[entity] == again[entity]
-    samples = "/world/samples/v5"
-    assert run.live[samples] == again[samples]

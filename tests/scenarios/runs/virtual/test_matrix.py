@@ -27,8 +27,3 @@ def test_a_convoy_drives_on_a_shipped_channel(case: int) -> None:
     cars = simulated(scenario).values()
     assert sum(car.collisions for car in cars) == 0
     assert sum(car.departures_avoidable() for car in cars) == 0
-
-
-def test_the_matrix_is_complete() -> None:
-    assert len(set(CASES)) == len(CASES) == 18 * len(presets()) * len(SCENARIOS)
-    assert {"lane_change", "church_lot", "highway"} <= set(SCENARIOS)

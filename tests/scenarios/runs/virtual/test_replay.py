@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.drives import Trial
 from scenarios.results.files import LOG_NAME
 from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
@@ -22,7 +21,6 @@ from scenarios.runs.node.recorded_vehicle import (
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.virtual.logged_run import record_trial
 from scenarios.runs.virtual.unlogged_run import drive_trial
-from tests.made.transport.links import inbox as inbox_of
 from transport.bus.memory_bus import MemoryBus
 from transport.codec import decode, encode
 from transport.log.errors import LogError
@@ -93,12 +91,6 @@ def test_a_replayed_vehicle_sends_the_recorded_messages(
     assert [t.true_at_ns - later for t in truth] == [k * SECOND // 50 for k in range(300)]
 
 
-def test_it_is_replayed_in_order_of_time(lead: RecordedVehicle) -> None:
-    instants = play(lead.replay(start_at=7 * SECOND), 7 * SECOND, MemoryBus())
-    assert instants == sorted(instants)
-    assert instants[0] == 7 * SECOND
-
-
 def test_further_ahead_a_replay_begins_later_and_is_renumbered(
     lead: RecordedVehicle,
 ) -> None:
@@ -107,26 +99,6 @@ def test_further_ahead_a_replay_begins_later_and_is_renumbered(
     assert poses[0].measured_at_ns == 7 * SECOND
     assert poses[0].latitude_deg == lead.poses[10].latitude_deg
     assert poses[0].speed_mps == lead.poses[10].speed_mps
-
-
-@pytest.mark.parametrize("ahead", [0.0, 0.5, 0.513])
-def test_an_inbox_takes_every_replayed_pose(lead: RecordedVehicle, ahead: float) -> None:
-    start_at = 1_000 * SECOND
-    inbox = inbox_of(
-        "v2", {"v1": LinkTable()}, start_at=start_at, origin=load_scenario("lane_change").origin
-    )
-    bus = MemoryBus()
-    bus.subscribe(inbox.keys[0], inbox.on_bytes)
-    replay = lead.replay(start_at=start_at, ahead=ahead)
-    play(replay, start_at, bus)
-    received = inbox.take(start_at + 10 * SECOND)
-    assert not inbox.rejected
-    assert len(received) == sum(isinstance(message, GpsPose) for message in replay.messages)
-
-
-def test_it_may_take_another_name(lead: RecordedVehicle) -> None:
-    replay = lead.replay(start_at=0, vehicle="PL1")
-    assert {message.vehicle for message in replay.messages} == {"PL1"}
 
 
 def test_followers_treat_replayed_and_live_cars_alike(
@@ -146,18 +118,6 @@ def test_followers_treat_replayed_and_live_cars_alike(
     assert again.drives[0].lateral_error.size == 0  # a replayed car decides nothing
 
 
-def test_the_log_of_a_run_behind_a_replay_holds_the_replayed_car(
-    convoy: Scenario, recorded: tuple[Path, Trial], tmp_path: Path
-) -> None:
-    replay = read_recorded_vehicle(recorded[0], "v1").replay(start_at=convoy.start_at_ns)
-    record_trial(convoy, tmp_path, [replay])
-    counts = LogReader(tmp_path / LOG_NAME).counts
-    assert counts["v1", "gps"] == 120
-    assert counts["v1", "truth"] == 300
-    assert ("v1", "command") not in counts
-    assert counts["v2", "command"] == 300
-
-
 def test_a_record_longer_than_the_run_counts_up_to_the_end_of_the_run(
     recorded: tuple[Path, Trial], tmp_path: Path
 ) -> None:
@@ -171,14 +131,6 @@ def test_a_record_longer_than_the_run_counts_up_to_the_end_of_the_run(
         assert np.array_equal(drive.cross_track, again.cross_track)
 
 
-def test_a_gap_behind_its_start_the_record_begins_at_once(
-    convoy: Scenario, lead: RecordedVehicle
-) -> None:
-    start = convoy.route.path.at(convoy.route.start_station(1))
-    ahead = head_start(lead, LocalPlane(convoy.origin), (start.east, start.north), 15.0)
-    assert ahead == pytest.approx(0.0, abs=0.1 / SPEED)
-
-
 @pytest.mark.parametrize("aside", [0.0, 1.0])
 def test_from_the_same_start_the_record_is_a_gap_further_on(
     convoy: Scenario, lead: RecordedVehicle, aside: float
@@ -187,12 +139,6 @@ def test_from_the_same_start_the_record_is_a_gap_further_on(
     place = (start.east - aside * sin(start.yaw), start.north + aside * cos(start.yaw))
     ahead = head_start(lead, LocalPlane(convoy.origin), place, 15.0)
     assert ahead * SPEED == pytest.approx(55.0, abs=0.8)  # half the distance between fixes
-
-
-def test_a_record_that_begins_too_far_ahead_is_taken_from_its_start(
-    convoy: Scenario, lead: RecordedVehicle
-) -> None:
-    assert head_start(lead, LocalPlane(convoy.origin), (-60.0, 0.0), 15.0) == 0.0
 
 
 def test_a_record_shorter_than_the_gap_is_refused(convoy: Scenario, lead: RecordedVehicle) -> None:

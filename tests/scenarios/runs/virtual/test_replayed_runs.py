@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
+from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_queries.session import replayed_session
-from scenarios.results.log_summary import scenario_of, summary_of
+from scenarios.results.log_summary import summary_of
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.transport.changed_logs import changed_log
@@ -84,41 +84,12 @@ def test_followers_may_have_other_settings(log: Path, tmp_path: Path) -> None:
     assert sent(again, "v3", ("truth",)) != sent(log, "v3", ("truth",))
 
 
-def test_the_new_log_needs_the_old_one_only_to_run_again(log: Path, tmp_path: Path) -> None:
-    copy = tmp_path / "copy.mcap"
-    copy.write_bytes(log.read_bytes())
-    again = run(replayed_session(copy, ("v1",)), tmp_path / "again")
-    text = scenario_of(again).text
-    twice = run(replayed_session(again, ("v1",)), tmp_path / "twice")
-    assert sent(twice, "v2") == sent(log, "v2")
-    copy.write_bytes(log.read_bytes() + b"more")
-    with pytest.raises(ScenarioError, match=r"replay.log: .* has the checksum \w+, replay.digest"):
-        scenario_from_text(text)
-    copy.unlink()
-    assert scenario_from_text(text).tables.repeats_messages == {"v1"}
-    with pytest.raises(OSError, match="No such file"):
-        run(scenario_from_text(text), tmp_path / "none")
-
-
 def test_processes_with_the_log_elsewhere_take_part_in_one_run(log: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy.mcap"
     copy.write_bytes(log.read_bytes())
     digests = {replayed_session(one, ("v1",)).digest for one in (log, copy)}
     assert len(digests) == 1
     assert replayed_session(log, ("v1", "v2")).digest not in digests
-
-
-@pytest.mark.parametrize(
-    ("vehicles", "why"),
-    [
-        (("v9",), r'replay.vehicles: given "v9", allowed v1, v2, v3'),
-        ((), "replay.vehicles: given \\[\\], allowed at least one entry"),
-        (("v 1",), r'replay.vehicles\[0\]: given "v 1"'),
-    ],
-)
-def test_an_invalid_vehicle_is_named(log: Path, vehicles: tuple[str, ...], why: str) -> None:
-    with pytest.raises(ScenarioError, match=why):
-        replayed_session(log, vehicles)
 
 
 def test_a_live_change_of_a_replayed_vehicle_is_refused(log: Path) -> None:
@@ -155,19 +126,3 @@ def test_a_partial_log_is_numbered_again_and_its_account_balances(
     first = summary.links[0]
     assert (first.sender, first.sent, first.not_arrived) == ("v1", 27, {})
     assert summary.holes == ()
-
-
-def test_holes_in_the_true_poses_of_a_partial_log_are_stated(log: Path, tmp_path: Path) -> None:
-    holed = without(log, tmp_path / "holed.mcap", TruePose, range(20, 40))
-    summary = summary_of(run(replayed_session(holed, ("v1",), partial=True), tmp_path / "run"))
-    (hole,) = summary.holes
-    assert (hole.vehicle, hole.kind, hole.poses, hole.from_s) == ("v1", "true pose", 20, 0.4)
-
-
-def test_a_log_that_is_not_the_one_of_the_scenario_is_not_sent(log: Path, tmp_path: Path) -> None:
-    copy = tmp_path / "copy.mcap"
-    copy.write_bytes(log.read_bytes())
-    scenario = replayed_session(copy, ("v1",))
-    copy.write_bytes(log.read_bytes() + b"more")
-    summary = run_virtual(scenario, tmp_path / "run", Stop())
-    assert "is another log than when the scenario was read" in summary.reason

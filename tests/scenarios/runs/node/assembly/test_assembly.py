@@ -1,5 +1,4 @@
 import math
-from dataclasses import astuple, replace
 from itertools import pairwise
 
 import pytest
@@ -13,8 +12,6 @@ from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.node.sink import BusSink
 from transport.bus.memory_bus import MemoryBus
 from vehicles.car.gnss import Fix
-from vehicles.car.parameters import LINCOLN_MKZ, Loading, loaded
-from vehicles.car.sensors.imu import ExactSensor, InertialSensor
 from vehicles.driver.decision import Driver
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader
@@ -103,21 +100,6 @@ def test_the_schedule_is_that_of_control_and_receiver() -> None:
     assert len(fixes(made, "v2")) == 10
 
 
-def test_the_inertial_sensor_measures_with_control_unless_it_has_a_rate() -> None:
-    made = scenario("vehicle.v2.imu.rate_hz=100", "vehicle.v3.imu.rate_hz=4", "duration_s=1")
-    exact = scenario("vehicle.v2.imu.rate_hz=100", "control.own_state=exact", "duration_s=1")
-    assert len(list(VehicleBuilder(made, "v1").ticks(START))) == 50 + 20 - 10
-    assert len(list(VehicleBuilder(made, "v2").ticks(START))) == 100
-    assert len(list(VehicleBuilder(made, "v3").ticks(START))) == 50 + 20 - 10 + 4 - 4
-    assert len(list(VehicleBuilder(exact, "v2").ticks(START))) == 50 + 20 - 10
-    for name, rate_hz in (("v1", 50), ("v2", 100), ("v3", 4)):
-        one = node(made, name)
-        ticks = VehicleBuilder(made, name).ticks(START)
-        assert (
-            sum(one.car.imu.measure(one.car.body, tick.at) is not None for tick in ticks) == rate_hz
-        )
-
-
 def test_noise_depends_on_seed_and_place_alone() -> None:
     alone = fixes(scenario("convoy.vehicles=2"), "v2")
     east = [pytest.approx(fix.east, abs=1e-9) for fix in alone]
@@ -147,66 +129,6 @@ def test_each_receiver_has_the_noise_that_it_should() -> None:
         spread = math.sqrt(sum(value * value for value in turned) / len(turned))
         assert spread == pytest.approx(2.0 if name == "v4" else 0.0, rel=0.1)
         assert {fix.speed for fix in measured} == {body.speed}
-
-
-def first_steering(made: Scenario, name: str = "v1") -> float:
-    """What a lead beside its path decides first."""
-    one = node(made, name)
-    fix = one.car.gnss.measure(one.car.body, START)
-    motion = one.car.imu.measure(one.car.body, START)
-    return driver(one).step(START, fix, motion, []).actuation.steering
-
-
-def test_with_exact_own_state_the_car_knows_where_it_is_and_broadcasts_what_is_measured() -> None:
-    settings = ("gnss.position_noise_m=5", "gnss.heading_noise_deg=5")
-    beside = "vehicle.v1.lateral_offset_m=0.5"
-    exact = scenario(*settings, beside, "control.own_state=exact")
-    one = node(exact, "v1")
-    motion = one.car.imu.measure(one.car.body, START)
-    decision = driver(one).step(START, one.car.gnss.measure(one.car.body, START), motion, [])
-    assert decision.errors.lateral == pytest.approx(0.5, abs=1e-12)
-    assert decision.errors.heading == pytest.approx(0.0, abs=1e-12)
-    assert fixes(exact, "v1") == fixes(scenario(*settings, beside), "v1")
-    noisy = scenario("imu.speed_bias_mps=1")
-    assert fixes(noisy, "v1") == fixes(scenario(), "v1")
-    some = scenario(*settings, "vehicle.v2.control.own_state=exact")
-    assert isinstance(node(some, "v2").car.imu, ExactSensor)
-    assert isinstance(node(some, "v3").car.imu, InertialSensor)
-
-
-def test_controller_and_gains_are_those_of_the_scenario() -> None:
-    quiet = [
-        "gnss.position_noise_m=0", "gnss.heading_noise_deg=0", "gnss.speed_noise_mps=0",
-        "gnss.yaw_rate_noise_radps=0", "vehicle.v1.lateral_offset_m=0.5",
-        "imu.speed_noise_mps=0", "imu.speed_bias_mps=0",
-        "imu.yaw_rate_noise_radps=0", "imu.yaw_rate_bias_radps=0",
-        "parameters.steering_rate_limit_radps=inf",
-    ]  # fmt: skip
-    plain = scenario(*quiet, "control.controller=feedforward_feedback")
-    assert first_steering(plain) == pytest.approx(-0.06 * 0.5)
-    gains = scenario(
-        *quiet, "control.controller=feedforward_feedback", "control.gains.lateral_rad_per_m=0.1"
-    )
-    assert first_steering(gains) == pytest.approx(-0.1 * 0.5)
-    own = scenario(
-        *quiet, "control.controller=feedforward_feedback",
-        "vehicle.v1.control.gains.lateral_rad_per_m=0.02",
-    )  # fmt: skip
-    assert first_steering(own) == pytest.approx(-0.02 * 0.5)
-    stanley = first_steering(scenario(*quiet, "control.controller=stanley"))
-    assert stanley == pytest.approx(-math.atan(2.5 * 0.5 / 31.0))
-    pursuit = first_steering(scenario(*quiet, "control.controller=pure_pursuit"))
-    # The goal lies 15 m from the rear axle, half a second at 30 m/s, and half a metre aside.
-    assert pursuit == pytest.approx(-math.atan(2.0 * 2.85 * (0.5 / 15.0) / 15.0), rel=1e-3)
-
-
-def test_the_car_is_the_loaded_one_whatever_its_controller_knows() -> None:
-    empty = replace(LINCOLN_MKZ, tyres="brush", steering_rate_limit=1.18)
-    full = loaded(empty, Loading(front_passengers=1, rear_passengers=3))
-    for knows in ("true", "false"):
-        made = scenario(f"control.knows_loading={knows}")  # lane_change is driven with passengers
-        assert astuple(node(made, "v2").car.parameters) == astuple(full)
-    assert made.vehicle("v2").assumed_parameters == empty
 
 
 def test_followers_keep_the_profile_or_a_gap() -> None:
@@ -240,9 +162,3 @@ def test_vehicles_take_turns_after_their_sources(vehicles: int) -> None:
         assert after - before == pytest.approx(SECOND / 50 / vehicles, abs=1.0)
     for name, turn in turns.items():
         assert all(turns[sender] < turn for sender in made.vehicle(name).senders)
-
-
-def test_where_the_lead_waits_for_those_behind_all_begin_at_once() -> None:
-    made = scenario("speed.lead_waits=true")
-    assert made.vehicle("v1").senders
-    assert {VehicleBuilder(made, name).stagger_ns for name in made.vehicle_names} == {0}

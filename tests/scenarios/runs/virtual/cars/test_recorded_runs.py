@@ -4,7 +4,6 @@ import json
 import re
 import tomllib
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,6 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.runs.virtual.logged_run import record_trial
 from scenarios.runs.virtual.unlogged_run import drive_trial
-from tests.made.scenarios.recorded_drives import write_log
 from tests.made.scenarios.rough_drives import (
     CASES,
     FORMATS,
@@ -62,14 +60,6 @@ def test_a_convoy_follows_a_rough_drive_to_its_end(tmp_path: Path, case: int) ->
     # The run starts with the warnings of check.
     warnings = report_of(scenario_of(CASES[name][0], tmp_path)).warnings
     assert all(f"warning: {line}" in done.stderr for line in warnings if "drive." in line)
-
-
-@pytest.mark.campaign(0, 1)
-def test_every_rough_drive_is_driven_to_its_end(tmp_path: Path, case: int) -> None:  # noqa: ARG001
-    for name, (rough, expected) in CASES.items():
-        if not expected.refused:
-            trial = drive_trial(scenario_of(rough, tmp_path, "[convoy]\nvehicles = 4\n"))
-            assert max(one.cross_track_max for one in trial.drives[1:]) < WITHIN_M, name
 
 
 def test_the_log_of_a_run_has_the_offset_of_its_coordinates(tmp_path: Path) -> None:
@@ -122,16 +112,6 @@ def test_a_replayed_vehicle_is_where_and_when_it_was_recorded(tmp_path: Path, fo
         assert speed == pytest.approx(15.0, abs=0.15)
 
 
-def test_a_stop_is_replayed_as_one_and_never_backwards(tmp_path: Path) -> None:
-    lead = Rough(course=SWEEP, speed=15.0, stands=((150.0, 5.0),), form="gpx")
-    drive = with_two(tmp_path, lead).replays["v2"]
-    found = [drive.at(0.05 * k) for k in range(700)]
-    distances = [distance for _, _, distance in found]
-    assert all(after >= before - 1e-9 for before, after in pairwise(distances))
-    assert sum(speed < 0.1 for _, speed, _ in found) * 0.05 == pytest.approx(5.0, abs=0.7)
-    assert min(speed for _, speed, _ in found) >= 0.0
-
-
 def test_followers_receive_a_replayed_vehicle_like_any_other(tmp_path: Path) -> None:
     scenario = with_two(tmp_path)
     assert report_of(scenario).warnings == ()
@@ -181,21 +161,6 @@ def test_without_common_times_both_drives_begin_together_and_the_offset_parts_th
     assert max(drive.cross_track_max for drive in trial.drives[2:]) < WITHIN_M
 
 
-def test_a_run_without_a_duration_ends_with_the_drive_that_is_over_first(tmp_path: Path) -> None:
-    text = two_drives(tmp_path).replace("duration_s = 30.0\n", "")
-    name = re.search(r'replay = "(.*)"', text)
-    assert name is not None
-    lasts = scenario_from_text(text, folder=tmp_path).duration_s
-    shorter = replace(LEAD, seed=2)
-    (tmp_path / name[1]).write_bytes(FORMATS[shorter.form](shorter.points()[:-100]))
-    scenario = scenario_from_text(text, folder=tmp_path)
-    assert lasts - 11.0 < scenario.duration_s < lasts - 5.0
-    assert scenario.duration_s == pytest.approx(scenario.replays["v2"].lasts, abs=0.1)
-    (line,) = [line for line in report_of(scenario).warnings if "recorded drive ends" in line]
-    assert f"{scenario.duration_s:g} s after the start" in line
-    assert scenario_from_text(scenario.text).duration_s == scenario.duration_s
-
-
 def test_check_names_the_setting_for_a_follower_ahead_of_a_replay(
     tmp_path: Path,
 ) -> None:
@@ -213,47 +178,6 @@ def test_check_names_the_setting_for_a_follower_ahead_of_a_replay(
         set_so.route.path.project(second.east, second.north, place, window=100.0).station - place
     )
     assert ahead == pytest.approx(early.route.spacings[2], abs=1.5)
-
-
-def test_relative_times_of_both_count_from_one_instant(tmp_path: Path) -> None:
-    """Also where the second car stood a while before it followed."""
-    lead = replace(LEAD, form="csv")
-    second = [(0.1 * k, 0.0, 0.0, 0.0) for k in range(50)]
-    second += [(t + 5.0, e, n, v) for t, e, n, v in replace(lead, seed=2).points()]
-    (tmp_path / "second.csv").write_bytes(FORMATS["csv"](second))
-    text = text_of(lead, tmp_path) + '[vehicle.v2]\nreplay = "second.csv"\n'
-    for scenario in (
-        given := scenario_from_text(text, folder=tmp_path),
-        scenario_from_text(given.text),
-    ):
-        begun = scenario.replays["v2"].begun
-        assert begun == pytest.approx(-5.0 - scenario.route.run_in, abs=1.0)
-    assert with_two(tmp_path, lead).replays["v2"].begun == pytest.approx(
-        -1.0 - given.route.run_in, abs=0.01
-    )
-
-
-def test_drives_of_different_hours_begin_together(tmp_path: Path) -> None:
-    scenario = with_two(tmp_path, LEAD, 1500.0)
-    assert not scenario.replays["v2"].common
-    assert scenario.replays["v2"].begun == pytest.approx(-scenario.route.run_in)
-
-
-def test_a_log_is_replayed_as_a_file_is(tmp_path: Path) -> None:
-    points = [(t, e, n, v) for t, e, n, v in replace(LEAD, seed=2).points()]
-    write_log(tmp_path / "run.mcap", points)
-    text = text_of(LEAD, tmp_path, "duration_s = 20.0\n")
-    text += '[vehicle.v2]\nreplay = "run.mcap"\nreplay_vehicle = "v1"\nreplay_offset_s = 1.0\n'
-    scenario = scenario_from_text(text, folder=tmp_path)
-    assert scenario.replays["v2"].common  # both began at 22:13:20
-    assert drive_trial(scenario).drives[2].cross_track_max < WITHIN_M
-
-
-def test_contradictions_are_reported_before_the_run(tmp_path: Path) -> None:
-    late = report_of(with_two(tmp_path, LEAD, 3.0)).warnings
-    assert any(re.match(r"v2: .* 1\d\.\d m behind v3, its follower", w) for w in late)
-    early = report_of(with_two(tmp_path, LEAD, -2.0)).warnings
-    assert any(re.match(r"v2: .* 3\d\.\d m ahead of the lead", w) for w in early)
 
 
 @pytest.mark.parametrize(

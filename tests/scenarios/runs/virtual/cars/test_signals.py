@@ -8,7 +8,6 @@ import pytest
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
-from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
 from scenarios.runs.virtual.unlogged_run import run_unlogged
@@ -80,12 +79,6 @@ def test_it_drives_and_the_same_again(changes: tuple[str, ...], tmp_path: Path) 
         assert all(one.measured_at_ns <= one.sent_at_ns for one in sent)
 
 
-def test_the_wire_carries_state_and_accuracy(tmp_path: Path) -> None:
-    ran(made(STATES, "gnss.while_float.accuracy_ratio=0.05"), tmp_path)
-    reported = {(one.fix, round(one.position_accuracy_m, 6)) for one in poses(tmp_path, "v1")}
-    assert reported == {("fixed", 0.02), ("float", round(0.05 * 0.19, 6))}
-
-
 def test_in_a_tunnel_nothing_is_sent_and_each_car_has_its_own(tmp_path: Path) -> None:
     """20 m/s: the lead is in it from 1 to 2.5 s, the next car 15 m behind it 0.75 s later."""
     ran(made(TUNNEL, "control.degradation.reaction=extrapolate"), tmp_path)
@@ -108,23 +101,6 @@ def test_instants_of_sending_are_their_own(tmp_path: Path) -> None:
     verdicts = [one for _, _, one in read if isinstance(one, LinkVerdict) and one.vehicle == "v2"]
     assert {one.pose_seq % 2 for one in verdicts if one.outcome == "delivered"} == {0}
     assert {one.reason for one in verdicts if one.pose_seq % 2} == {"rate"}
-
-
-def test_phases_are_drawn_for_each_vehicle() -> None:
-    scenario = made(*CASES["drawn phase"])
-    schedules = [VehicleBuilder(scenario, name) for name in scenario.vehicle_names]
-    ticks = [{tick.at for tick in one.ticks(0)} for one in schedules]
-    own = [min(one - {at for at in one if at % 10_000_000 == 0}) for one in ticks]
-    assert len(set(own)) == 4
-    assert all(0 < phase < SECOND / 10 for phase in own)
-    assert len({one.schedule for one in schedules}) == 4
-
-
-def test_a_plain_scenario_has_the_schedule_that_it_had() -> None:
-    scenario = load_scenario("lane_change", ["duration_s=2"])
-    assert {VehicleBuilder(scenario, name).schedule for name in scenario.vehicle_names} == {
-        (50.0, 20.0)
-    }
 
 
 def test_late_fixes_cost_little() -> None:

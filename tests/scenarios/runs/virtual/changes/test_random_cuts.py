@@ -3,24 +3,17 @@
 `pytest --campaign` simulates 2000 cuts on six roads, and 1000 during a double lane change.
 """
 
-from collections import Counter
 from collections.abc import Iterator
-from dataclasses import replace
 from itertools import pairwise, takewhile
 from math import inf
 
 import numpy as np
 import pytest
 
-from scenarios.definition.road.route import longest_run
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.change_tables import CutTable
 from tests.made.convoys.cuts import (
-    AFTERWARDS_S,
     FOR_GOOD_S,
-    LINKS,
     NO_SOURCE,
-    ROADS,
     STANDING,
     CarRecord,
     LinkCut,
@@ -149,29 +142,3 @@ def test_an_extrapolating_follower_leaves_the_road() -> None:
     assert max(map(abs, follower.errors.values())) > 3.0
     assert follower.departures
     assert not list(standing(follower))
-
-
-def test_all_kinds_of_cuts_are_drawn() -> None:
-    cuts = list(draw_cuts(120))
-    assert Counter(cut.road for cut in cuts) == dict.fromkeys(ROADS, 20)
-    assert {cut.links for cut in cuts} == set(LINKS)
-    assert {cut.vehicles for cut in cuts} == set(range(3, 9))
-    assert {cut.fix for cut in cuts} == {"", "float", "none"}
-    assert {cut.flapping for cut in cuts} == {cut.for_s is None for cut in cuts} == {True, False}
-    assert {cut.sends_history for cut in cuts} == {True, False}
-
-
-@pytest.mark.parametrize("road", ROADS)
-def test_a_road_lasts_until_the_end_of_the_run(road: str) -> None:
-    cut = LinkCut(road=road, speed_mps=30.0, at_s=17.0, for_s=8.0, seed=1)
-    assert longest_run(cut.scenario().route) > cut.ends_at_s + AFTERWARDS_S
-
-
-def test_flapping_links_are_cut_and_restored_until_the_end() -> None:
-    cut = replace(EXTRAPOLATED, flapping=True, for_s=6.0)
-    changes = [change for change in cut.scenario().tables.change if isinstance(change, CutTable)]
-    spans = [(change.at_s, change.at_s + (change.for_s or 0.0)) for change in changes]
-    assert len(spans) > 2
-    assert all(end < start for (_, end), (start, _) in pairwise(spans))
-    assert spans[0][0] == cut.at_s
-    assert spans[-1][1] <= cut.at_s + 6.0

@@ -6,12 +6,9 @@ import pytest
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.definition.schema.change_tables import LeaveTable
-from scenarios.runs.node.pending_changes import DueChange
 from tests.made.convoys.changed_convoys import ChangedConvoy
 from tests.made.scenarios.rough_drives import FORMATS, SUFFIXES, SWEEP, Rough, text_of
-from vehicles.messages import Change, GpsPose, LogText, Tracking, TruePose
-from vehicles.schedule import SECOND
+from vehicles.messages import Change, GpsPose, Tracking, TruePose
 
 LEAD = Rough(course=SWEEP, speed=15.0, form="gpx")
 
@@ -47,14 +44,3 @@ def test_changes_of_software_are_refused_for_a_replay(tmp_path: Path) -> None:
     change = '[[change]]\nkind = "stall"\nvehicle = "v2"\nat_s = 2.0\nfor_s = 1.0\n'
     with pytest.raises(ScenarioError, match="replays a drive, allowed only kind"):
         with_recorded(tmp_path, change)
-
-
-def test_changes_of_software_by_hand_do_not_affect_a_replay(tmp_path: Path) -> None:
-    run = ChangedConvoy(with_recorded(tmp_path, ""))
-    leave = LeaveTable(kind="leave", vehicle="v2", at_s=1.0)
-    run.nodes["v2"].pending_changes.add(DueChange(run.start_at + SECOND, leave, by_hand=True))
-    run.run()
-    assert not run.of("v2", Change)
-    (line,) = [one for one in run.of("v2", LogText) if "no effect" in one.text]
-    assert line.level == "warning"
-    assert len(run.of("v2", GpsPose)) == 120

@@ -5,7 +5,6 @@ import pytest
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import RunSummary
 from scenarios.runs.virtual.unlogged_run import run_unlogged
-from tests.made.convoys.speed_runs import drive
 from tests.made.interpreted import interpreted_only
 from vehicles.driver.degradation.source import Source
 from vehicles.driver.degradation.sources import Sources
@@ -62,25 +61,10 @@ def test_one_link_lost_stops_the_whole_convoy_at_once(case: int) -> None:
     assert least_gap_m(summary) > 2.0  # of 3 m; it was 0, with a collision for each car
 
 
-def test_the_log_has_the_reason_of_braking_on_a_known_path() -> None:
-    requested = ("duration_s=12", "links.preset=tunnel")
-    reported = drive(load_scenario("lane_change", requested)).texts
-    braked = [one for one in reported["v3"] if one.text.startswith("braking: v2 announced a stop")]
-    own = [one for one in reported["v3"] if one.text.startswith("mode stop")]
-    assert len(braked) == len(own) == 1
-    assert braked[0].logged_at_ns < own[0].logged_at_ns
-    assert not [one for one in reported["v2"] if "announced a stop" in one.text]
-
-
 @interpreted_only
 def test_if_none_announced_its_stop_some_would(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Sources, "stops_at", lambda *_: 0)
     assert collisions(driven("tunnel", 3.07, 1)) > 0
-
-
-def test_a_vehicle_that_brakes_for_lack_of_messages_is_not_hit() -> None:
-    """Shadowed links in a dense convoy: each at its own time, for one to three seconds."""
-    assert collisions(driven("lte_v2x_dense", 3.07, 1, "duration_s=24")) == 0
 
 
 @interpreted_only

@@ -27,7 +27,6 @@ EXACT = (
 )  # fmt: skip
 PAPER_LAW = "control.controller='feedforward_feedback'", "control.estimate_slip=false"
 FROM_THE_START, FOR_GOOD, FOR_A_WHILE = "at_s=0.0", "at_s=1.0", "at_s=2.0, for_s=2.0"
-DRIVEN = "control.degradation.predecessor_path='driven'"
 WITHOUT_LEAD = "control.degradation.predecessor_path='intended'"
 
 
@@ -121,11 +120,6 @@ def test_the_error_does_not_grow_along_eight_vehicles(case: int) -> None:
     assert max(errors[f"v{place}"] for place in range(4, 9)) < ahead + 0.03
 
 
-def test_it_grows_where_the_way_driven_is_followed() -> None:
-    errors = driven(FOR_GOOD, *PAPER_LAW, *EXACT, DRIVEN, vehicles=4).errors()
-    assert errors["v4"] > errors["v3"] + 0.04 > errors["v2"] + 0.08
-
-
 def test_followers_announce_their_offset_from_the_lead_s_path() -> None:
     run = driven("", *EXACT, vehicles=4)
     assert all(map(math.isnan, run.results["v1"]))
@@ -140,11 +134,6 @@ def test_no_command_steps_when_the_lead_is_lost_and_comes_back() -> None:
     assert run.modes["v4"][-1] == "composite"
     assert "predecessor" in run.modes["v4"]
     assert run.largest_step() < received.largest_step() + 1e-3
-
-
-def test_announcements_for_a_lost_lead_change_no_command_while_it_is_received() -> None:
-    followed = driven("", DRIVEN, *EXACT, vehicles=4)
-    assert followed.steering == driven("", WITHOUT_LEAD, *EXACT, vehicles=4).steering
 
 
 def test_composite_data_double_an_error_unless_announcements_remove_it() -> None:

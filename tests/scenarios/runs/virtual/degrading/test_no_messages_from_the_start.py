@@ -10,7 +10,7 @@ from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.virtual.unlogged_run import run_unlogged
-from tests.made.convoys.speed_runs import Driven, drive
+from tests.made.convoys.speed_runs import Driven
 from tests.made.interpreted import interpreted_only
 from vehicles.driver.degradation.source import Source
 from vehicles.driver.degradation.speed_guard import SpeedGuard
@@ -84,15 +84,6 @@ def test_without_late_first_messages_collisions_would_occur(
     assert collisions(summary(3, 10.07, *own, seed=37)) > 0
 
 
-@pytest.mark.spread(2)
-@pytest.mark.parametrize("gap_m", [10, 30])
-@pytest.mark.parametrize("latency_ms", [400, 700, 1000])
-def test_a_latency_is_no_silence(gap_m: float, latency_ms: float) -> None:
-    """The first message is waited for as long as a message takes to come, and then some."""
-    run = summary(3, gap_m, f"links.latency_ms={latency_ms}", "duration_s=4")
-    assert not any("stop" in row.ticks_by_mode for row in run.vehicles)
-
-
 def test_a_follower_without_its_predecessor_keeps_away_from_where_it_may_stand() -> None:
     """v3 receives only the lead, v2 nothing: v2 stops without a warning to v3."""
     silent = ("{sender='v1', receiver='v2'}", "{sender='v2', receiver='v3'}")
@@ -101,14 +92,3 @@ def test_a_follower_without_its_predecessor_keeps_away_from_where_it_may_stand()
     assert collisions(run) == 0
     assert (run.vehicles[2].true_gap_m_min or 0.0) > 5.0
     assert run.vehicles[2].estimated_gap_m_min is None or isnan(run.vehicles[2].estimated_gap_m_min)
-
-
-def test_the_log_names_the_sources_of_a_continuing_follower() -> None:
-    """Received again before the mode may be left, so that leaving it changes nothing."""
-    dark = "change=[{kind='cut', at_s=0, for_s=0.8}]"
-    driven = drive(convoy(3, 15.0, dark, "duration_s=3"))
-    for name in ("v2", "v3"):
-        lines = [one.text for one in driven.texts[name] if one.text.startswith("mode ")]
-        assert [line.split()[1] for line in lines][:2] == ["straight", "stop"]
-        assert len(lines) > 2
-        assert "v1 received" in lines[2]
