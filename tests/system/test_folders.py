@@ -76,3 +76,12 @@ def test_a_run_on_a_full_disk_fails_with_a_readable_log(tmp_path: Path) -> None:
         assert sum(log.counts.values()) > 100
     finally:
         subprocess.run(["umount", "--lazy", str(disk)], check=True)
+
+
+def test_runs_started_in_the_same_second_use_separate_folders(tmp_path: Path) -> None:
+    with start(*SHORT, folder=tmp_path) as first, start(*SHORT, folder=tmp_path) as second:
+        assert (first.wait(), second.wait()) == (0, 0), (first.err, second.err)
+    folders = list((tmp_path / "runs").iterdir())
+    assert len(folders) == 2
+    for folder in folders:
+        assert_sound(Run(folder).log)

@@ -276,3 +276,35 @@ def test_a_disconnected_recorder_lists_missing_messages(hub: SharedRouter, tmp_p
     assert summary["vehicles"][1]["cross_track_error_m_max"] < 0.2
     assert "not recorded: " in recorder.out
     assert "the figures cover only what was recorded" in recorder.out
+
+
+def test_a_run_does_not_start_while_a_clock_is_uncertain(hub: SharedRouter, tmp_path: Path) -> None:
+    exact = (*SHORT, "--set=convoy.clock_uncertainty_ms_max=1e-6")
+    recorder = hub.start("record", *exact, "--out=run", "--wait=8")
+    vehicles = [hub.start("vehicle", *exact, "--name", name) for name in NAMES]
+    assert recorder.wait() == 1
+    reason = Run(tmp_path / "run").summary["reason"]
+    assert reason.startswith("not present in time: v1 (its clock is known within")
+    for vehicle in vehicles:
+        assert vehicle.wait() == 1
+
+
+def test_vehicles_report_a_cancelled_or_already_started_run(hub: SharedRouter) -> None:
+    vehicle = hub.start("vehicle", *SHORT, "--name=v1")
+    assert until(lambda: "joined" in vehicle.err), vehicle.err
+    recorder = hub.start("record", *SHORT, "--out=off", "--wait=4")
+    assert recorder.wait() == 1
+    assert "run: waiting for v2" in recorder.lines()
+    assert vehicle.wait() == 1
+    assert vehicle.lines()[1:] == ["v1: run lane_change was cancelled: not present in time: v2"]
+
+    continuing = (*TWO, "--set=duration_s=12", '--set=convoy.on_vehicle_failure="continue"')
+    recorder, first, second = hub.convoy(continuing, "on")
+    await_driving(recorder, 0.2)
+    second.popen.send_signal(signal.SIGKILL)
+    late = hub.try_out("vehicle", *continuing, "--name=v2")
+    assert late.exit_code == 1
+    assert late.lines()[1:] == ["v2: run lane_change had started before this vehicle joined"]
+    recorder.popen.send_signal(signal.SIGKILL)
+    assert first.wait() == 1
+    assert first.lines()[2:] == ["v1: run lane_change failed: its recorder has left"]

@@ -158,3 +158,8 @@ def test_another_program_reads_the_poses_of_a_running_convoy(tmp_path: Path) -> 
         assert run.wait() == 0
     vehicles = {line.split()[0] for line in listener.stdout.splitlines()}
     assert vehicles == {"v1", "v2", "v3", "v4"}, listener.stderr
+
+
+@pytest.mark.parametrize("link", re.findall(r"\]\(([^)h][^)]*)\)", README.read_text()))
+def test_pictures_of_the_readme_exist(link: str) -> None:
+    assert (README.parent / link).is_file()

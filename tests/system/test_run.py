@@ -1,5 +1,7 @@
 """`convoy run` from the command line to the log, with a process per vehicle over real Zenoh."""
 
+import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +18,7 @@ from tests.system.logs import (
     assert_sound,
     assert_summary_is_in_the_log,
 )
-from tests.system.processes import Process, start
+from tests.system.processes import Process, invoke, start
 
 CONVOY = ("v1", "v2", "v3", "v4")
 CROSS_TRACK_M_MAX = 0.5
@@ -97,3 +99,67 @@ def test_recorded_drives_are_followed(
     pair = ClockPair(virtual, Run(tmp_path / "wall"), wall_process)
     assert_follows(pair)
     assert_sound(pair.virtual.log)
+
+
+def test_the_log_is_a_valid_mcap_file(lane_change: Driven) -> None:
+    assert_sound(lane_change.wall.log)
+
+
+def run_both_clocks(scenario: str, folder: Path) -> ClockPair:
+    """Run a scenario on both clocks in parallel; both must succeed."""
+    whole = ("run", scenario, "--clock=virtual", "--quiet", "--out=virtual")
+    with start(*first_seconds(scenario), folder=folder) as wall_process:
+        virtual = invoke(*whole, folder=folder)
+        assert virtual.exit_code == 0, virtual.output
+        assert wall_process.wait() == 0, wall_process.err
+    return ClockPair(Run(folder / "virtual"), Run(folder / "wall"), wall_process)
+
+
+def sentence(text: str) -> str:
+    """An NMEA sentence with its checksum."""
+    check = 0
+    for letter in text:
+        check ^= ord(letter)
+    return f"${text}*{check:02X}"
+
+
+def nmea_angle(degrees: float, width: int) -> str:
+    """Degrees in the format of NMEA 0183: degrees and minutes in one number."""
+    whole = int(degrees)
+    return f"{whole:0{width}d}{(degrees - whole) * 60.0:010.7f}"
+
+
+def nmea_drive(seconds: int, speed: float) -> list[str]:
+    """GGA and RMC sentences at 10 Hz of a drive that swings by 3 m to either side."""
+    metre_north = 1.0 / 111_132.0
+    metre_east = metre_north / math.cos(math.radians(48.0))
+    lines = []
+    for k in range(10 * seconds):
+        ahead = speed * k / 10.0
+        left = 3.0 * (1.0 - math.cos(ahead / 25.0))
+        latitude = nmea_angle(48.0 + left * metre_north, 2)
+        longitude = nmea_angle(11.0 + ahead * metre_east, 3)
+        position = f"{latitude},N,{longitude},E"
+        clock = f"1200{k // 10:02d}.{k % 10}0"
+        lines.append(sentence(f"GNGGA,{clock},{position},4,12,0.6,520.0,M,46.0,M,1.0,0001"))
+        knots = speed / 0.514444
+        lines.append(sentence(f"GNRMC,{clock},A,{position},{knots:.2f},90.0,211126,,,R"))
+    return lines
+
+
+def test_an_nmea_drive_is_followed_and_bad_lines_are_counted(tmp_path: Path) -> None:
+    lines = nmea_drive(seconds=12, speed=12.0)
+    lines[40] = lines[40][:-2] + "00"  # a failed checksum
+    lines[80] = lines[80][:30]  # a cut sentence
+    lines.insert(120, "\x7f rubbish from the cable")
+    (tmp_path / "drive.nmea").write_text("\n".join(lines) + "\n")
+    scenario = tmp_path / "mine.toml"
+    scenario.write_text(
+        'name = "mine"\n[path]\nkind = "trace"\nfile = "drive.nmea"\n'
+        '[speed]\nlead = "recorded"\nfollowers = "gap"\n'
+    )
+    pair = run_both_clocks(scenario.name, tmp_path)
+    assert_follows(pair)
+    assert pair.virtual.truths["v4"][0].speed_mps == pytest.approx(12.0, abs=0.5)
+    (line,) = [one for one in pair.wall_process.err.splitlines() if "left out" in one]
+    assert re.match(r"warning: drive.nmea: 3 records are left out.*: line 41: .*; line 81: ", line)

@@ -76,3 +76,18 @@ def test_a_report_is_that_of_the_command(
     page = run.report(tmp_path / "here.html")
     assert command("report", run.log, "--html", tmp_path / "there.html").exit_code == 0
     assert page.read_bytes() == (tmp_path / "there.html").read_bytes()
+
+
+def test_errors_along_the_string_are_those_of_the_summary(
+    pair: tuple[convoy.Run, convoy.Run],
+) -> None:
+    run = pair[1]
+    _, *followers = run.summary.vehicles
+    rows = run.string_errors
+    assert rows.vehicle.tolist() == ["v2", "v3"]
+    assert rows.number.tolist() == [2, 3]
+    assert rows.error_m_max.tolist() == [one.cross_track_error_m_max for one in followers]
+    assert rows.error_m_rms.tolist() == [one.cross_track_error_m_rms for one in followers]
+    assert rows.lateral_error_m_rms.tolist() == [
+        one.string.lateral_error_m_rms for one in followers
+    ]

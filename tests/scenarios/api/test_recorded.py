@@ -145,3 +145,21 @@ def test_a_plot_has_the_vehicles(run: convoy.Run) -> None:
         np.array(errors.lines[0].get_ydata()).tolist() == run.vehicles["v3"].true.error_m.tolist()
     )
     assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("method", "package", "extra"),
+    [
+        ("to_pandas", "pandas", "pandas"),
+        ("to_polars", "polars", "polars"),
+        ("to_arrow", "pyarrow", "tables"),
+    ],
+)
+def test_a_missing_library_is_named_with_its_extra(
+    method: str, package: str, extra: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "scenarios.definition.errors.find_spec", lambda name: None if name == package else name
+    )
+    with pytest.raises(convoy.Error, match=rf"{package}.*convoy-emulator\[{extra}\]"):
+        getattr(DataTable({"x_m": np.zeros(1)}), method)()

@@ -178,3 +178,29 @@ def test_a_sweep_does_not_run_the_script_of_its_caller_again(tmp_path: Path) -> 
         env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[3])},
     )  # fmt: skip
     assert (ran.returncode, ran.stdout.split()) == (0, ["script", "2"]), ran.stderr
+
+
+@pytest.mark.parametrize(
+    ("refused", "name"),
+    [
+        (lambda: convoy.run(set={"convoy.gap": 1}), "set: "),
+        (lambda: convoy.check(set={"convoy.gap": 1}), "set: "),
+        (lambda: convoy.sweep(vary={"links.loss_ratio": "0..1"}), "vary: "),
+        (lambda: convoy.sweep(limits=["bogus"]), "limit: "),
+        (lambda: convoy.sweep(metrics=["bogus"]), "metric: "),
+        (lambda: convoy.bisect("lane_change", "links.loss_ratio", range=(1.0, 0.0)), "range: "),
+    ],
+)
+def test_errors_name_arguments_of_python(refused: Callable[[], object], name: str) -> None:
+    with pytest.raises(convoy.Error) as error:
+        refused()
+    assert str(error.value).startswith(name)
+
+
+def test_the_default_folder_is_that_of_the_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run = convoy.run(set={"duration_s": 0.1})
+    assert run.log.parent.parent == Path("runs")
+    assert run.log.parent.name.endswith("lane_change-duration_s=0.1")

@@ -22,6 +22,7 @@ from scenarios.definition.library import template
 from scenarios.definition.scenario import drills, library, load_scenario
 from scenarios.runs.run_log import RunLog
 from transport.codec import encode
+from transport.log.errors import LogError
 from transport.log.reader import LogReader
 from transport.topics import RUN_SENDER, TOPIC_OF, key
 from vehicles.schedule import SECOND
@@ -613,3 +614,109 @@ def test_an_unwritable_place_is_a_failed_run(
     assert ended.exit_code == 1
     assert ended.stderr == f"error: {tmp_path / 'run'}: {os.strerror(number).lower()}\n"
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["a = " + "[" * 5000 + "]" * 5000, ".".join("a" * 3000) + " = 1", "a = [[[" * 40 + "]]]" * 40],
+    ids=["list", "table", "broken"],
+)
+def test_deeply_nested_toml_is_refused(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "deep.toml"
+    file.write_text(text, encoding="utf-8")
+    assert refused(convoy("check", file)).startswith(f"{file}: not valid TOML: ")
+    assert "--set" in refused(convoy("check", "--set", text.replace(" ", "")))
+
+
+def test_an_endless_file_is_refused_at_once() -> None:
+    assert refused(convoy("check", "/dev/zero")) == "/dev/zero: not a file"
+    assert refused(convoy("report", "/dev/zero")).startswith("/dev/zero: ")
+
+
+def test_a_misspelt_run_is_answered_with_the_similar_one(tmp_path: Path) -> None:
+    (tmp_path / "first").mkdir()
+    with pytest.raises(LogError, match=r"frist: .*first\?"):
+        LogReader(tmp_path / "frist")
+
+
+def test_a_file_that_is_no_log_is_refused_with_the_expected_one() -> None:
+    assert "run.mcap" in refused(convoy("report", README))
+
+
+def test_an_unknown_option_is_a_usage_error() -> None:
+    line = refused(convoy("run", "--fast"))
+    assert line.startswith("--fast: ")
+    assert "convoy run --help" in line
+
+
+def test_a_quiet_run_prints_nothing(tmp_path: Path) -> None:
+    result = convoy("run", *SHORT, "--quiet", "--out", tmp_path / "run")
+    assert (result.exit_code, result.stdout, result.stderr) == (0, "", "")
+
+
+@pytest.mark.campaign(10, 500)
+def test_a_log_with_flipped_bits_is_reported_or_refused_in_one_line(
+    finished: Path, tmp_path: Path, campaign: int
+) -> None:
+    whole = (finished / "run.mcap").read_bytes()
+    log = tmp_path / "run.mcap"
+    chance = random.Random(11)
+    for _ in range(campaign):
+        content = bytearray(whole)
+        for _ in range(chance.randrange(1, 4)):
+            content[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
+        log.write_bytes(content)
+        result = convoy("report", log, "--json")
+        if result.exit_code == 0:
+            json.loads(result.stdout)
+        else:
+            assert str(log) in refused(result)
+
+
+def with_a_bit_flipped(log: Path, folder: Path, chunk: int = 1) -> Path:
+    """Copy a log with one flipped bit in the messages of a chunk."""
+    content = bytearray(log.read_bytes())
+    at = -1
+    for _ in range(chunk):
+        at = content.index(b"\x04\0\0\0zstd", at + 1)
+    content[at + 1000] ^= 4
+    damaged = folder / "damaged.mcap"
+    damaged.write_bytes(content)
+    return damaged
+
+
+def test_a_damaged_log_is_reviewed_with_a_warning(finished: Path, tmp_path: Path) -> None:
+    whole = finished / "run.mcap"
+    log = with_a_bit_flipped(whole, tmp_path)
+    result = convoy("review", log, "--save", tmp_path / "run.rrd")
+    assert (result.exit_code, result.stderr.count("\n")) == (0, 1)
+    assert result.stderr.startswith(f"{log}: damaged, ")
+
+
+def test_a_review_does_not_overwrite_its_log(finished: Path) -> None:
+    log = finished / "run.mcap"
+    before = log.read_bytes()
+    assert "no recording" in refused(convoy("review", log, "--save", log))
+    assert log.read_bytes() == before
+
+
+def test_an_impossible_folder_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    out = tmp_path / "file" / "run"
+    assert refused(convoy("run", *SHORT, "--out", out)).startswith(str(tmp_path / "file"))
+
+
+def test_destinations_have_the_names_of_rerun(tmp_path: Path) -> None:
+    line = refused(convoy("review", tmp_path, "--save", tmp_path / "a.rrd", "--serve"))
+    assert "--serve and --save: give one of them" in line
+    line = refused(convoy("run", *SHORT, "--connect", "box", "--out", tmp_path / "run"))
+    assert line.startswith("--connect box: box is no Rerun URL")
+    line = refused(convoy("run", *SHORT, "--serve-at", "99999", "--out", tmp_path / "run"))
+    assert line.startswith("--serve-at 99999: give ")
+    assert not (tmp_path / "run").exists()
+    helped = {
+        name: convoy(name, "--help").stdout for name in ("run", "record", "review", "compare")
+    }
+    for text in helped.values():
+        assert all(f"  --{name}" in text for name in ("spawn", "serve", "serve-at", "save"))
+    assert "-e, --connect ENDPOINT" in helped["record"]  # Zenoh's

@@ -1,6 +1,7 @@
 """Every command that reads a log names its damage and holes, in one line and in its JSON."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,8 +9,9 @@ import pytest
 from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
+from scenarios.definition.check.findings import warnings
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.runs.node.recorded_vehicle import read_recorded_vehicle
 from tests.made.scenarios.shipped import whole_run
 from transport.links.laws.loss.earlier_run import EarlierRun
@@ -187,3 +189,18 @@ def test_messages_that_never_arrived_stay_losses(whole: Path, tmp_path: Path) ->
         )
         found[shift] = losses(scenario)["v1", "v2"]
     assert found == {0: 0, 10: 10}
+
+
+def test_two_logs_in_one_file_are_damage(whole: Path, tmp_path: Path) -> None:
+    log = tmp_path / "run.mcap"
+    log.write_bytes(2 * whole.read_bytes())
+    assert run("channel", "fit", log).exit_code == 2
+    assert f"warning: {log}: damaged, " in run("report", log).stderr
+
+
+def test_a_damaged_log_as_a_channel_is_named(whole: Path, damaged: Path) -> None:
+    assert warnings(as_channel(whole)) == ()
+    (line,) = warnings(as_channel(damaged))
+    assert re.search(r"damaged.*verdict messages are missing.*of unknown fate", line)
+    again = scenario_from_text(as_channel(damaged).text)
+    assert losses(again) == losses(as_channel(damaged))

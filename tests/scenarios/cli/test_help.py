@@ -100,3 +100,9 @@ def test_the_shorthands_override_the_scenario() -> None:
     short = convoy("check", "--json", "--duration", "12500ms", "--loss", "0.25")
     assert short.exit_code == 0
     assert short.stdout == long.stdout
+
+
+def test_without_a_command_the_help_is_printed() -> None:
+    result = convoy()
+    assert result.exit_code == 2
+    assert "Machines:" in result.stderr

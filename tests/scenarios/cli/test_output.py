@@ -140,3 +140,9 @@ def test_a_run_ends_whose_errors_nobody_reads(tmp_path: Path, *, blocking: bool)
         )
     assert done.returncode == 0
     assert b"OK" in done.stdout
+
+
+@pytest.mark.spread(1)
+@pytest.mark.parametrize("command", PRINTING)
+def test_no_command_needs_utf_8(command: str) -> None:
+    assert shell(f"{CONVOY} {command}", PYTHONIOENCODING="ascii").returncode == 0

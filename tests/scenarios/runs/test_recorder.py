@@ -1,3 +1,4 @@
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -282,3 +283,20 @@ def test_a_text_is_shown_and_logged_without_control_characters(recorded: Recorde
     content = [row[2].data for row in rows(recorded.path)]
     assert not any(b"\x1b[2J" in data or b"\x07" in data[-6:] for data in content)
     assert encode(escaped) in content
+
+
+def test_a_number_that_is_not_finite_is_refused_as_absurd(recorded: Recorded) -> None:
+    recorded.take([truth("v1", 0, math.inf, 0.0)])
+    assert recorded.recorder.rejected == {"absurd": 1}
+
+
+def test_messages_are_logged_counted_and_shown_as_they_came(recorded: Recorded) -> None:
+    recorded.take(SOUND)
+    assert recorded.recorded == len(SOUND)
+    assert not recorded.recorder.rejected
+    assert recorded.received == [(START + k, message) for k, message in enumerate(SOUND)]
+    assert recorded.row("v1").poses == 2
+    assert recorded.row("v2").lateral_error_m_max == 0.3
+    assert recorded.logged() == [
+        (START + k, message.vehicle, message) for k, message in enumerate(SOUND)
+    ]

@@ -13,7 +13,7 @@ import pytest
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.runs import run_folder
-from scenarios.runs.run_folder import claimed, default_folder
+from scenarios.runs.run_folder import claimed, default_folder, is_claimed
 
 HOLDER = """
 import sys, time
@@ -98,3 +98,22 @@ def test_a_folder_without_room_is_refused_before_the_start(
     with pytest.raises(OSError, match="No space left") as refused, claimed(tmp_path / "run"):
         pass
     assert refused.value.filename == str(tmp_path / "run")
+
+
+def test_only_a_folder_that_was_made_and_stayed_empty_is_removed(tmp_path: Path) -> None:
+    made, there, used = tmp_path / "made", tmp_path / "there", tmp_path / "used"
+    there.mkdir()
+    for folder in (made, there, used):
+        with claimed(folder):
+            if folder is used:
+                (folder / "run.mcap").touch()
+    assert not made.exists()
+    assert there.exists()
+    assert used.exists()
+
+
+def test_a_folder_is_claimed_while_a_run_writes_into_it(tmp_path: Path) -> None:
+    assert not is_claimed(tmp_path)
+    with claimed(tmp_path):
+        assert is_claimed(tmp_path)
+    assert not is_claimed(tmp_path)

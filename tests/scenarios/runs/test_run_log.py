@@ -166,3 +166,21 @@ def test_when_only_the_last_bytes_cannot_be_written_the_log_does_not_say_complet
     found = summary_of(tmp_path / LOG_NAME)
     assert (found.outcome, found.reason) == ("failed", "the log breaks off")
     assert [row.poses for row in found.vehicles] == [10, 10]
+
+
+def test_a_run_that_ends_as_planned_is_completed(scenario: Scenario, tmp_path: Path) -> None:
+    run = begun(scenario, tmp_path)
+    run.end(at(5.3), "")  # final counters come a moment later
+    summary = run.close(at(6.0))
+    assert (summary.outcome, summary.reason) == ("completed", "")
+    assert (summary.duration_s, summary.ran_s) == (5.0, 5.0)
+    assert summary.identity.seed == 7
+    assert [row.poses for row in summary.vehicles] == [10, 10]
+
+
+def test_refusals_are_in_the_summary(scenario: Scenario, tmp_path: Path) -> None:
+    run = begun(scenario, tmp_path)
+    for where, data in (("convoy/v1/gps", b"?"), ("convoy/v7/gps", b"?"), ("convoy/v1/gps", b"!")):
+        run.recorder.accept(where, data, at(1.0))
+    run.end(at(5.0), "")
+    assert run.close(at(5.0)).recorder_rejected_messages == {"garbage": 2, "unknown": 1}

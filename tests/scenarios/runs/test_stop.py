@@ -1,14 +1,19 @@
 """Requests to stop, each in a small process of its own."""
 
+import ast
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
 from scenarios.runs.stop import Stop
+
+ROOT = Path(__file__).parents[3]
+PACKAGES = ("vehicles", "transport", "scenarios")
 
 SOON_S = 10.0
 WAITER = """
@@ -105,3 +110,45 @@ print("done", flush=True)
         while process.poll() is None:
             process.send_signal(signal.SIGTERM)
         assert process.returncode == 0
+
+
+def handlers(tree: ast.Module) -> Iterator[ast.expr]:
+    """Second arguments of all calls of `signal.signal`."""
+    for node in ast.walk(tree):
+        match node:
+            case ast.Call(func=ast.Attribute(ast.Name("signal"), "signal"), args=[_, handler]):
+                yield handler
+
+
+def only_sets_flags(body: list[ast.stmt]) -> bool:
+    """Whether statements are assignments of names or one `append` of a name."""
+    for statement in body:
+        match statement:
+            case ast.Assign(value=ast.Name() | ast.Constant()):
+                pass
+            case ast.Expr(ast.Call(func=ast.Attribute(ast.Name(), "append"), args=[ast.Name()])):
+                pass
+            case _:
+                return False
+    return True
+
+
+def test_signal_handlers_set_flags_and_nothing_else() -> None:
+    """A handler that takes a lock deadlocks with the code that it interrupts."""
+    checked = 0
+    for package in PACKAGES:
+        for path in (ROOT / package).rglob("*.py"):
+            tree = ast.parse(path.read_text())
+            functions = {n.name: n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)}
+            for handler in handlers(tree):
+                checked += 1
+                match handler:
+                    case ast.Attribute(ast.Name("signal"), "SIG_IGN" | "SIG_DFL"):
+                        pass
+                    case ast.BoolOp(values=[ast.Name("before"), ast.Attribute()]):
+                        pass  # restores an earlier handler
+                    case ast.Name(name) if name in functions:
+                        assert only_sets_flags(functions[name].body), f"{path}: {name}"
+                    case _:
+                        raise AssertionError(f"{path}: {ast.dump(handler)}")
+    assert checked >= 3

@@ -12,8 +12,10 @@ from scenarios.definition.scenario import load_scenario
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
+from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
+from tests.made.scenarios.messages import START, at, truth
 from transport.codec import encode
 from transport.log.reader import LogReader
 
@@ -98,3 +100,34 @@ def test_queries_that_need_whole_topics_refuse_a_thinned_log(
     assert holds in lines[0]
     assert topic in lines[0]
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("rates", [(), ("log.truth_rate_hz=5",)])
+def test_thinned_topics_are_no_holes_of_an_incomplete_log(
+    tmp_path: Path, rates: tuple[str, ...]
+) -> None:
+    scenario = load_scenario("lane_change", [*SETTINGS, *rates])
+    recorder_is_killed = RunLog(scenario, tmp_path / "run", clock="wall", run_id="x")
+    recorder_is_killed.start(START, START)
+    for tick in range(100):
+        if 30 <= tick < 60:
+            continue  # these never came
+        message = truth("v1", tick, 0.6 * tick, 0.0)
+        recorder_is_killed.recorder.accept("convoy/v1/truth", encode(message), at(2.5))
+    recorder_is_killed.flush()
+    warnings: list[str] = []
+    found = summary_of(tmp_path / "run" / LOG_NAME, warnings.append)
+    assert found.reason == "the log breaks off"
+    if rates:
+        assert found.holes == ()
+        assert "holds only part" in warnings[1]
+        assert "missing" not in warnings[0]
+    else:
+        assert [(hole.kind, hole.poses) for hole in found.holes] == [("true pose", 30)]
+        assert [line.endswith("30 of 100 truth messages are missing") for line in warnings] == [
+            True
+        ]
+
+
+def test_the_log_is_smaller(folder: Path) -> None:
+    assert run(folder, *THINNED)[0].stat().st_size < 0.55 * run(folder)[0].stat().st_size

@@ -121,3 +121,12 @@ def test_a_run_continues_with_closed_output_pipes(clock: str, tmp_path: Path) ->
     assert_sound(run.log)
     assert run.summary["outcome"] == "completed"
     assert run.summary["ran_s"] == 1.0
+
+
+def test_a_closed_output_pipe_is_no_error(tmp_path: Path) -> None:
+    with convoy(tmp_path, "list") as process:
+        assert process.stdout is not None
+        process.stdout.close()
+        assert process.wait(PATIENCE_S) == 0
+        assert process.stderr is not None
+        assert process.stderr.read() == ""

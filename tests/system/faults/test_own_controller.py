@@ -8,6 +8,9 @@ import pytest
 from tests.system.logs import Run, assert_sound
 from tests.system.processes import run_to_the_end
 
+NOT_A_NUMBER = "v3: controller 'own.ReturnsNan': steer() returned steering = nan"
+CONTINUES = "; the convoy continues without it"
+
 OWN = """
 from vehicles.driver.steering import FeedforwardFeedback, SteeringCommand
 
@@ -67,3 +70,25 @@ def test_a_controller_with_a_wrong_constructor_is_refused_before_the_start(
     (line,) = ran.lines()
     assert "'own.Other': cannot be built as Other(parameters, gains): TypeError" in line
     assert not (folder / "run").exists()
+
+
+def test_a_convoy_continues_without_failed_controllers(folder: Path) -> None:
+    settings = (
+        *(controlled("v2", "Raising"), controlled("v3", "ReturnsNan")),
+        "convoy.on_vehicle_failure=continue",
+    )
+    wall = run_to_the_end(*arguments(*settings), folder=folder)
+    virtual = run_to_the_end(*arguments(*settings, out="virtual"), "--clock=virtual", folder=folder)
+    for ran, folder_name in ((wall, "run"), (virtual, "virtual")):
+        assert ran.exit_code == 0, ran.err
+        vehicle_lines = [line for line in ran.lines() if line.startswith(("v", "run: v"))]
+        first, second, *left = sorted(vehicle_lines, key=lambda line: line.startswith("run: "))
+        assert first.startswith(RAISED)
+        assert second.startswith(NOT_A_NUMBER)
+        assert [line[:12] for line in left] == ["run: v2 left", "run: v3 left"]
+        assert all(line.endswith(CONTINUES) for line in left)
+        assert "Traceback" not in ran.err
+        run = Run(folder / folder_name)
+        assert_sound(run.log)
+        assert run.summary["outcome"] == "completed"
+        assert [len(poses) for poses in run.truths.values()] == [75, 29, 39]

@@ -19,7 +19,7 @@ from tests.system.logs import (
     assert_sound,
     assert_summary_is_in_the_log,
 )
-from tests.system.processes import Process, invoke, start, until
+from tests.system.processes import Process, invoke, run_to_the_end, start, until
 
 LONG_S = 35.0
 """Longer than any of these tests."""
@@ -235,3 +235,41 @@ def test_processes_of_a_run_can_be_started_by_hand(tmp_path: Path) -> None:
     assert_nothing_missing(run, duration_s)
     assert_summary_is_in_the_log(run)
     assert run.summary["outcome"] == "completed"
+
+
+def test_a_launcher_killed_before_the_start_leaves_no_process(tmp_path: Path) -> None:
+    with start(*three(tmp_path), folder=tmp_path) as convoy:
+        convoy.part("v1")
+        kill(convoy.part("launcher"))
+        assert convoy.ends_in_time()
+        assert "Traceback" not in convoy.err
+
+
+def test_a_terminated_vehicle_ends_the_run(tmp_path: Path) -> None:
+    with start(*three(tmp_path), folder=tmp_path) as convoy:
+        convoy.drive(0.3)
+        convoy.part("v2").terminate()
+        assert convoy.ends_in_time()
+        assert convoy.wait() == 1
+        line = only_error_line(convoy)
+    assert "v2" in line
+    assert str(128 + signal.SIGTERM) in line
+    run = Run(tmp_path / "run")
+    assert_summary_is_in_the_log(run)
+    assert run.summary["outcome"] == "failed"
+    assert run.summary["reason"] == line
+
+
+def test_a_recorder_lists_absent_vehicles(tmp_path: Path) -> None:
+    with start("router", "-l", "tcp/127.0.0.1:0", folder=tmp_path) as router:
+        assert until(lambda: router.out.startswith(LISTENING)), router.err
+        endpoint = router.out.removeprefix(LISTENING).strip()
+        recorder = run_to_the_end(
+            *("record", "lane_change", "-e", endpoint, "--wait=0.5", "--quiet", "--out=run"),
+            folder=tmp_path,
+        )
+        router.popen.terminate()
+        assert router.wait() == 143
+    assert recorder.exit_code == 1
+    assert recorder.lines() == ["not present in time: v1, v2, v3, v4"]
+    assert Run(tmp_path / "run").summary["ran_s"] == 0.0

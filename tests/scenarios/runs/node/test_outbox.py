@@ -1,6 +1,8 @@
 from collections import defaultdict
 from dataclasses import replace
 
+import numpy as np
+
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.runs.node.outbox import Outbox
 from scenarios.runs.node.probe import NoProbe, Probe, Usage
@@ -22,8 +24,11 @@ from vehicles.driver.decision import Decision
 from vehicles.driver.degradation.situation import Situation, SourceFreshness
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
+from vehicles.geometry.arc_spline import ArcSpline, Piece
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.messages import (
+    Command,
+    CompositeTrajectory,
     GpsPose,
     Health,
     LinkVerdict,
@@ -31,6 +36,7 @@ from vehicles.messages import (
     Message,
     TruePose,
 )
+from vehicles.preview.trajectory import Fit
 from vehicles.received_pose import receive
 from vehicles.schedule import SECOND
 
@@ -261,3 +267,43 @@ def test_refused_messages_are_reported_once_by_reason_and_counted() -> None:
     ]
     healths = [one for one in bus.of(Health) if isinstance(one, Health)]
     assert [one.rejected_messages for one in healths] == [0, 3]
+
+
+def test_numbers_of_each_kind_follow_one_another() -> None:
+    bus = UrgentBus()
+    box = outbox(bus)
+    for k, tick in enumerate(ticks(START, at(3.0), 50.0, 20.0)):
+        due = (tick.at - START) % (SECOND // 50) == 0
+        fix = replace(FIX, seq=0) if k == 0 else None
+        box.publish(tick.at, BODY, fix, DECISION if due else HELD)
+    kinds = {type(message) for message in bus.published}
+    assert {TruePose, Command, Health, LogText} <= kinds
+    for kind in kinds:
+        assert [message.seq for message in bus.of(kind)] == list(range(len(bus.of(kind))))
+    assert len(bus.of(TruePose)) == 150
+
+
+class Figures:
+    """A sink without readers of commands and trajectories."""
+
+    def __init__(self, sink: BusSink) -> None:
+        self.send, self.flush = sink.send, sink.flush
+
+    def reads(self, kind: type[Message]) -> bool:
+        return kind not in {Command, CompositeTrajectory}
+
+
+def test_unread_messages_are_not_built_but_counted() -> None:
+    bus, all_messages = UrgentBus(), UrgentBus()
+    box, other = outbox(bus, sink=Figures(BusSink("v3", bus))), outbox(all_messages)
+    spline = ArcSpline((Piece(0.0, 0.0, 0.0, 0.0, 10.0),))
+    none = np.zeros(0)
+    fit = Fit(spline, none, none, none, np.zeros(0, np.int8), 0.0, 0.0, 0)
+    for one in (box, other):
+        one.publish(at(0.1), BODY, FIX, replace(DECISION, fit=fit))
+        one.publish_health(at(0.2))
+    unread = {Command, CompositeTrajectory}
+    assert unread <= {type(message) for message in all_messages.published}
+    results = [encode(message) for message in all_messages.published if type(message) not in unread]
+    assert [encode(message) for message in bus.published] == results
+    assert box.state == other.state

@@ -4,6 +4,7 @@ from itertools import starmap
 import pytest
 
 from scenarios.runs.processes.arrivals import (
+    MOST_BYTES,
     OLDEST_NS,
     OVERHEAD_BYTES,
     Arrivals,
@@ -94,3 +95,30 @@ def test_messages_are_returned_in_order_of_sending() -> None:
     held.put((5, "late", b""))
     assert [key for _, key, _ in held.until(20)] == ["late"]
     assert [key for _, key, _ in held.until()] == ["0", "4"]
+
+
+def test_under_a_flood_of_all_keys_twice_the_limit_waits_at_most() -> None:
+    arrivals = Arrivals(KEYS, most_bytes=1_000_000)
+    for at in range(100):
+        for name in KEYS:
+            arrivals.put(at, name, bytes(840))
+    assert sum(len(data) + OVERHEAD_BYTES for _, _, data in drained(arrivals)) <= 2_000_000
+    assert MOST_BYTES <= 64 * 2**20
+
+
+def test_messages_are_taken_in_turn() -> None:
+    arrivals = Arrivals(KEYS)
+    assert arrivals.take(1, 0.0) == []
+    for at, name in enumerate(KEYS):
+        arrivals.put(at, name, name.encode())
+    assert drained(arrivals) == [(at, name, name.encode()) for at, name in enumerate(KEYS)]
+    assert not arrivals.error_lines()
+
+
+def test_only_some_keys_may_have_larger_messages() -> None:
+    arrivals = Arrivals(["small"], larger={"large": 50_000})
+    for key in ("small", "large"):
+        arrivals.put(0, key, bytes(MAX_BYTES + 1))
+    arrivals.put(0, "large", bytes(50_001))
+    assert [key for _, key, _ in drained(arrivals)] == ["large"]
+    assert arrivals.error_lines() == {"oversized": 2}

@@ -8,6 +8,7 @@ import pytest
 
 from scenarios.runs.control.run_id import addressed
 from scenarios.runs.processes.clock_sync import (
+    PERIOD_NS,
     ClockOffset,
     ClockServer,
     ClockSync,
@@ -159,3 +160,38 @@ def test_a_report_of_another_run_gets_no_answer() -> None:
     for query in (report, b"", addressed("earlier", b"mark\n" + report)):
         assert world.query("convoy/@clock/run", 1.0, query) == b""
     assert world.server.offsets == {}
+
+
+def test_a_right_clock_is_not_touched() -> None:
+    world = World(there_ns=0, back_ns=MS)  # looks like an offset of half the trip
+    world.run(5.0)
+    world.sync.running = True
+    assert set(world.run(60.0)) == {0}
+    assert world.server.offsets["v2"].offset == 0
+
+
+@pytest.mark.parametrize("answer", [b"noon", b"", b"-5", b"1e9", b"9" * 400, "٣".encode()])
+def test_an_answer_that_is_no_time_measures_nothing(answer: bytes) -> None:
+    world = World()
+    world.answer("convoy/@clock/run", lambda _: answer)
+    world.run(3.0)
+    assert not world.sync.is_measured
+
+
+def test_measurements_follow_each_other_until_one_is_good_enough() -> None:
+    world = World()
+    world.delays = lambda _: 100 * MS if world.now < 2 * SECOND else 0
+    world.run(2.0)
+    assert world.server.offsets["v2"].uncertainty > 10 * MS
+    world.run(4.0)
+    assert world.server.offsets["v2"].uncertainty <= 10 * MS
+
+
+def test_the_clock_is_measured_every_ten_seconds_during_the_run() -> None:
+    world = World()
+    world.run(1.0)
+    world.sync.running = True
+    world.run(2 * PERIOD_NS / SECOND)
+    before = world.queries
+    world.run(10 * PERIOD_NS / SECOND)
+    assert world.queries - before == 10 * 6  # five rounds and a report

@@ -18,7 +18,7 @@ from scenarios.runs.processes.conductor import (
 )
 from scenarios.runs.processes.router_watch import ROUTER_LOST_AFTER_NS
 from tests.made.examples import examples
-from tests.made.scenarios.messages import START, at, health
+from tests.made.scenarios.messages import START, at, health, tracking
 from vehicles.messages import Change
 from vehicles.schedule import SECOND
 
@@ -362,3 +362,104 @@ def test_a_vehicle_that_restarts_on_request_is_awaited(
         conductor.advance(now, connected=True)
     assert conductor.reason.startswith(reason)
     assert (conductor.phase is Phase.OVER) == bool(reason)
+
+
+def test_a_vehicle_that_left_again_is_waited_for() -> None:
+    outcome = play(
+        (0.5, "v1 comes"), (1.0, "v1 goes"), (1.1, "v2 comes"), (1.2, "v3 comes"), until=9
+    )
+    assert outcome.conductor.phase is Phase.GATHERING
+    assert outcome.conductor.missing() == ["v1"]
+    again = play((0.5, "v1 comes"), (0.7, "v1 goes"), *ALL_COME, until=5.0)
+    assert again.started == pytest.approx(STARTED)
+
+
+def test_strangers_count_for_nothing() -> None:
+    outcome = play(
+        (0.5, "v9 comes"), *ALL_COME, (5.0, "v9 goes"), (6.0, "v9 finishes"), *ALL_FINISH
+    )
+    assert outcome.reason == ""
+    assert outcome.lines == ["all 3 vehicles are present"]
+
+
+def test_only_the_last_word_of_health_finishes_a_vehicle() -> None:
+    outcome = play(*ALL_COME, until=5.0)
+    for name in CONVOY:
+        outcome.conductor.listen(at(5.0), health(name, seconds=30.0))
+        outcome.conductor.listen(at(5.0), tracking(name, 0))
+    assert outcome.conductor.advance(at(5.0), connected=True) == []
+    assert outcome.conductor.phase is Phase.RUNNING
+    assert outcome.conductor.awaits_final_counters()
+
+
+def test_a_convoy_without_remaining_vehicles_ends() -> None:
+    failures = [(STARTED + 3.0 + k, f"{name} goes") for k, name in enumerate(CONVOY)]
+    outcome = play(*ALL_COME, *failures, continues=True)
+    assert len(outcome.lines) == 1 + 3
+    assert outcome.reason == "all vehicles failed"
+    assert outcome.over == pytest.approx(STARTED + 5.0 + FAILED_S, abs=0.06)
+
+
+def test_the_first_reason_to_stop_stays() -> None:
+    outcome = play(*ALL_COME, until=5.0)
+    outcome.conductor.stop("stopped by SIGINT")
+    outcome.conductor.stop("something else")
+    assert outcome.conductor.phase is Phase.OVER
+    assert outcome.reason == "stopped by SIGINT"
+    assert outcome.conductor.advance(at(60.0), connected=False) == []
+    assert outcome.reason == "stopped by SIGINT"
+
+
+def test_a_router_that_is_away_at_the_end_is_waited_for_and_then_the_final_counters() -> None:
+    back = ENDED + 4.5
+    outcome = play(
+        *ALL_COME,
+        *vanish(ENDED - 2.0 + 2.5),
+        (ENDED - 0.2, "router vanishes"),
+        (back, "router returns"),
+        *reappear(back + 0.6),
+        *[(back + FINAL_COUNTERS_NS / SECOND - 0.2, f"{name} ends") for name in CONVOY],
+    )
+    assert outcome.reason == ""
+    assert outcome.over == pytest.approx(back + FINAL_COUNTERS_NS / SECOND - 0.2, abs=0.06)
+
+
+def test_a_recorder_held_up_at_the_end_reads_the_messages_of_that_time() -> None:
+    outcome = play(*ALL_COME, until=ENDED - 1.0)
+    resumed = ENDED + FINAL_COUNTERS_NS / SECOND + 1.0
+    outcome.conductor.advance(at(resumed), connected=True)
+    assert outcome.conductor.phase is not Phase.OVER
+    for name in CONVOY:
+        outcome.conductor.listen(at(resumed), health(name, seconds=ENDED, final=True))
+    outcome.conductor.advance(at(resumed + 0.05), connected=True)
+    assert outcome.conductor.awaits_final_counters() is False
+    assert outcome.reason == ""
+
+
+def test_the_start_waits_for_slow_announcements_and_missing_vehicles_have_reasons() -> None:
+    conductor = Conductor(
+        ("v1", "v2"),
+        duration_ns=SECOND,
+        continues_without_failed=False,
+        gather_until=at(GATHER_S),
+    )
+    conductor.note_presence("v1", alive=True, at=at(0.0))
+    conductor.excluded = {"v2": "runs other sources"}
+    assert conductor.advance(at(0.0), connected=True) == []
+    assert conductor.advance(at(5.0), connected=True) == ["waiting for v2 (runs other sources)"]
+    conductor.delivery_ns = 2 * SECOND
+    conductor.note_presence("v2", alive=True, at=at(6.0))
+    conductor.advance(at(6.0), connected=True)
+    assert conductor.start_at == at(6.0) + LEAD_TIME_NS + 2 * SECOND
+
+
+def test_a_token_that_is_soon_back_is_no_death() -> None:
+    blink = [(5.0, "v2 goes"), (5.0 + 0.8 * FAILED_S, "v2 comes")]
+    outcome = play(*ALL_COME, *blink, *ALL_FINISH)
+    assert outcome.reason == ""
+    assert outcome.lines == ["all 3 vehicles are present"]
+
+
+def test_a_vehicle_that_leaves_before_the_start_is_reported() -> None:
+    outcome = play(*ALL_COME, (STARTED - 0.3, "v3 finishes"), continues=True)
+    assert outcome.lines[1:] == ["v3 left before the start; the convoy continues without it"]

@@ -278,3 +278,17 @@ def test_a_log_that_its_recorder_could_not_complete_is_repaired(folder: Path) ->
     assert launched.outcome.repaired
     assert launched.ending == (1, "recorder was killed by signal 9")
     assert not LogReader(folder / LOG_NAME).truncated
+
+
+def test_a_vehicle_that_fails_ends_the_run_with_its_exit_code_in_the_line(folder: Path) -> None:
+    launched = play(folder, (1.0, "v3", 2), (20.0, "recorder", 0))
+    assert launched.ending == (1, "v3 ended with exit code 2")
+
+
+def test_a_stop_decides_over_the_deaths_that_it_brings(folder: Path) -> None:
+    launched = play(folder, (4.0, "SIGINT", 130), (4.0, "v1", -2), (4.0, "recorder", 1))
+    assert launched.ending == (130, "stopped by SIGINT")
+
+
+def test_a_completed_recorder_decides_over_a_signal_that_comes_later(folder: Path) -> None:
+    assert play(folder, (20.0, "recorder", 0), (20.1, "SIGINT", 130)).ending == (0, "")

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.versions import current_stamp
+from scenarios.results.versions import _module_digest, current_stamp
 from scenarios.runs.processes.membership import (
     LEFT_AFTER_NS,
+    MOST_WARNINGS,
     RECORDER,
     VEHICLE,
     Fingerprint,
@@ -209,3 +210,72 @@ def test_a_run_s_name_is_one_chunk_of_a_key(name: str) -> None:
         checked_run_name(name)
     assert "\n" not in str(refused.value)
     assert checked_run_name("lane_change-2") == "lane_change-2"
+
+
+@pytest.mark.parametrize(
+    ("parts", "line"),
+    [
+        ({"convoy": "99.0"}, "the recorder has version {convoy}, here it is 99.0"),
+        (
+            {"sources": "0" * 12},
+            "the recorder runs other sources: {sources}, here 000000000000",
+        ),
+    ],
+    ids=["version", "sources"],
+)
+def test_a_vehicle_of_another_program_is_refused(
+    parts: dict[str, str], line: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = Network()
+    recorder = here.join(RECORDER, "recorder", scenario())
+    own = asdict(current_stamp())
+    other_program(monkeypatch, **parts)
+    with pytest.raises(BusError) as refused:
+        here.join(VEHICLE, "v2", scenario())
+    assert without_sessions(str(refused.value)) == f"run mine: {line.format(**own)}"
+    assert recorder.vehicles == set()
+
+
+def test_a_vehicle_with_another_controller_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    controller = tmp_path / "own_law.py"
+    source = "from vehicles.driver.steering import Stanley\nclass Mine(Stanley):\n    sign = {}\n"
+    what = []
+    for sign in (1, -1):
+        controller.write_text(source.format(sign))
+        _module_digest.cache_clear()  # as in another process
+        what.append(Fingerprint.of(scenario('control.controller="own_law.Mine"')))
+    (here, there) = what
+    assert "own_law:" in here.difference(there.chunk)
+    assert replace(there, plug_ins=here.plug_ins) == here
+
+
+def test_strangers_cannot_fill_the_log_with_warnings() -> None:
+    here = Network()
+    recorder = here.join(RECORDER, "recorder", scenario())
+    for number in range(3 * MOST_WARNINGS):
+        MemoryBus(here.network).announce(VEHICLE, f"x{number}", "something")
+    assert len(recorder.new_warnings()) == MOST_WARNINGS
+    assert recorder.new_warnings() == []
+
+
+def test_a_stranger_s_vehicle_counts_for_nothing() -> None:
+    here = Network()
+    recorder = here.join(RECORDER, "recorder", scenario())
+    MemoryBus(here.network).announce(VEHICLE, "v3", Fingerprint.of(scenario(seed=9)).chunk)
+    assert recorder.vehicles == set()
+
+
+def test_other_versions_of_python_and_numpy_are_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = Network()
+    recorder = here.join(RECORDER, "recorder", scenario())
+    other_program(monkeypatch, numpy="1.0", python="3.99")
+    vehicle = here.join(VEHICLE, "v2", scenario())
+    assert recorder.vehicles == {"v2"}
+    assert vehicle.recorder_is_present
+    (line,) = recorder.new_warnings()
+    assert line.startswith("v2 (session 1) runs ")
+    assert "3.99" in line
+    assert "1.0" in line

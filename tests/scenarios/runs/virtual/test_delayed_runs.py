@@ -113,3 +113,20 @@ def test_verdicts_follow_from_the_stream_alone() -> None:
         for v in only.over(sender, receiver):
             wanted = judged[v.pose_seq]
             assert (v.reason, v.visible_at_ns) == (wanted.reason, wanted.visible_at)
+
+
+def test_deliveries_come_in_order() -> None:
+    for sender, receiver in ran().scenario.links:
+        received = [v for v in ran().over(sender, receiver) if v.outcome == "delivered"]
+        assert len(received) > 20
+        assert [v.pose_seq for v in received] == sorted(v.pose_seq for v in received)
+
+
+def test_another_vehicle_or_another_link_s_rule_changes_no_verdict() -> None:
+    def fates(one: Ran) -> list[tuple[int, str, int]]:
+        return [(v.pose_seq, v.reason, v.visible_at_ns) for v in one.over("v1", "v2")]
+
+    longer = ran("convoy.vehicles=5")
+    ruled = ran("link=[{sender='v1', receiver='v3', queue={bytes_per_s=9999}, loss_ratio=0.5}]")
+    assert fates(longer) == fates(ran()) == fates(ruled)
+    assert longer.over("v4", "v5")

@@ -18,7 +18,7 @@ from scenarios.runs.virtual.logged_run import run_virtual
 from tests.made.transport.recording import Table, columns
 from transport.log.reader import LogReader
 from transport.picture.option import parse_rerun_option
-from vehicles.messages import Tracking
+from vehicles.messages import CompositeTrajectory, Tracking
 
 CUT_AT, END = 1.0, 2.5
 FLOW = (
@@ -107,3 +107,11 @@ def test_the_explanation_and_the_status_name_every_source(run: FlowRun) -> None:
     assert vehicle.predecessor is not None
     (sources,) = (column for column in VEHICLE_COLUMNS if column.heading == "sources")
     assert sources.value(vehicle) == "ahead lost"
+
+
+def test_samples_have_the_places_of_their_sources(run: FlowRun) -> None:
+    used: dict[str, set[int]] = {}
+    for _, _, one in LogReader(run.folder / "run.mcap").messages(("trajectory",)):
+        assert isinstance(one, CompositeTrajectory)
+        used.setdefault(one.vehicle, set()).update(one.sample_source)
+    assert used == {"v2": {0}, "v3": {0, 1}, "v4": {0, 1, 2}, "v5": {1, 2, 3}}

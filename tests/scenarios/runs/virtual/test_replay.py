@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.drives import Trial
 from scenarios.results.files import LOG_NAME
 from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
@@ -21,6 +22,7 @@ from scenarios.runs.node.recorded_vehicle import (
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.virtual.logged_run import record_trial
 from scenarios.runs.virtual.unlogged_run import drive_trial
+from tests.made.transport.links import inbox as inbox_of
 from transport.bus.memory_bus import MemoryBus
 from transport.codec import decode, encode
 from transport.log.errors import LogError
@@ -151,3 +153,24 @@ def test_a_vehicle_that_the_log_does_not_hold_is_named_with_those_it_does(
 ) -> None:
     with pytest.raises(LogError, match=r"no poses of 'v9', but of v1, v2, v3"):
         read_recorded_vehicle(recorded[0], "v9")
+
+
+def test_it_is_replayed_in_order_of_time(lead: RecordedVehicle) -> None:
+    instants = play(lead.replay(start_at=7 * SECOND), 7 * SECOND, MemoryBus())
+    assert instants == sorted(instants)
+    assert instants[0] == 7 * SECOND
+
+
+@pytest.mark.parametrize("ahead", [0.0, 0.5, 0.513])
+def test_an_inbox_takes_every_replayed_pose(lead: RecordedVehicle, ahead: float) -> None:
+    start_at = 1_000 * SECOND
+    inbox = inbox_of(
+        "v2", {"v1": LinkTable()}, start_at=start_at, origin=load_scenario("lane_change").origin
+    )
+    bus = MemoryBus()
+    bus.subscribe(inbox.keys[0], inbox.on_bytes)
+    replay = lead.replay(start_at=start_at, ahead=ahead)
+    play(replay, start_at, bus)
+    received = inbox.take(start_at + 10 * SECOND)
+    assert not inbox.rejected
+    assert len(received) == sum(isinstance(message, GpsPose) for message in replay.messages)

@@ -126,3 +126,12 @@ def test_a_partial_log_is_numbered_again_and_its_account_balances(
     first = summary.links[0]
     assert (first.sender, first.sent, first.not_arrived) == ("v1", 27, {})
     assert summary.holes == ()
+
+
+def test_a_log_that_is_not_the_one_of_the_scenario_is_not_sent(log: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy.mcap"
+    copy.write_bytes(log.read_bytes())
+    scenario = replayed_session(copy, ("v1",))
+    copy.write_bytes(log.read_bytes() + b"more")
+    summary = run_virtual(scenario, tmp_path / "run", Stop())
+    assert "is another log than when the scenario was read" in summary.reason

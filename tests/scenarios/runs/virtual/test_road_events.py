@@ -1,12 +1,13 @@
 """What communication loss does to a convoy that brakes, and that no run keeps it to itself."""
 
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
 import pytest
 
 from scenarios.definition.library import ATTACHED_AS
-from scenarios.definition.scenario import scenario_from_text
+from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.results.events.bodies import BodySize, body_of
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import summary_of
@@ -139,3 +140,30 @@ def test_shipped_scenarios_report_nothing_on_clean_links(
     assert not slides or (
         name == "church_lot" and all(event.figures["duration_s"] < 0.5 for event in slides)
     )
+
+
+def test_without_loss_nothing_happens(tmp_path: Path) -> None:
+    summary, _ = ran(tmp_path, "links.loss_ratio=0")
+    assert (summary.events, summary.holes) == ((), ())
+    assert min(row.true_gap_m_min or 99.0 for row in summary.vehicles) > 3.0
+
+
+def test_a_log_whose_messages_were_lost_names_the_hole(tmp_path: Path) -> None:
+    """Five seconds of a recorded run taken out again: the figures stay those of the rest."""
+    scenario = load_scenario("lane_change", ["duration_s=12"])
+    whole = run_virtual(scenario, tmp_path, Stop())
+    start = scenario.start_at_ns
+    metrics = Metrics.of(scenario)
+    for at, _, message in LogReader(tmp_path / LOG_NAME).messages():
+        if not 5.0 <= (at - start) / 1e9 < 10.0:
+            metrics.listen(0, message)
+    rows = metrics.vehicle_summaries(round(12e9))
+    assert [row.missing_poses for row in rows] == [100] * 4
+    holes = metrics.holes(round(12e9))
+    assert [(one.vehicle, one.from_s, one.to_s, one.poses) for one in holes] == [
+        (name, 5.0, 9.95, 100) for name in scenario.vehicle_names
+    ]
+    for row, full in zip(rows[1:], whole.vehicles[1:], strict=True):
+        assert (row.cross_track_error_m_max or 9.0) <= (full.cross_track_error_m_max or 0.0) + 1e-3
+    assert metrics.events.events() == ()
+    assert replace(rows[0], poses=0, missing_poses=0).silent_from_s is None

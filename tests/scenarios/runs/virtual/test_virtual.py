@@ -5,6 +5,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -22,6 +23,7 @@ from scenarios.runs.virtual.logged_run import run_virtual
 from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
 from vehicles.messages import (
+    CompositeTrajectory,
     GpsPose,
     Health,
     LinkVerdict,
@@ -256,3 +258,68 @@ def test_another_vehicle_changes_none_ahead_of_it() -> None:
     fewer = ran("convoy.vehicles=3")
     for name in ("v1", "v2", "v3"):
         assert fewer.true_path(name) == ran().true_path(name)
+
+
+def test_another_seed_is_another_run() -> None:
+    other = ran(seed=2)
+    assert other.log != ran().log
+    assert other.true_path("v2") != ran().true_path("v2")
+    assert other.summary.identity.seed == 2
+
+
+def test_every_vehicle_decides_and_moves_at_the_control_rate() -> None:
+    for name in ran().scenario.vehicle_names:
+        poses = ran().of(name, TruePose)
+        assert [pose.seq for pose in poses] == list(range(3 * 50))
+        start = ran().scenario.start_at_ns
+        assert [pose.true_at_ns - start for pose in poses] == [20 * MS * k for k in range(150)]
+        for before, pose in pairwise(poses):
+            distance = math.hypot(pose.east_m - before.east_m, pose.north_m - before.north_m)
+            assert distance == pytest.approx(0.02 * 30.0, rel=0.02)
+        assert len(ran().of(name, Tracking)) == 150
+
+
+def test_messages_are_recorded_in_order_at_the_tick_that_sends_them() -> None:
+    instants = [at for at, _ in ran().recorded]
+    assert instants == sorted(instants)
+    for at, message in ran().recorded:
+        if isinstance(message, GpsPose):
+            assert at == message.measured_at_ns
+        elif isinstance(message, Tracking):
+            assert at == message.decided_at_ns
+
+
+def test_vehicles_without_messages_drive_straight_and_stop() -> None:
+    silent = ran("links.loss_ratio=1")
+    for name in ("v2", "v3", "v4"):
+        assert silent.modes(name) == {"straight", "stop"}
+        for pose in silent.of(name, TruePose):
+            assert abs(pose.steering_rad) < 0.01
+    assert silent.true_path("v1") == ran().true_path("v1")
+
+
+def test_more_latency_lets_a_follower_know_less() -> None:
+    ages = [
+        max(message.lead_age_s for message in ran(latency).of("v4", Tracking)[50:])
+        for latency in ("links.latency_ms=20", "links.latency_ms=120", "links.latency_ms=220")
+    ]
+    assert ages[1] == pytest.approx(ages[0] + 0.1, abs=0.011)
+    assert ages[2] == pytest.approx(ages[0] + 0.2, abs=0.011)
+
+
+def test_a_sender_with_its_own_gnss_rate_is_received_at_that_rate() -> None:
+    quick = ran("vehicle.v1.gnss.rate_hz=40")
+    assert len(quick.of("v1", GpsPose)) == 120
+    for receiver in ("v2", "v3", "v4"):
+        assert quick.link("v1", receiver).delivered >= 118
+    assert [row.rejected_messages for row in quick.summary.vehicles] == [0] * 4
+
+
+def test_a_trajectory_reaches_as_far_as_the_preview() -> None:
+    reach = {}
+    for preview_s in (0.4, 0.8):
+        trajectories = ran(f"control.preview_s={preview_s}").of("v4", CompositeTrajectory)[20:]
+        lengths = [sum(trajectory.piece_length_m) for trajectory in trajectories]
+        assert min(lengths) > preview_s * 30.0  # there is some behind the ego, too
+        reach[preview_s] = sum(lengths) / len(lengths)
+    assert reach[0.8] - reach[0.4] == pytest.approx(0.4 * 30.0, abs=1.5)

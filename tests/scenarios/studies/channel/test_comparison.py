@@ -1,5 +1,7 @@
 """Closed forms of bursts and delays, and samples that follow them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -107,3 +109,26 @@ def test_a_sample_consists_of_the_verdicts_of_the_scenario_s_link() -> None:
     sample = straight.sample(500)
     assert sample.lost.tolist() == [bool(verdict.reason) for verdict in verdicts]
     assert sample.dropped == {"burst": int(sample.lost.sum())}
+
+
+def test_corrupted_messages_count_as_lost_and_rate_limited_ones_do_not() -> None:
+    sample = drive("links.rate_hz=5.0", "links.content={bit_error_ratio=0.001}").sample(800)
+    assert len(sample.lost) == 200
+    assert sample.dropped["rate"] == 600
+    assert sample.dropped["corrupted"] == sample.lost.sum() > 80
+
+
+def test_a_link_that_loses_all_has_no_delays() -> None:
+    figures = {row.figure: row for row in compared("links.loss_ratio=1.0").figures}
+    assert figures["loss"].sample == 1.0
+    assert figures["mean delay"].sample is None
+    assert figures["lost in a row"].law is None
+
+
+def test_bursts_are_shares_of_all_bursts() -> None:
+    rows = compared("links.loss_ratio=0.5").bursts
+    assert sum(row.sample or 0.0 for row in rows) == pytest.approx(1.0)
+    assert sum(row.law or 0.0 for row in rows) == pytest.approx(1.0, abs=1e-3)
+    nearer = compare(replace(drive("links.preset=ieee80211p_jam"), distance_m=10.0), 500)[0]
+    farther = compare(replace(drive("links.preset=ieee80211p_jam"), distance_m=200.0), 500)[0]
+    assert (nearer.figures[0].sample or 0.0) < (farther.figures[0].sample or 0.0)

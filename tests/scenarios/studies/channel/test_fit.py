@@ -173,3 +173,7 @@ def test_the_toml_block_is_an_entry_of_a_scenario() -> None:
     assert entry["sender"] == "v1"
     assert "95 % intervals" in text
     assert {"sender", "receiver"} <= set(LinkEntry.model_fields)
+
+
+def test_constant_delays_give_the_latency_only() -> None:
+    assert fit_link(link([""] * 300)).keys == {"latency_ms": 20.0}

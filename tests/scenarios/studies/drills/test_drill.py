@@ -147,3 +147,10 @@ def test_json_has_rows_and_runs() -> None:
     assert [one["drill"] for one in found["runs"]] == ["good", "bad", "odd"]
     assert "duration_s" not in found["runs"][0]  # equal results give equal files
     assert machine_readable([], [])["passed"] is True
+
+
+def test_the_smallest_value_of_a_lower_limit_is_the_worst() -> None:
+    name = "true_gap_m_min"
+    row = only_row(run(limit(0.8, name)), run(limit(0.6, name), seed=2))
+    assert row.value == 0.6
+    assert row.margin_ratio == pytest.approx(0.2)

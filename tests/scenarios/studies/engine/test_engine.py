@@ -201,3 +201,13 @@ def test_a_worker_with_other_versions_runs_nothing_and_names_the_differences() -
     for fact in (f"numpy is {here.numpy}", "1.0", f"sources is {here.sources}"):
         assert fact in line
     assert not done
+
+
+def test_results_keep_the_order_and_errors_name_the_command() -> None:
+    with engine_here() as engine:
+        assert engine.results(jobs_of({k: partial(square, k) for k in (2, 0, 1)})) == [4, 0, 1]
+        bad = Job(key="bad", work=partial(square, -1), command="convoy run lane_change --seed 1")
+        with pytest.raises(ScenarioError, match=r"^convoy run lane_change --seed 1: ValueError"):
+            engine.results([bad])
+        with pytest.raises(ScenarioError, match=r"^gap_m: given 1\nseed"):
+            engine.results(jobs_of({"refused": refuse}))

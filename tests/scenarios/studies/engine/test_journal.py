@@ -2,6 +2,7 @@
 
 import tempfile
 from contextlib import AbstractContextManager
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -134,3 +135,39 @@ def test_a_damaged_identity_is_rewritten_and_its_outcomes_are_kept(tmp_path: Pat
 def test_a_journal_of_another_version_is_refused(tmp_path: Path) -> None:
     (tmp_path / JOURNAL).write_text('{"schema":"convoy.journal/0"}\n{"run":"0/1"}\n')
     assert "schema: given convoy.journal/0" in refused(tmp_path, IDENTITY)
+
+
+def test_a_flipped_bit_repeats_at_most_one_job(tmp_path: Path) -> None:
+    whole = small_journal(tmp_path)
+    path = tmp_path / JOURNAL
+    ends = [place for place, byte in enumerate(whole) if byte == ord("\n")]
+    for place, bit in product(range(len(whole)), range(8)):
+        damaged = bytearray(whole)
+        damaged[place] ^= 1 << bit
+        path.write_bytes(damaged)
+        is_end = place in ends or damaged[place] == ord("\n")
+        line = whole[:place].count(b"\n") + 1
+        check_repaired(tmp_path, None if is_end else line)
+
+
+def test_a_line_of_another_study_is_damage(tmp_path: Path) -> None:
+    """Even if its checksum was valid there."""
+    other = small_journal(tmp_path / "other", {"--seeds": 9}).splitlines(keepends=True)
+    lines = small_journal(tmp_path / "this").splitlines(keepends=True)
+    (tmp_path / "this" / JOURNAL).write_bytes(b"".join([lines[0], other[1], lines[2]]))
+    check_repaired(tmp_path / "this", 2)
+
+
+def test_the_later_of_two_lines_of_a_run_counts(tmp_path: Path) -> None:
+    with open_journal(tmp_path, IDENTITY) as journal:
+        journal.add("0/1", {"error": "died"})
+        journal.add("0/1", {"figure": 1.0})
+    with open_journal(tmp_path, IDENTITY) as journal:
+        assert journal.entries == {"0/1": {"figure": 1.0}}
+
+
+def test_an_empty_journal_is_replaced(tmp_path: Path) -> None:
+    for identity in (IDENTITY, {"--seeds": 9}):
+        with open_journal(tmp_path, identity) as journal:
+            assert not journal.entries
+        assert (tmp_path / JOURNAL).read_bytes().count(b"\n") == 1

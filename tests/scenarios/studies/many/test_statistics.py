@@ -52,3 +52,9 @@ def test_the_interval_of_a_mean_equals_that_of_scipy() -> None:
     assert np.log([gains.value, gains.low, gains.high]) == pytest.approx(
         [found.value, found.low, found.high]
     )
+
+
+@pytest.mark.parametrize(("successes", "count"), [(1, 0), (-1, 5), (6, 5)])
+def test_impossible_counts_are_refused(successes: int, count: int) -> None:
+    with pytest.raises(ValueError, match=f"{successes} of {count}"):
+        agresti_coull(successes, count)

@@ -380,3 +380,51 @@ def test_definition_1_takes_the_larger_of_error_and_heading() -> None:
     assert definition_1_norms(Trial((trial.lead, trial.followers[0], drive))) == pytest.approx(
         (0.08, 0.2)
     )
+
+
+def test_growing_errors_fail_with_a_reason() -> None:
+    grows = Findings(
+        trials={key: trial_of((0.04, 0.05, 0.06)) for key in (D, D.with_variant("blend"))}
+    )
+    answer = decreasing(D, grows)
+    assert answer.holds is False
+    assert "blend" in answer.reason
+    falls = decreasing(D, Findings(trials={D: trial_of((0.06, 0.05, 0.04))}))
+    assert falls.holds
+    assert not falls.reason
+
+
+def test_a_claim_that_fails_in_noise_only_has_a_reason() -> None:
+    findings = Findings(
+        trials={A: trial_of((0.04, 0.03, 0.02)), A.noisy(1): trial_of((0.04, 0.03, 0.05))}
+    )
+    answer = decreasing(A, findings)
+    assert answer.holds
+    assert answer.noise == Tally(0, 1, "seeds")
+    assert "noise" in answer.reason
+    (row,) = judge([c for c in ALL if c.name == "a_decreasing"], {"fitted": findings})
+    grouped = groups([row], "fitted")
+    assert {group for group, claims in grouped.items() if claims} == {"fails in noise"}
+
+
+def test_a_misprint_is_a_claim_that_fails_without_consequence() -> None:
+    for holds, expected in (
+        (True, "holds"),
+        (False, "misprint, harmless"),
+        (None, "not checkable"),
+    ):
+        assert verdict_of(Answer(ours="", holds=holds, misprint=True)).judgement == expected
+
+
+@pytest.mark.parametrize(
+    ("holds", "judgement"), [(True, "holds"), (False, "does not hold"), (None, "not checkable")]
+)
+def test_an_answer_becomes_a_judgement(holds: bool | None, judgement: str) -> None:
+    answer = Answer(ours="we", holds=holds, reason="why")
+    claim = Claim(name="x", where="V", paper="says", answer=lambda _: answer)
+    (row,) = judge([claim], along_both_trajectories(Findings()))
+    assert row.claim == claim
+    assert set(row.verdicts) == {"fitted", "paper"}
+    assert all(verdict.judgement == judgement for verdict in row.verdicts.values())
+    assert all(verdict.answer == answer for verdict in row.verdicts.values())
+    assert not row.differs

@@ -174,3 +174,14 @@ def test_the_gains_pictures_are_those_of_the_gains_report(
     pictures = reproduction.jobs_of(["gains"], tmp_path)[Part.GAINS]()
     assert pictures == ("roots_over_loadings.png",)
     assert drawn == [tmp_path / "gains"]
+
+
+def test_an_unknown_case_is_refused_with_a_hint(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"no such case, did you mean radius\?, allowed base"):
+        reproduce(["radios"], tmp_path / "new", no_progress)
+    assert not (tmp_path / "new").exists()
+
+
+def test_cases_come_in_the_order_of_the_paper_and_none_means_all() -> None:
+    assert chosen_cases(["field", "a", "base"]) == ["base", "a", "field"]
+    assert chosen_cases([]) == list(RUNS_OF_CASE)

@@ -12,6 +12,7 @@ from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.node.sink import BusSink
 from transport.bus.memory_bus import MemoryBus
 from vehicles.car.gnss import Fix
+from vehicles.car.sensors.imu import ExactSensor, InertialSensor
 from vehicles.driver.decision import Driver
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader
@@ -162,3 +163,54 @@ def test_vehicles_take_turns_after_their_sources(vehicles: int) -> None:
         assert after - before == pytest.approx(SECOND / 50 / vehicles, abs=1.0)
     for name, turn in turns.items():
         assert all(turns[sender] < turn for sender in made.vehicle(name).senders)
+
+
+def first_steering(made: Scenario, name: str = "v1") -> float:
+    """What a lead beside its path decides first."""
+    one = node(made, name)
+    fix = one.car.gnss.measure(one.car.body, START)
+    motion = one.car.imu.measure(one.car.body, START)
+    return driver(one).step(START, fix, motion, []).actuation.steering
+
+
+def test_controller_and_gains_are_those_of_the_scenario() -> None:
+    quiet = [
+        "gnss.position_noise_m=0", "gnss.heading_noise_deg=0", "gnss.speed_noise_mps=0",
+        "gnss.yaw_rate_noise_radps=0", "vehicle.v1.lateral_offset_m=0.5",
+        "imu.speed_noise_mps=0", "imu.speed_bias_mps=0",
+        "imu.yaw_rate_noise_radps=0", "imu.yaw_rate_bias_radps=0",
+        "parameters.steering_rate_limit_radps=inf",
+    ]  # fmt: skip
+    plain = scenario(*quiet, "control.controller=feedforward_feedback")
+    assert first_steering(plain) == pytest.approx(-0.06 * 0.5)
+    gains = scenario(
+        *quiet, "control.controller=feedforward_feedback", "control.gains.lateral_rad_per_m=0.1"
+    )
+    assert first_steering(gains) == pytest.approx(-0.1 * 0.5)
+    own = scenario(
+        *quiet, "control.controller=feedforward_feedback",
+        "vehicle.v1.control.gains.lateral_rad_per_m=0.02",
+    )  # fmt: skip
+    assert first_steering(own) == pytest.approx(-0.02 * 0.5)
+    stanley = first_steering(scenario(*quiet, "control.controller=stanley"))
+    assert stanley == pytest.approx(-math.atan(2.5 * 0.5 / 31.0))
+    pursuit = first_steering(scenario(*quiet, "control.controller=pure_pursuit"))
+    # The goal lies 15 m from the rear axle, half a second at 30 m/s, and half a metre aside.
+    assert pursuit == pytest.approx(-math.atan(2.0 * 2.85 * (0.5 / 15.0) / 15.0), rel=1e-3)
+
+
+def test_with_exact_own_state_the_car_knows_where_it_is_and_broadcasts_what_is_measured() -> None:
+    settings = ("gnss.position_noise_m=5", "gnss.heading_noise_deg=5")
+    beside = "vehicle.v1.lateral_offset_m=0.5"
+    exact = scenario(*settings, beside, "control.own_state=exact")
+    one = node(exact, "v1")
+    motion = one.car.imu.measure(one.car.body, START)
+    decision = driver(one).step(START, one.car.gnss.measure(one.car.body, START), motion, [])
+    assert decision.errors.lateral == pytest.approx(0.5, abs=1e-12)
+    assert decision.errors.heading == pytest.approx(0.0, abs=1e-12)
+    assert fixes(exact, "v1") == fixes(scenario(*settings, beside), "v1")
+    noisy = scenario("imu.speed_bias_mps=1")
+    assert fixes(noisy, "v1") == fixes(scenario(), "v1")
+    some = scenario(*settings, "vehicle.v2.control.own_state=exact")
+    assert isinstance(node(some, "v2").car.imu, ExactSensor)
+    assert isinstance(node(some, "v3").car.imu, InertialSensor)

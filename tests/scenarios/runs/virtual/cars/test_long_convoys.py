@@ -68,3 +68,14 @@ def test_errors_behind_a_lead_that_swerves_do_not_grow(tmp_path: Path) -> None:
     errors = [car.cross_track_error_m_max or 9.0 for car in others]
     assert max(errors) < (second.cross_track_error_m_max or 0.0) + 0.05
     assert max(car.friction_ratio_max or 9.0 for car in others) < 0.95
+
+
+def test_errors_behind_a_lead_that_swerves_grow_without_these_limits(tmp_path: Path) -> None:
+    without = (
+        "speed.friction_ratio_max=inf",
+        "control.degradation.predecessor_path=intended",
+        "control.estimate_slip=false",
+    )
+    _, second, *others = behind_jumps(tmp_path, *without)
+    errors = [car.cross_track_error_m_max or 0.0 for car in others]
+    assert max(errors) > (second.cross_track_error_m_max or 9.0) + 0.05

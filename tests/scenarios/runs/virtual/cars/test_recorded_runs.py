@@ -4,6 +4,7 @@ import json
 import re
 import tomllib
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -208,3 +209,28 @@ def test_an_impossible_replay_is_refused_in_one_line(tmp_path: Path, text: str, 
         scenario_from_text(text.format(text_of(LEAD, tmp_path)), label="two.toml", folder=tmp_path)
     (line,) = caught.value.lines
     assert re.match(r"two\.toml: vehicle\.v[12]\.", line)
+
+
+@pytest.mark.campaign(0, 1)
+def test_every_rough_drive_is_driven_to_its_end(tmp_path: Path, case: int) -> None:  # noqa: ARG001
+    for name, (rough, expected) in CASES.items():
+        if not expected.refused:
+            trial = drive_trial(scenario_of(rough, tmp_path, "[convoy]\nvehicles = 4\n"))
+            assert max(one.cross_track_max for one in trial.drives[1:]) < WITHIN_M, name
+
+
+def test_a_stop_is_replayed_as_one_and_never_backwards(tmp_path: Path) -> None:
+    lead = Rough(course=SWEEP, speed=15.0, stands=((150.0, 5.0),), form="gpx")
+    drive = with_two(tmp_path, lead).replays["v2"]
+    found = [drive.at(0.05 * k) for k in range(700)]
+    distances = [distance for _, _, distance in found]
+    assert all(after >= before - 1e-9 for before, after in pairwise(distances))
+    assert sum(speed < 0.1 for _, speed, _ in found) * 0.05 == pytest.approx(5.0, abs=0.7)
+    assert min(speed for _, speed, _ in found) >= 0.0
+
+
+def test_contradictions_are_reported_before_the_run(tmp_path: Path) -> None:
+    late = report_of(with_two(tmp_path, LEAD, 3.0)).warnings
+    assert any(re.match(r"v2: .* 1\d\.\d m behind v3, its follower", w) for w in late)
+    early = report_of(with_two(tmp_path, LEAD, -2.0)).warnings
+    assert any(re.match(r"v2: .* 3\d\.\d m ahead of the lead", w) for w in early)

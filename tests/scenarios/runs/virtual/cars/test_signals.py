@@ -8,6 +8,7 @@ import pytest
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
+from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual.logged_run import run_virtual
 from scenarios.runs.virtual.unlogged_run import run_unlogged
@@ -130,3 +131,16 @@ def test_a_common_error_moves_no_vehicle_relative_to_another() -> None:
         found[key, deviation] = worst
     assert found["common_drift", 3.0] < found["common_drift", 0.0] + 0.15
     assert found["drift", 3.0] > 1.0
+
+
+def test_the_wire_carries_state_and_accuracy(tmp_path: Path) -> None:
+    ran(made(STATES, "gnss.while_float.accuracy_ratio=0.05"), tmp_path)
+    reported = {(one.fix, round(one.position_accuracy_m, 6)) for one in poses(tmp_path, "v1")}
+    assert reported == {("fixed", 0.02), ("float", round(0.05 * 0.19, 6))}
+
+
+def test_a_plain_scenario_has_the_schedule_that_it_had() -> None:
+    scenario = load_scenario("lane_change", ["duration_s=2"])
+    assert {VehicleBuilder(scenario, name).schedule for name in scenario.vehicle_names} == {
+        (50.0, 20.0)
+    }

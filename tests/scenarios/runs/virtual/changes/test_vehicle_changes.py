@@ -1,5 +1,6 @@
 """What is done to vehicles while they run: each kind by what it may and may not change."""
 
+import json
 import math
 from itertools import pairwise
 
@@ -260,3 +261,38 @@ def test_a_restarted_process_continues_from_the_handover(
         restarted.set_node(name, other)
     assert exchanged == 1
     assert list(map(encode, restarted.sent)) == list(map(encode, kept.sent))
+
+
+def test_each_change_is_logged_once_by_the_vehicle_that_carries_it_out() -> None:
+    run = driven('kind = "stall"\nvehicle = "v2"\nat_s = 1.003\nfor_s = 0.5')
+    (change,) = [one for one in run.sent if isinstance(one, Change)]
+    assert (change.vehicle, change.kind, change.by_hand) == ("v2", "stall", False)
+    assert change.effective_at_ns - run.start_at == 1_003_000_000
+    table = {"kind": "stall", "vehicle": "v2", "at_s": 1.003, "for_s": 0.5}
+    assert json.loads(change.table) == table
+    lines = [one for one in run.of("v2", LogText) if "stalls" in one.text]
+    assert [line.level for line in lines] == ["info"]
+    assert lines[0].logged_at_ns - run.start_at == 1_020_000_000  # its first tick from then on
+
+
+def test_noise_after_a_stall_is_that_without_one(calm: ChangedConvoy) -> None:
+    run = driven('kind = "stall"\nvehicle = "v2"\nat_s = 1.5\nfor_s = 0.7')
+    truth, other = run.truths("v2"), calm.truths("v2")
+    before = {pose.measured_at_ns: pose for pose in calm.of("v2", GpsPose)}
+    compared = 0
+    for pose in run.of("v2", GpsPose):
+        at = round((pose.measured_at_ns - run.start_at) / SECOND, 6)
+        if at in truth and pose.measured_at_ns in before:
+            noise = pose.speed_mps - truth[at].speed_mps
+            usual = before[pose.measured_at_ns].speed_mps - other[at].speed_mps
+            assert noise == pytest.approx(usual, abs=1e-9)
+            compared += 1
+    assert compared > 40
+
+
+def test_a_leaver_can_join_again() -> None:
+    run = driven(
+        'kind = "leave"\nvehicle = "v2"\nat_s = 1.0', 'kind = "join"\nvehicle = "v2"\nat_s = 2.0'
+    )
+    assert not sent_between(run, "v2", 1.0, 2.0)
+    assert len(sent_between(run, "v2", 2.0, 6.0)) == 80

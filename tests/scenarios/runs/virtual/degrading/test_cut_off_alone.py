@@ -7,6 +7,7 @@ import pytest
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import RunSummary
 from scenarios.runs.virtual.unlogged_run import run_unlogged
+from tests.made.convoys.speed_runs import drive
 from tests.made.interpreted import interpreted_only
 from vehicles.driver.degradation.source import Source
 
@@ -60,3 +61,10 @@ def test_random_cuts_of_one_vehicle_or_link_end_without_a_collision(case: int) -
 def test_if_no_stop_were_assumed_it_would_be_hit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Source, "_assumed_stop", lambda *_: 0)
     assert collisions(run_unlogged(load_scenario("lane_change", cut_off()))) > 0
+
+
+def test_a_short_silence_costs_little_speed() -> None:
+    """Half a second of messages from v3 to v4 is lost, of which v4 brakes for a tenth."""
+    cut = "change=[{kind='cut', at_s=3.8, for_s=0.5, sender='v3', receiver='v4'}]"
+    driven = drive(load_scenario("lane_change", ["duration_s=6", cut]))
+    assert min(pose.speed_mps for pose in driven.truth["v4"]) > 27.5

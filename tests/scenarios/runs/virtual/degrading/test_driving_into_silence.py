@@ -74,3 +74,8 @@ def test_if_no_braking_were_announced_or_assumed_some_would_be_hit(
     monkeypatch.setattr(SpeedGuard, "_brakes_at", lambda *_: 0)
     monkeypatch.setattr(Source, "_assumed_stop", lambda *_: 0)
     assert collisions(driven("lte_v2x_dense", 3.07, 1, "duration_s=24")) > 0
+
+
+def test_a_vehicle_that_brakes_for_lack_of_messages_is_not_hit() -> None:
+    """Shadowed links in a dense convoy: each at its own time, for one to three seconds."""
+    assert collisions(driven("lte_v2x_dense", 3.07, 1, "duration_s=24")) == 0

@@ -167,3 +167,16 @@ def test_a_follower_that_knows_only_road_behind_falls_back_and_then_follows(
         assert row.cross_track_error_m_max is not None
         assert row.cross_track_error_m_max < 0.5, row.name  # it was up to 3.8 m
     assert not [event for event in summary.events if event.kind in ("lane_departure", "slide")]
+
+
+def left_behind_m(*overrides: str) -> float:
+    """How much less than the lead, which has no fix for 3 s, the last follower has driven."""
+    change = "change=[{kind='gnss', at_s=8, vehicle='v1', fix='none', for_s=3}]"
+    scenario = load_scenario("highway", ["duration_s=25", "convoy.vehicles=2", change, *overrides])
+    lead, *followers = run_unlogged(scenario).vehicles
+    assert all((row.cross_track_error_m_max or 0.0) < 0.2 for row in followers)
+    return lead.distance_m - followers[-1].distance_m
+
+
+def test_a_lead_without_fixes_sends_where_it_drove_by_dead_reckoning() -> None:
+    assert left_behind_m() < 0.7 * left_behind_m(NO_HISTORY)

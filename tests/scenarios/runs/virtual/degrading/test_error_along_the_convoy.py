@@ -15,6 +15,8 @@ from vehicles.driver.degradation.intended_path import MAX_OFFSET
 from vehicles.geometry.driven_path import CrossTrackError
 from vehicles.messages import Command, GpsPose, Message, Tracking, TruePose
 
+DRIVEN = "control.degradation.predecessor_path='driven'"
+
 # The lane change begins earlier than in the scenario that ships: 60 m on, and 8 s see all through.
 ROAD = (
     "path.segments=[{length_m=60.0}, {length_m=30.0, radius_m=500.0, turn='right'}, "
@@ -156,3 +158,13 @@ def test_false_content_of_a_predecessor_costs_at_most_half_a_lane(
     assert all(map(math.isfinite, run.steering["v3"]))
     assert run.errors()["v3"] < MAX_OFFSET + 0.1
     assert run.largest_step() <= 1.18 * 0.02 + 1e-9
+
+
+def test_it_grows_where_the_way_driven_is_followed() -> None:
+    errors = driven(FOR_GOOD, *PAPER_LAW, *EXACT, DRIVEN, vehicles=4).errors()
+    assert errors["v4"] > errors["v3"] + 0.04 > errors["v2"] + 0.08
+
+
+def test_announcements_for_a_lost_lead_change_no_command_while_it_is_received() -> None:
+    followed = driven("", DRIVEN, *EXACT, vehicles=4)
+    assert followed.steering == driven("", WITHOUT_LEAD, *EXACT, vehicles=4).steering

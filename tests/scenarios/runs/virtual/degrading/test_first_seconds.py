@@ -27,3 +27,11 @@ def test_noise_of_few_samples_is_no_bend(loss_ratio: float, seed: int) -> None:
     for row in run_unlogged(load_scenario("lossy_lane_change", requested, seed)).vehicles[1:]:
         assert row.cross_track_error_m_max is not None
         assert row.cross_track_error_m_max < 0.7, row.name  # it was up to 3.7 m
+
+
+def test_a_start_into_a_bend_works_with_few_samples_of_a_slow_receiver() -> None:
+    bend = "path.segments=[{length_m=2.0}, {length_m=60.0, radius_m=150.0, turn='right'}]"
+    requested = (bend, "speed.set_mps=20", "gnss.rate_hz=5", "links.loss_ratio=0", "duration_s=2")
+    for row in run_unlogged(load_scenario("lossy_lane_change", requested, 1)).vehicles[1:]:
+        assert row.cross_track_error_m_max is not None
+        assert row.cross_track_error_m_max < 0.3, row.name

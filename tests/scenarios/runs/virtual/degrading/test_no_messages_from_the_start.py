@@ -92,3 +92,12 @@ def test_a_follower_without_its_predecessor_keeps_away_from_where_it_may_stand()
     assert collisions(run) == 0
     assert (run.vehicles[2].true_gap_m_min or 0.0) > 5.0
     assert run.vehicles[2].estimated_gap_m_min is None or isnan(run.vehicles[2].estimated_gap_m_min)
+
+
+@pytest.mark.spread(2)
+@pytest.mark.parametrize("gap_m", [10, 30])
+@pytest.mark.parametrize("latency_ms", [400, 700, 1000])
+def test_a_latency_is_no_silence(gap_m: float, latency_ms: float) -> None:
+    """The first message is waited for as long as a message takes to come, and then some."""
+    run = summary(3, gap_m, f"links.latency_ms={latency_ms}", "duration_s=4")
+    assert not any("stop" in row.ticks_by_mode for row in run.vehicles)

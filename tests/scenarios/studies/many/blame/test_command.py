@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import tomli_w
 from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
 from scenarios.definition.run_limits import Limit
-from scenarios.definition.scenario import load_scenario
+from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.results.limits.evaluation import broken_by
 from scenarios.results.log_summary import summary_of
 from scenarios.runs.stop import Stop
@@ -142,3 +143,21 @@ def test_a_damaged_log_is_refused(log: Path, tmp_path: Path) -> None:
     other.write_text("no log")
     assert str(other) in refused(convoy("blame", other, "--out", tmp_path / "out"))
     assert "No such file" in refused(convoy("blame", tmp_path / "none.mcap"))
+
+
+def test_a_replayed_vehicle_is_refused(log: Path, tmp_path: Path) -> None:
+    text = {
+        "extends": "lane_change",
+        "duration_s": 0.5,
+        "links": {"loss_ratio": 0.5},
+        "convoy": {"vehicles": 3},
+        "vehicle": {"v2": {"replay": str(log), "replay_vehicle": "v2"}},
+    }
+    run_virtual(scenario_from_text(tomli_w.dumps(text), folder=log.parent), tmp_path, Stop())
+    line = refused(convoy("blame", tmp_path, "--out", tmp_path / "out"))
+    assert line.startswith(f"{tmp_path / 'run.mcap'}: v2 ")
+
+
+def test_an_unknown_limit_is_refused(log: Path, tmp_path: Path) -> None:
+    line = refused(convoy("blame", log, "--limit", "speed", "--out", tmp_path / "out"))
+    assert line.startswith("--limit: given 'speed', allowed ")

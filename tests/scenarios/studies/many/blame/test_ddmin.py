@@ -99,3 +99,15 @@ def test_trimming_keeps_exactly_consecutive_causes(data: st.DataObject, size: in
     needed = set(range(first, last + 1))
     left = trim(range(size), first_that(lambda items: needed <= items))
     assert left == tuple(range(first, last + 1))
+
+
+@given(SIZES, st.integers(0, 1000))
+def test_the_trimmed_set_always_fails(size: int, salt: int) -> None:
+    every = frozenset(range(size))
+
+    def fails(items: frozenset[int]) -> bool:
+        return items == every or (bool(items) and (sum(items) * 31 + salt) % 3 == 0)
+
+    left = trim(range(size), first_that(fails))
+    assert fails(frozenset(left))
+    assert left == tuple(range(left[0], left[-1] + 1))

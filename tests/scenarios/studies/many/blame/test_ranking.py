@@ -126,3 +126,14 @@ def test_a_set_is_not_minimal_when_the_runs_are_used_up() -> None:
     assert burst <= set(smallest.items)
     assert not smallest.is_minimal
     assert trials.runs <= 31
+
+
+def test_two_bursts_that_are_each_sufficient_are_both_divided() -> None:
+    """Restoring one of them has no effect while the other is lost."""
+    early, late = frozenset(lost("v1", 100, 8)), frozenset(lost("v1", 500, 8))
+    rows, smallest, _ = found(
+        lambda losses: 1.5 * (early <= losses or late <= losses), [*HARMLESS[:8], *early, *late]
+    )
+    alone = {row.losses for row in rows if row.alone and row.alone.broken_at is not None}
+    assert {early, late} <= alone | {row.losses for row in rows}
+    assert set(smallest.items) in (early, late)

@@ -127,3 +127,10 @@ def test_a_boundary_near_the_end_has_an_open_interval() -> None:
     assert (result.finding, result.high) == ("found", None)
     assert result.low is not None
     assert result.low < 0.95
+
+
+def test_a_rare_share_is_not_judged_by_few_runs() -> None:
+    """Twenty broken runs are expected among 400 at a share of 5 %."""
+    step: Curve = lambda value: 1.0 * (value > 0.4)  # noqa: E731
+    assert searched(step, 1, 0.05).runs >= 400
+    assert searched(step, 1, 0.5).runs < 100

@@ -14,7 +14,7 @@ from scenarios.studies.many.statistics import agresti_coull
 from scenarios.studies.many.sweeps.cell_table import table_of
 from scenarios.studies.many.sweeps.plan import SweepPlan
 from scenarios.studies.many.sweeps.sweep import tables_of
-from tests.made.many.small_sweeps import small_plan
+from tests.made.many.small_sweeps import TABLES, small_plan
 
 SEEDS = 7
 
@@ -97,3 +97,18 @@ def test_all_files_agree(plan: SweepPlan, tmp_path: Path) -> None:
     for row, wanted in zip(cells, table.rows(), strict=True):
         assert row["cross_track_error_m_max.median"] == wanted["cross_track_error_m_max.median"]
         assert row["lane.broken"] == wanted["lane.broken"]
+
+
+def test_without_runs_the_interval_is_0_to_1() -> None:
+    assert agresti_coull(0, 0) == (0.0, 1.0)
+
+
+def test_the_order_of_the_journal_does_not_matter(plan: SweepPlan, tmp_path: Path) -> None:
+    entries = journal_entries(plan)
+    shuffled = list(entries.items())
+    random.Random(7).shuffle(shuffled)
+    for name, of in (("one", entries), ("other", dict(shuffled))):
+        write_files(tmp_path / name, tables_of(table_of(plan, of)))
+    for name in TABLES:
+        one, other = ((tmp_path / folder / name).read_bytes() for folder in ("one", "other"))
+        assert one == other
