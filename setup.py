@@ -26,33 +26,19 @@ NEEDS = ["mypy[mypyc]==2.4.1", "numpy>=2.0"]
 """The compiler whose bits were compared, and the types of arrays."""
 MODULES = {
     "vehicles": "received_pose schedule",
-    "vehicles/geometry": "arc_spline driven_path geodesy path_point sampled_path sparse_path"
-    " trajectory_points",
-    "vehicles/preview": "curve_fit fit_arc fit_clothoid fit_joined local_curves outliers"
-    " trajectory",
-    "vehicles/preview/received": "holes known_path polyline samples trace",
-    "vehicles/car": "brush_motion clock_error dead_reckoning dynamics gnss integration"
-    " outline path_keeping tyres",
-    "vehicles/car/positioning": "noise",
-    "vehicles/car/sensors": "imu",
-    "vehicles/car/sending": "path_history sender",
-    "vehicles/driver": "command_limit decision follower leader position_limit speed",
-    "vehicles/driver/convoy": "stations watch",
-    "vehicles/driver/longitudinal": "gap_keeping spacing",
-    "vehicles/driver/degradation": "innovation innovation_gate intended_path modes reception"
-    " situation source sources speed_guard stopping trust",
-    "vehicles/driver/ego": "covariance late_fixes own_state own_track pose_estimator",
-    "transport": "clock codec message_numbers thinning",
+    "vehicles/geometry": "arc_spline driven_path geodesy sampled_path",
+    "vehicles/preview": "arc_fits curve_fit samples trace trajectory",
+    "vehicles/car": "dynamics gnss imu noise path_history path_keeping tyres",
+    "vehicles/driver": "command_limit decision follower innovation_gate intended_path leader"
+    " modes own_state own_track pose_estimator situation source sources"
+    " speed speed_guard watch",
+    "transport": "clock codec",
     "transport/bus": "telemetry",
-    "transport/links": "content_stage gate inbox link positions staged_messages",
+    "transport/links": "content_stage inbox link",
     "transport/log": "writer",
-    "scenarios/results": "deviations metrics stream",
-    "scenarios/results/channel": "link_figures link_tally",
-    "scenarios/results/events": "bodies encounters lane watches",
-    "scenarios/results/vehicles": "accumulators",
+    "scenarios/results": "accumulators encounters link_figures link_tally metrics stream watches",
     "scenarios/runs": "recorder",
-    "scenarios/runs/node": "change_executor node outbox pending_changes phases probe"
-    " process_probe sink",
+    "scenarios/runs/node": "node outbox phases process_probe sink",
     "scenarios/runs/processes": "arrivals vehicle_process",
 }
 """Names of the compiled modules by folder."""

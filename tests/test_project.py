@@ -120,25 +120,25 @@ def test_each_planted_wrong_has_its_test(wrong: str) -> None:
 ROOMS = {
     "scenarios": 10,
     "scenarios/api": 880,
-    "scenarios/cli": 6_910,
-    "scenarios/definition": 16_020,
-    "scenarios/results": 9_840,
-    "scenarios/runs": 6_610,
-    "scenarios/studies": 13_150,
-    "transport": 1_140,
+    "scenarios/cli": 6_560,
+    "scenarios/definition": 13_950,
+    "scenarios/results": 8_790,
+    "scenarios/runs": 6_310,
+    "scenarios/studies": 12_770,
+    "transport": 1_130,
     "transport/bus": 780,
-    "transport/links": 4_700,
-    "transport/log": 2_230,
-    "transport/picture": 2_800,
+    "transport/links": 4_610,
+    "transport/log": 2_170,
+    "transport/picture": 2_240,
     "vehicles": 600,
-    "vehicles/car": 3_880,
-    "vehicles/driver": 6_950,
-    "vehicles/geometry": 2_140,
-    "vehicles/preview": 2_390,
-    "vehicles/theory": 1_790,
+    "vehicles/car": 3_790,
+    "vehicles/driver": 6_870,
+    "vehicles/geometry": 2_130,
+    "vehicles/preview": 2_340,
+    "vehicles/theory": 1_750,
 }
 """Ceiling of each room in lines. A feature raises it only in a commit that says so."""
-PRODUCT_MAX, TESTS_MAX, MODULES_MAX = 82_800, 69_900, 617
+PRODUCT_MAX, TESTS_MAX, MODULES_MAX = 78_000, 64_000, 330
 """Lines of the product and of the tests, and modules of the product, `__init__` included."""
 LOADED_MAX, CALLS_MAX = 550, 400
 """Own modules that a virtual run loads, and own Python calls of its busiest follower in a control
@@ -173,7 +173,7 @@ COUNTED_RUN = """
 import json, os, sys
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.node.phases import Driving
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged
 
 root, calls = os.getcwd() + os.sep, {}
 
@@ -385,7 +385,6 @@ def test_only_the_analysis_imports_scipy() -> None:
     analysis = {
         "vehicles.theory.gain_sets",
         "vehicles.theory.varying_speed",
-        "vehicles.theory.mean_acceleration",
         "vehicles.theory.string_stability",
     }
     assert set(imported_by("vehicles")["scipy"]) <= analysis
@@ -419,11 +418,11 @@ HEAVY = {"scipy", "rich", "rerun", "mcap", "matplotlib", "pandas", "pyarrow", "z
 def test_vehicle_processes_load_no_heavy_packages() -> None:
     """Each takes megabytes of the 80 of a process."""
     drive = """
-from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
-from scenarios.runs.node.probe import NoProbe
+from scenarios.runs.node.vehicle_builder import VehicleBuilder
+from scenarios.runs.node.outbox import NoProbe
 from scenarios.runs.node.sink import BusSink
 from scenarios.definition.scenario import load_scenario
-from transport.bus.memory_bus import MemoryBus
+from transport.bus.bus import MemoryBus
 import scenarios.cli.main, scenarios.runs.processes.vehicle_process
 for scenario in ("lane_change", "church_lot", "highway"):
     builder = VehicleBuilder(load_scenario(scenario, ["duration_s=0.2"]), "v2")

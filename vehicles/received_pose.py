@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from vehicles.geometry.geodesy import LocalPlane, yaw_from_heading
-from vehicles.geometry.sparse_path import DEGREE_UNITS, TIME_UNIT, Place
+from vehicles.geometry.sampled_path import DEGREE_UNITS, TIME_UNIT, Place
 from vehicles.messages import GpsPose
 
 

@@ -36,13 +36,18 @@ from .home import import_own_packages
 
 import_own_packages()
 
-from scenarios.api.comparing import ComparedRuns, Diff, compare, diff  # noqa: E402
+from scenarios.api.comparing import (  # noqa: E402
+    ComparedRuns,
+    Diff,
+    compare,
+    diff,
+    replay,
+)
 from scenarios.api.recorded import Run, open, runs  # noqa: A004, E402
-from scenarios.api.repeating import replay  # noqa: E402
 from scenarios.api.running import check, run  # noqa: E402
 from scenarios.api.sweeping import Sweep, bisect, sweep  # noqa: E402
-from scenarios.results.recorded.data_table import DataTable  # noqa: E402
-from scenarios.studies.many.boundary.boundary_search import BoundaryResult  # noqa: E402
+from scenarios.results.data_table import DataTable  # noqa: E402
+from scenarios.studies.many.boundary import BoundaryResult  # noqa: E402
 from transport.texts import ConvoyError as Error  # noqa: E402
 
 __all__ = [

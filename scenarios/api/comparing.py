@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenarios.definition.errors import require
-from scenarios.results.recorded.data_table import DataTable
-from scenarios.results.recorded.run_record import RunRecord
-from scenarios.results.vehicles.string_errors import STRING_COLUMNS
+from scenarios.results.data_table import DataTable
+from scenarios.results.run_record import RunRecord
+from scenarios.results.vehicle_figures import STRING_COLUMNS
 from scenarios.studies.comparison.message_diff import MessageDifference
 from scenarios.studies.comparison.run_comparison import (
     TOLERANCE_M,
@@ -21,6 +21,15 @@ from scenarios.studies.comparison.run_diff import RunDiff, diff_runs
 
 if TYPE_CHECKING:  # an extra
     from matplotlib.figure import Figure
+import warnings
+from collections.abc import Callable
+from tempfile import TemporaryDirectory
+
+from scenarios.api.recorded import Run
+from scenarios.api.running import Settings, overrides_of, run_loaded
+from scenarios.results.log_info import replayed_session
+from scenarios.results.log_summary import log_in
+from scenarios.results.summary import ClockName
 
 AnyRun = str | Path | RunRecord
 """The folder of a run, its log, or an opened run."""
@@ -135,3 +144,34 @@ def compare(*runs: AnyRun, tolerance_m: float = TOLERANCE_M) -> ComparedRuns:
 
 def path_of(run: AnyRun) -> Path:
     return run.log if isinstance(run, RunRecord) else Path(run)
+
+
+# ---- Run again from a log
+
+
+def replay(
+    log: AnyRun,
+    vehicles: Sequence[str],
+    *,
+    set: Settings | None = None,  # noqa: A002 - as on the command line
+    seed: int | None = None,
+    clock: ClockName = "virtual",
+    out: str | Path | None = None,
+    partial: bool = False,
+    confirmed: bool = False,
+    report: Callable[[str], None] | None = None,
+) -> Run:
+    """Let recorded `vehicles` send their messages again, and simulate the others behind them.
+
+    Like `convoy replay`; `partial` allows a damaged or incomplete log. The other arguments are
+    those of `run`. Raises Error for an invalid log, vehicle or setting.
+    """
+    scenario = replayed_session(
+        log_in(path_of(log)), vehicles, overrides_of(set), seed, warn=warnings.warn, partial=partial
+    )
+    with TemporaryDirectory(prefix="convoy-") as folder:
+        file = Path(folder, f"{scenario.name}.toml")
+        file.write_text(scenario.text, encoding="utf-8")
+        return run_loaded(
+            scenario, [str(file)], clock=clock, out=out, confirmed=confirmed, report=report
+        )

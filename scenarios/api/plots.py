@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from scenarios.results.recorded.run_record import RunRecord, VehicleRecord
+from scenarios.results.run_record import RunRecord, VehicleRecord
 from scenarios.studies.comparison.comparison_figure import comparison_figure
 from scenarios.studies.comparison.run_comparison import RunComparison
 from scenarios.studies.picture_style import PAGE_IN, SEQUENCE, STYLE

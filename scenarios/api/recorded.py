@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenarios.definition.errors import require
+from scenarios.results.data_table import DataTable
+from scenarios.results.frequency_gains import Signal, frequency_gains
 from scenarios.results.log_summary import summary_of
-from scenarios.results.recorded.data_table import DataTable
-from scenarios.results.recorded.frequency_gains import Signal, frequency_gains
-from scenarios.results.recorded.run_record import RunRecord
-from scenarios.results.recorded.table_files import FileFormat, export_run
 from scenarios.results.report.page import write_report
+from scenarios.results.run_record import RunRecord
 from scenarios.results.summary import RunSummary
-from scenarios.results.vehicles.string_errors import STRING_COLUMNS, string_errors
-from scenarios.results.vehicles.vehicle_figures import VehicleSummary
+from scenarios.results.table_files import FileFormat, export_run
+from scenarios.results.vehicle_figures import STRING_COLUMNS, VehicleSummary, string_errors
 from scenarios.runs.run_folder import is_running
 from scenarios.studies.run_list import COLUMNS, as_rows, runs_in, selected
 from transport.log.errors import LogError

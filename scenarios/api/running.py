@@ -24,10 +24,10 @@ from scenarios.definition.traces.reading import DriveInPlane
 from scenarios.results.files import LOG_NAME
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import ClockName
-from scenarios.runs.progress_lines import ProgressLines
+from scenarios.runs.observer import ProgressLines
 from scenarios.runs.run_folder import claimed, folder_of
 from scenarios.runs.stop import EXIT_BAD_INPUT, Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 
 Settings = Mapping[str, Any]
 """Values by key of the scenario, such as {"links.loss_ratio": 0.4, "convoy.vehicles": 6}."""

@@ -8,14 +8,13 @@ from typing import Any
 from scenarios.api.running import Settings, arguments_named, overrides_of
 from scenarios.definition.errors import ScenarioError, require
 from scenarios.definition.overrides import value_text
-from scenarios.results.recorded.data_table import DataTable
-from scenarios.studies.engine.workers import OpenWorkers, open_workers
-from scenarios.studies.many.boundary.boundary_files import run_bisect
-from scenarios.studies.many.boundary.boundary_search import BoundaryQuery, BoundaryResult
-from scenarios.studies.many.sweeps.cell_table import SweepTable, typed_rows
-from scenarios.studies.many.sweeps.plan import planned
-from scenarios.studies.many.sweeps.sweep import run_sweep
+from scenarios.results.data_table import DataTable
+from scenarios.studies.many.boundary import BoundaryQuery, BoundaryResult
+from scenarios.studies.many.cell_table import SweepTable, typed_rows
+from scenarios.studies.many.files import run_bisect, run_sweep
+from scenarios.studies.many.plan import planned
 from scenarios.studies.many.variant import limited_variant
+from scenarios.studies.workers import OpenWorkers, open_workers
 
 
 class Sweep:

@@ -1,17 +1,64 @@
 """Options that several commands share."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import wraps
 from math import isfinite
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import click
+from click import Context, Parameter
+from click.shell_completion import CompletionItem
 
-from scenarios.cli.guide import completion
 from scenarios.studies.picture_style import PICTURE_FORMATS
 from transport.bus.zenoh_options import ZenohOptions
+
+# ---- Shell completion of scenarios; Click completes commands and options itself
+#
+# Each press of Tab starts a process, so imports are lazy.
+
+
+OWN_FILES = (".toml", ".csv", ".geojson", ".gpx", ".kml", ".mcap", ".nmea", ".pos")
+"""Suffixes of scenarios and recorded drives."""
+
+
+def scenarios(_context: Context, _parameter: Parameter, incomplete: str) -> list[CompletionItem]:
+    from scenarios.definition.library import library
+
+    own = sorted(path.name for path in Path().iterdir() if path.suffix.lower() in OWN_FILES)
+    known = [one for one in (*library(), *own) if one.startswith(incomplete)]
+    return [CompletionItem(one) for one in known] or [CompletionItem(incomplete, type="file")]
+
+
+# ---- Options for what a run displays and prints
+
+
+Tables = Literal["news", "all"]
+"""Printed tables: that of the vehicles and those with news, or all."""
+
+
+@dataclass(frozen=True, slots=True)
+class DisplayOptions:
+    rerun: str = "off"
+    quiet: bool = False
+    tables: Tables = "news"
+
+    @property
+    def arguments(self) -> Sequence[str]:
+        """The same options for another `convoy` command."""
+        quiet = ["--quiet"] if self.quiet else []
+        return ["--rerun", self.rerun, "--tables", self.tables, *quiet]
+
+
+def start_line(run: str, folder: Path, endpoint: str = "") -> str:
+    router = f", router {endpoint}" if endpoint else ""
+    return f"run {run}: writes {folder}/{router}"
+
+
+# ---- Common options
+
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 _UNITS_S = {"": 1.0, "s": 1.0, "ms": 0.001, "min": 60.0}
@@ -87,9 +134,7 @@ def time_option(
 
 
 def scenario_options(command: Command) -> Command:
-    scenario = click.argument(
-        "scenario", default="lane_change", shell_complete=completion.scenarios
-    )
+    scenario = click.argument("scenario", default="lane_change", shell_complete=scenarios)
     return scenario(setting_options(command))
 
 

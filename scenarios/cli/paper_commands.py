@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scenarios.cli.columns import Column, figure, table_of
 from scenarios.cli.common_options import folder_option, picture_format_option
-from scenarios.cli.error_lines import clear_errors
+from scenarios.cli.output import Column, clear_errors, figure, table_of
 from scenarios.definition.errors import require
 
 if TYPE_CHECKING:  # brings scipy

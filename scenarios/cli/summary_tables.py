@@ -10,23 +10,28 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from scenarios.cli.columns import Column, figure, print_whole, table_of, worst_rows
-from scenarios.cli.display_options import Tables
-from scenarios.results.channel.link_summary import LinkSummary, lost_in_transport
-from scenarios.results.events.encounters import EventKind
-from scenarios.results.events.run_event import RunEvent, road_known
-from scenarios.results.holes import hole_lines
-from scenarios.results.outcome import with_outcome_line
-from scenarios.results.run_changes import RunChange
-from scenarios.results.summary import RunSummary
-from scenarios.results.vehicles.reaction import NO_REACTION
-from scenarios.results.vehicles.string_figures import (
-    STRING_SIGNALS,
-    StringFigures,
-    StringSignal,
+from scenarios.cli.common_options import Tables
+from scenarios.cli.output import Column, figure, print_whole, table_of, worst_rows
+from scenarios.results.encounters import EventKind
+from scenarios.results.explain import (
+    IN_TRANSIT,
+    SHOWN,
+    Explanation,
+    KnownSource,
+    MissingMessage,
+    cause_of,
+    counts_of,
+    fate_of,
 )
-from scenarios.results.vehicles.vehicle_figures import VehicleSummary
-from transport.reasons import counts_as_loss
+from scenarios.results.holes import hole_lines
+from scenarios.results.link_summary import LinkSummary, lost_in_transport
+from scenarios.results.outcome import with_outcome_line
+from scenarios.results.reaction import NO_REACTION
+from scenarios.results.run_event import RunEvent, road_known
+from scenarios.results.string_figures import STRING_SIGNALS, StringFigures, StringSignal
+from scenarios.results.summary import RunChange, RunSummary
+from scenarios.results.vehicle_figures import VehicleSummary
+from transport.topics import counts_as_loss
 
 MOST_CHANGES = 3
 """Changes in the title."""
@@ -444,3 +449,45 @@ def _unrecorded(summary: RunSummary) -> Iterator[str]:
         yield f"silent: {row.name} from {row.silent_from_s:.2f} s after the start on"
     if summary.holes or silent:
         yield "the figures cover only what was recorded"
+
+
+# ---- What a vehicle knew at a time, as a table
+
+
+COLUMNS: Sequence[Column[KnownSource]] = (
+    Column("source", lambda source: source.sender, left=True),
+    Column("use", lambda source: source.use.replace(" and ", "\n"), left=True),
+    Column("status", lambda source: source.status or None, left=True),
+    Column("newest\nmessage", lambda source: source.number),
+    Column("measured\nat, s", lambda source: source.measured_at_s, ".2f"),
+    Column("available\nat, s", lambda source: source.received_at_s, ".2f"),
+    Column("age\ns", lambda source: source.age_s, ".3f"),
+    Column("known path\nahead, m", lambda source: source.path_left_m, ".1f"),
+    Column("received in the\nlast second, %", lambda source: source.received_ratio, ".0f", 100.0),
+)
+
+
+def print_explanation(explanation: Explanation, console: Console) -> None:
+    console.print(explanation.sentence, highlight=False, markup=False, soft_wrap=True)
+    if not explanation.sources:
+        return
+    print_whole(table_of(COLUMNS, explanation.sources), console)
+    for source in explanation.sources:
+        for message in source.missing[:SHOWN]:
+            console.print(
+                _missing(source.sender, message), highlight=False, markup=False, soft_wrap=True
+            )
+        if len(source.missing) > SHOWN:
+            rest = source.missing[SHOWN:]
+            line = f"{source.sender}: {len(rest)} more messages: {counts_of(rest)}"
+            console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def _missing(sender: str, message: MissingMessage) -> str:
+    name = f"{sender} message {message.number}, sent at {message.sent_at_s:.2f} s"
+    if message.fate == IN_TRANSIT:
+        due = "after the end" if message.due_at_s is None else f"at {message.due_at_s:.2f} s"
+        return f"{name}: in transit, due {due}"
+    cause = f" ({cause_of(message)})" if message.cause else ""
+    due = "" if message.due_at_s is None else f", would have arrived at {message.due_at_s:.2f} s"
+    return f"{name}: {fate_of(message)}{cause}{due}"

@@ -8,7 +8,7 @@ from pathlib import Path
 import tomli_w
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.validation.wording import closest, toml_repr
+from scenarios.definition.wording import closest, toml_repr
 
 LIBRARY = Path(str(files("scenarios"))) / "library"
 TRACES = LIBRARY / "traces"

@@ -10,9 +10,8 @@ from pathlib import Path
 from scenarios.definition.errors import SettingError
 from scenarios.definition.library import is_file
 from scenarios.definition.road.route import vehicle_names
-from scenarios.definition.schema.replay_table import ReplayTable
-from scenarios.definition.schema.scenario_tables import ScenarioTables
-from scenarios.definition.validation.wording import toml_repr
+from scenarios.definition.schema.scenario_tables import ReplayTable, ScenarioTables
+from scenarios.definition.wording import toml_repr
 from vehicles.schedule import SECOND
 
 TOPICS = ("gps", "truth")

@@ -25,7 +25,7 @@ from scenarios.definition.schema.limit_tables import (
 )
 from scenarios.definition.schema.scenario_tables import ScenarioTables
 from scenarios.definition.topology import information_flow
-from scenarios.definition.validation.wording import did_you_mean, either, toml_repr
+from scenarios.definition.wording import did_you_mean, either, toml_repr
 
 SLACK_S = 1e-9
 SIDES = ("_max", "_min")

@@ -14,17 +14,15 @@ import tomli_w
 from pydantic import ValidationError
 
 from scenarios.definition import contradictions
-from scenarios.definition.changing.vehicle_changes import joins_late, vehicle_change_problems
-from scenarios.definition.channel.expected import expected_channel
+from scenarios.definition.changes import joins_late, vehicle_change_problems
+from scenarios.definition.channel.build import expected_channel, requested_link
 from scenarios.definition.channel.presets import with_presets
-from scenarios.definition.channel.recorded_delays import with_recorded_delays
-from scenarios.definition.channel.recordings import with_recordings
-from scenarios.definition.channel.rules import requested_link
+from scenarios.definition.channel.recordings import with_recorded_delays, with_recordings
+from scenarios.definition.contradictions import plug_in_problems
 from scenarios.definition.errors import Problem, ScenarioError, collected
-from scenarios.definition.extends import MergedScenario, merged
 from scenarios.definition.library import ScenarioFile, drills, library, read_file
-from scenarios.definition.overrides import Raw
-from scenarios.definition.plug_in_trials import plug_in_problems
+from scenarios.definition.overrides import MergedScenario, Raw, merged
+from scenarios.definition.problem_lines import error_lines
 from scenarios.definition.recorded_messages import with_recorded_messages
 from scenarios.definition.road.replayed_drive import (
     ReplayedDrive,
@@ -35,10 +33,12 @@ from scenarios.definition.road.replayed_drive import (
 from scenarios.definition.road.route import (
     Route,
     is_closed,
+    least_spacings,
     plan_route,
+    source_policies,
+    spacing_policy,
     vehicle_names,
 )
-from scenarios.definition.road.spacing import least_spacings, source_policies, spacing_policy
 from scenarios.definition.run_limits import limit_problems
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.plug_ins.table import RECORDED, own_classes
@@ -50,15 +50,18 @@ from scenarios.definition.traces.scenario_drives import (
     with_points,
     with_replays,
 )
-from scenarios.definition.validation.problem_lines import error_lines
-from scenarios.definition.validation.wording import toml_repr
 from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
+from scenarios.definition.wording import toml_repr
 from transport.links.laws.link_law import LinkSetting
-from vehicles.car.clock_error import VehicleClock
+from vehicles.car.noise import VehicleClock
 from vehicles.car.tyres import GRAVITY
-from vehicles.driver.instant_draw import InstantDraw
-from vehicles.driver.longitudinal.controller import LongitudinalController, LongitudinalSetup
-from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
+from vehicles.driver.controller import (
+    GapLimits,
+    LongitudinalController,
+    LongitudinalSetup,
+    SpacingPolicy,
+)
+from vehicles.driver.settings import InstantDraw
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.geometry.sampled_path import SampledPath
 from vehicles.schedule import MILLISECOND, SECOND

@@ -4,9 +4,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from scenarios.definition.errors import Problem
-from scenarios.definition.schema.flow_table import InformationFlowTable, SourcesTable
+from scenarios.definition.schema.link_tables import InformationFlowTable, SourcesTable
 from scenarios.definition.schema.scenario_tables import ScenarioTables
-from scenarios.definition.validation.wording import toml_repr
+from scenarios.definition.wording import toml_repr
 
 DIRECTIONS = ("lateral", "longitudinal")
 """Directions of control, each with its own sources."""

@@ -3,21 +3,18 @@
 import math
 from dataclasses import dataclass, replace
 
-from scenarios.definition.schema.base_table import overlay
 from scenarios.definition.schema.scenario_tables import (
     ParametersTable,
     ScenarioTables,
     SteeringTable,
 )
+from scenarios.definition.schema.settings_table import overlay
 from scenarios.definition.topology import InformationFlow, information_flow
+from vehicles.car.gnss_settings import GnssSettings
 from vehicles.car.parameters import LINCOLN_MKZ, Gains, VehicleParameters, loaded
-from vehicles.car.positioning.gnss_settings import GnssSettings
-from vehicles.car.sending.every_fix import EveryFix
-from vehicles.car.sending.rule import SendingRule
-from vehicles.car.sensors.gap_sensor import GapSensorSettings
-from vehicles.car.sensors.imu_settings import ImuSettings
-from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.instant_draw import InstantDraw
+from vehicles.car.sending_rules import EveryFix, SendingRule
+from vehicles.car.sensors import GapSensorSettings, ImuSettings
+from vehicles.driver.settings import DegradationSettings, InstantDraw
 from vehicles.driver.steering import LateralController
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import ceil
 from typing import Literal
 
-from transport.message_numbers import MAX_RANGES
+from transport.codec import MAX_RANGES
 from vehicles.schedule import SECOND, instant
 
 HoleKind = Literal["pose", "true pose"]

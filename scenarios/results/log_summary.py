@@ -1,19 +1,179 @@
 """The summary and the scenario of a run, from its log alone."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.results.files import LOG_NAME, SUMMARY_NAME
+from scenarios.results.files import LOG_NAME, SUMMARY_NAME, write_whole
+from scenarios.results.limits import failure_reason, limit_figures
+from scenarios.results.link_summary import LinkSummary
 from scenarios.results.metrics import Metrics
-from scenarios.results.outcome import with_outcome_line
-from scenarios.results.summarise import METADATA_NAME, summarise
-from scenarios.results.summary import RunIdentity, RunSummary, from_json
-from transport.log.errors import LogError
+from scenarios.results.outcome import LATE_RATIO, late_ratio, with_outcome_line
+from scenarios.results.summary import RunIdentity, RunSummary, from_json, to_json
+from scenarios.results.vehicle_figures import VehicleSummary
+from transport.log.errors import LogError, UnwritableError
 from transport.log.mcap_file import REPAIRED
 from transport.log.reader import LogReader
+from vehicles.schedule import SECOND, nanoseconds
+
+# ---- Summarises the figures of a run, and writes the summary
+
+
+METADATA_NAME = "convoy"
+"""Name of the log's metadata that identify the run."""
+SLOW_RATIO = 0.05
+"""Share of poses above the floor latency from which the real transport was too slow."""
+SILENT_LINK_S = 1.0
+"""A link without loss that delivers nothing for this time is reported."""
+
+
+def write_summary(folder: Path, summary: RunSummary) -> None:
+    """Write `summary.json` whole or not at all; raises UnwritableError."""
+    path = folder / SUMMARY_NAME
+    try:
+        write_whole(path, to_json(summary).encode())
+    except OSError as error:
+        raise UnwritableError(f"{path}: cannot write the summary: {error.strerror}") from error
+
+
+def summarise(
+    identity: RunIdentity,
+    scenario: Scenario,
+    metrics: Metrics,
+    *,
+    ran_ns: int,
+    reason: str,
+    rejected: Mapping[str, int],
+) -> RunSummary:
+    """Summarise the figures of a run of `ran_ns`.
+
+    `rejected` counts refused messages by reason. Broken limits follow the `reason` to end early.
+    """
+    metrics.finish()
+    ran_ns = min(ran_ns, nanoseconds(scenario.duration_s))
+    vehicles, events = metrics.vehicle_summaries(ran_ns), metrics.events.events()
+    deadlines = metrics.deadlines.figures(ran_ns)
+    limits = limit_figures(
+        scenario.tables.limits, events, vehicles, deadlines, metrics.unseen(ran_ns)
+    )
+    broken = [limit.message for limit in limits if limit.broken]
+    reason = failure_reason(reason, [*broken, *metrics.contradictions(ran_ns)])
+    links = metrics.link_summaries(ran_ns)
+    summary = RunSummary(
+        identity=identity,
+        outcome="failed" if reason else "completed",
+        reason=reason,
+        duration_s=scenario.duration_s,
+        ran_s=ran_ns / SECOND,
+        recorder_rejected_messages=dict(sorted(rejected.items())),
+        vehicles=vehicles,
+        links=links,
+        events=events,
+        holes=metrics.holes(ran_ns),
+        limits=limits,
+        warnings=(
+            *late_lines(vehicles),
+            *transport_lines(links, vehicles),
+            *metrics.warnings,
+            *metrics.stream.own.faults,
+            *metrics.out_of_linear.values(),
+            *metrics.channel_warnings(ran_ns),
+        ),
+        changes=metrics.changes(),
+    )
+    return with_outcome_line(summary)
+
+
+def late_lines(vehicles: Sequence[VehicleSummary]) -> Iterator[str]:
+    """Warn if the vehicles did not keep up with the wall clock."""
+    late = late_ratio(vehicles)
+    if late <= LATE_RATIO:
+        return
+    worst = max(vehicles, key=lambda vehicle: vehicle.lateness_ms_max)
+    yield (
+        f"{100.0 * late:.2g} % of the ticks began late, by up to "
+        f"{worst.lateness_ms_max:.0f} ms ({worst.name}), and so did messages and commands: "
+        f"{'; '.join(_late_causes(vehicles))}. Use --clock virtual"
+    )
+
+
+def _late_causes(vehicles: Sequence[VehicleSummary]) -> Iterator[str]:
+    """Yield the causes of late ticks with their shares, the most frequent first."""
+    at_start = sum([vehicle.late_ticks_at_start for vehicle in vehicles])
+    by_network = sum([vehicle.late_ticks_by_network for vehicle in vehicles])
+    every = sum([vehicle.late_ticks for vehicle in vehicles])
+    busy = f"the machine is too slow or too busy for {len(vehicles)} vehicles in real time"
+    counts = {
+        busy: every - at_start - by_network,
+        "sending was blocked by the network": by_network,
+        "vehicles started late": at_start,
+    }
+    causes = sorted([(count, text) for text, count in counts.items() if count], reverse=True)
+    for count, text in causes:
+        yield text if len(causes) == 1 else f"{100.0 * count / every:.0f} %: {text}"
+
+
+def transport_lines(
+    links: Sequence[LinkSummary], vehicles: Sequence[VehicleSummary]
+) -> Iterator[str]:
+    """Warn of vehicles whose poses the network delayed beyond the floor latency of a link."""
+    ticks = {vehicle.name: vehicle for vehicle in vehicles}
+    slowest: dict[str, LinkSummary] = {}
+    for row in links:
+        above = row.transport_above_floor_ratio or 0.0
+        other = slowest.get(row.sender)
+        if above > SLOW_RATIO and above > (other.transport_above_floor_ratio or 0 if other else 0):
+            slowest[row.sender] = row
+    for sender, row in slowest.items():
+        above = row.transport_above_floor_ratio or 0.0
+        ends = (ticks[sender], ticks[row.receiver])
+        if sum([late_ratio([end]) for end in ends]) < 0.5 * above:  # else late ticks delayed them
+            yield (
+                f"the network was slow: {100.0 * above:.0f} % of the poses of {sender} took longer "
+                f"than the floor latency of {row.requested.latency_ms:g} ms, "
+                f"{row.transport_ms_mean or 0.0:.0f} ms on average and up to "
+                f"{row.transport_ms_max or 0.0:.0f} ms. Raise links.latency_ms"
+            )
+
+
+def silent_links(
+    metrics: Metrics,
+    replayed: frozenset[str] = frozenset(),
+    off: frozenset[tuple[str, str]] = frozenset(),
+) -> str:
+    """Report links that should lose nothing but delivered nothing; empty if there are none.
+
+    Only the time during which sender and receiver both ran counts, less the requested delay.
+    `replayed` vehicles receive nothing. The sender or the receiver of links that are `off` has no
+    radio for a time.
+    """
+    silent = []
+    for link in metrics.link_summaries():
+        requested = link.requested
+        common_s = min(
+            metrics.vehicles[link.sender].sent_for_s,
+            metrics.vehicles[link.receiver].recorded_for_s(metrics.start_at),
+        )
+        expected_s = common_s - (requested.latency_ms + requested.jitter_ms) / 1000.0
+        listens = link.receiver not in replayed
+        is_on = (link.sender, link.receiver) not in off
+        is_lossless = (
+            requested.is_lossless and not metrics.links[link.sender, link.receiver].changed
+        )
+        if listens and is_on and is_lossless and not link.delivered and expected_s >= SILENT_LINK_S:
+            silent.append(f"{link.sender} → {link.receiver} delivered none of {link.sent} poses")
+    refused = [
+        f"{name} refused {figures.health.rejected_messages} messages"
+        for name, figures in metrics.vehicles.items()
+        if silent and figures.health and figures.health.rejected_messages
+    ]
+    return "; ".join((*silent, *refused))
+
+
+# ---- Log summary
+
 
 PARTIAL = "use the rest of it by --partial"
 """Remedy for a refused log that is damaged or incomplete."""

@@ -8,28 +8,21 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from scenarios.definition.changing.vehicle_changes import VEHICLE_CHANGES, is_changed
+from scenarios.definition.changes import VEHICLE_CHANGES, is_changed
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.change_tables import CrashTable
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.channel.account import (
-    CUT_OFF_AFTER_NS,
-    Link,
-    LinkAccount,
-    absence_lines,
-)
-from scenarios.results.channel.link_figures import LinkFigures
-from scenarios.results.channel.link_summary import LinkSummary
-from scenarios.results.events.bodies import BodySize
-from scenarios.results.events.encounters import Episode
-from scenarios.results.events.run_event import OF_DECISIONS, EventLog
+from scenarios.results.account import CUT_OFF_AFTER_NS, Link, LinkAccount, absence_lines
+from scenarios.results.deadlines import Deadlines
+from scenarios.results.encounters import BodySize, Episode
 from scenarios.results.holes import RecordHole, UnseenSpan
-from scenarios.results.limits.deadlines import Deadlines
-from scenarios.results.run_changes import ChangeLog, RunChange
+from scenarios.results.link_figures import LinkFigures
+from scenarios.results.link_summary import LinkSummary
+from scenarios.results.run_event import OF_DECISIONS, EventLog
 from scenarios.results.stream import FigureStream, RoadError
-from scenarios.results.vehicles.string_figures import string_figures
-from scenarios.results.vehicles.string_norms import StringNorms
-from scenarios.results.vehicles.vehicle_figures import (
+from scenarios.results.string_figures import StringNorms, string_figures
+from scenarios.results.summary import ChangeLog, RunChange
+from scenarios.results.vehicle_figures import (
     USUAL_CONTROL_RATE_HZ,
     USUAL_RATE_HZ,
     RunSpan,

@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from scenarios.results.channel.link_summary import lost_in_transport
-from scenarios.results.events.encounters import EventKind
-from scenarios.results.events.run_event import RunEvent
+from scenarios.results.encounters import EventKind
+from scenarios.results.link_summary import lost_in_transport
+from scenarios.results.run_event import RunEvent
 from scenarios.results.summary import RunSummary
-from scenarios.results.vehicles.vehicle_figures import VehicleSummary
+from scenarios.results.vehicle_figures import VehicleSummary
 
 LATE_RATIO = 0.01
 """Share of late ticks above which a run was not in real time."""

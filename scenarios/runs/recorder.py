@@ -4,13 +4,19 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from typing import cast
 
-from scenarios.results.deviations import Deviations
 from scenarios.results.metrics import Metrics
+from scenarios.results.stream import Deviations
 from scenarios.runs.observer import Observer, listeners_by_kind
-from transport.codec import RefusedMessageError, decode, encode, escaped_bytes
-from transport.links.gate import HORIZON_NS, ROUNDING, PoseGate, TimestampRefusals
+from transport.codec import (
+    MAX_RANGES,
+    MessageNumbers,
+    RefusedMessageError,
+    decode,
+    encode,
+    escaped_bytes,
+)
+from transport.links.link import HORIZON_NS, ROUNDING, PoseGate, TimestampRefusals
 from transport.log.writer import LogWriter
-from transport.message_numbers import MAX_RANGES, MessageNumbers
 from transport.topics import RUN_SENDER, TOPICS, Topic, key, valid_at
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import (

@@ -6,23 +6,75 @@ from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
-from scenarios.results.channel.link_summary import describe_link
-from scenarios.results.files import LOG_NAME, SUMMARY_NAME
+from scenarios.definition.schema.limit_tables import LimitsTable
+from scenarios.results.files import LOG_NAME, SUMMARY_NAME, write_whole
 from scenarios.results.holes import hole_lines
-from scenarios.results.limits.evaluation import failure_reason
+from scenarios.results.limits import broken_limits, collision_ends_run, failure_reason
+from scenarios.results.link_summary import describe_link
+from scenarios.results.log_summary import METADATA_NAME, silent_links, summarise, write_summary
 from scenarios.results.metrics import Metrics
-from scenarios.results.pictures.layouts import write_foxglove_layout
 from scenarios.results.stream import sizes_of
-from scenarios.results.summarise import METADATA_NAME, silent_links, summarise, write_summary
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary, to_json
-from scenarios.runs.limit_watch import LimitWatch
 from scenarios.runs.observer import Observer
 from scenarios.runs.recorder import Recorder
 from transport.log.errors import LogError
-from transport.log.scene import Scene
+from transport.log.foxglove import Scene, foxglove_layout
 from transport.log.writer import LogWriter
 from vehicles.geometry.geodesy import LocalPlane
+from vehicles.messages import Message, TruePose
 from vehicles.schedule import nanoseconds
+
+# ---- The layout with which Foxglove shows the log of a run without this project
+
+
+FOXGLOVE_NAME = "foxglove.json"
+
+
+def write_foxglove_layout(folder: Path, scenario: Scenario) -> None:
+    """Write a layout next to the log of a run of `scenario`, unless there is one.
+
+    Nothing depends on it, so errors such as a full disk are ignored.
+    """
+    with suppress(OSError):
+        layout = foxglove_layout(scenario.vehicle_names)
+        write_whole(folder / FOXGLOVE_NAME, layout.encode(), new=True)
+
+
+# ---- The observer that ends a run early, when a limit requires that
+
+
+class LimitWatch:
+    """Observer that ends a run early after collisions that break a limit.
+
+    `metrics` must receive each message first. `reason` is empty until the run has to end.
+    """
+
+    kinds: frozenset[type[Message]] = frozenset({TruePose})  # nothing else brings collisions
+
+    def __init__(self, limits: LimitsTable, metrics: Metrics) -> None:
+        self._limits = limits
+        self._metrics = metrics
+        self.reason = ""
+
+    def listen(self, at: int, _pose: Message) -> None:
+        collisions = self._metrics.events.collisions
+        if collisions and not self.reason and collision_ends_run(self._limits, collisions):
+            ran_ns = max(at - (self._metrics.start_at or 0), 0)
+            self.reason = failure_reason("", self.broken(ran_ns))
+
+    def broken(self, ran_ns: int) -> list[str]:
+        """List the limits broken after `ran_ns`, a line each."""
+        return broken_limits(
+            self._limits,
+            self._metrics.events.events(),
+            self._metrics.vehicle_summaries(ran_ns),
+            self._metrics.deadlines.figures(ran_ns),
+            self._metrics.unseen(ran_ns),
+        )
+
+
+# ---- Run log
+
 
 MOST_HOLE_LINES = 20
 """Holes listed in the log; the summary lists all."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.definition.validation.wording import did_you_mean
+from scenarios.definition.wording import did_you_mean
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.log_summary import summary_of
 from scenarios.results.outcome import with_outcome_line

@@ -13,7 +13,7 @@ from time import process_time
 
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.schema.link_tables import LinkTable
-from transport.links.laws.effect import Position, TransmissionContext
+from transport.links.laws.link_law import Position, TransmissionContext
 from transport.links.link import Link
 
 ROUNDS, MESSAGES, ADDITIONS, ALONE = 7, 20_000, 1_000_000, 300

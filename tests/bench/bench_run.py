@@ -26,7 +26,7 @@ from rich.table import Table
 
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from tests.system.logs import Run, agreement
 from tests.system.processes import Process, run_to_the_end, start
 

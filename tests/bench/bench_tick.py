@@ -57,12 +57,7 @@ def serve() -> None:
     from vehicles.driver.follower import Follower  # noqa: PLC0415
     from vehicles.driver.leader import Leader  # noqa: PLC0415
 
-    try:
-        from scenarios.runs.virtual.virtual_convoy import VirtualConvoy  # noqa: PLC0415
-    except ImportError:  # where it stood in earlier commits
-        from scenarios.runs.virtual import (  # type: ignore[attr-defined,no-redef] # noqa: PLC0415
-            VirtualConvoy,
-        )
+    from scenarios.runs.virtual import VirtualConvoy  # noqa: PLC0415
 
     tick = dict.fromkeys(("receive", "measure", "decide", "send", "move"), 0)
 

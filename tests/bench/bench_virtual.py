@@ -63,10 +63,8 @@ def serve() -> None:
                 return getattr(import_module(module), name)
         return None
 
-    run_virtual = find("run_virtual", "scenarios.runs.virtual.logged_run", "scenarios.runs.virtual")
-    run_unlogged = find(
-        "run_unlogged", "scenarios.runs.virtual.unlogged_run", "scenarios.runs.unlogged"
-    )
+    run_virtual = find("run_virtual", "scenarios.runs.virtual", "scenarios.runs.virtual")
+    run_unlogged = find("run_unlogged", "scenarios.runs.virtual", "scenarios.runs.unlogged")
     text = load_scenario("lane_change").text
     for line in sys.stdin:
         case, seed, overrides = json.loads(line)

@@ -23,7 +23,7 @@ from scenarios.results.log_summary import summary_of
 from scenarios.results.outcome import with_outcome_line
 from scenarios.results.summary import from_json, to_json
 from scenarios.runs.node.recorded_vehicle import read_recorded_vehicle
-from scenarios.studies.many.blame.losses import read_run
+from scenarios.studies.many.losses import read_run
 from transport.codec import PROTOBUF
 from transport.log.mcap_file import repair
 from transport.log.reader import LogReader

@@ -4,7 +4,7 @@ import inspect
 
 import pytest
 
-from vehicles.driver.degradation.sources import Sources
+from vehicles.driver.sources import Sources
 
 interpreted_only = pytest.mark.skipif(
     not inspect.isfunction(Sources.stops_at),

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.cli.reference.plug_in_examples import EXAMPLES
+from scenarios.cli.plug_in_page import EXAMPLES
 from scenarios.definition.channel.presets import presets
 from tests.made.scenarios.random_classes import CODE, random_settings
 from tests.system.logs import Run, assert_equal_while_nothing_was_late

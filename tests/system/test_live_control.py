@@ -5,8 +5,8 @@ from time import monotonic, sleep
 
 import pytest
 
-from scenarios.cli.live.change_requests import joined, request_change
-from scenarios.runs.control.open_runs import open_runs
+from scenarios.cli.change_requests import joined, request_change
+from scenarios.runs.open_runs import open_runs
 from tests.system.logs import Run, assert_equal_while_nothing_was_late
 from tests.system.processes import Process, invoke, start
 from transport.bus.bus import BusError

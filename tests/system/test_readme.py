@@ -13,8 +13,8 @@ import pytest
 from click.testing import CliRunner
 
 from scenarios.cli.main import cli
-from scenarios.cli.reference.message_pages import LISTENER
-from scenarios.studies.many.boundary import boundary_search
+from scenarios.cli.pages import LISTENER
+from scenarios.studies.many import boundary
 from tests.system.processes import start, until
 
 README = Path(__file__).parents[2] / "README.md"
@@ -126,7 +126,7 @@ def test_commands_in_the_order_of_the_readme(
 ) -> None:
     write_files(tmp_path)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(boundary_search, "EVENTS", 5)  # a wide interval will do
+    monkeypatch.setattr(boundary, "EVENTS", 5)  # a wide interval will do
     monkeypatch.syspath_prepend(tmp_path)  # for the user's controller
     printed, ran = "", 0
     for block in blocks():

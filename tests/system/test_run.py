@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
-from scenarios.results.pictures.layouts import FOXGLOVE_NAME
+from scenarios.runs.run_log import FOXGLOVE_NAME
 from tests.made.scenarios.shipped import whole_run
 from tests.system.conftest import DURATION_S, Driven
 from tests.system.logs import (

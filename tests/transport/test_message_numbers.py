@@ -5,7 +5,7 @@ import tracemalloc
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transport.message_numbers import MessageNumbers
+from transport.codec import MessageNumbers
 
 
 @given(numbers=st.lists(st.integers(0, 30)), expected=st.integers(0, 40))

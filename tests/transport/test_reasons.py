@@ -4,7 +4,7 @@ from typing import get_args
 
 import pytest
 
-from transport.reasons import REASONS, DropReason, RefusalReason, counts_as_late, counts_as_loss
+from transport.topics import REASONS, DropReason, RefusalReason, counts_as_late, counts_as_loss
 
 
 def test_every_word_has_its_row() -> None:

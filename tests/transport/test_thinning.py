@@ -5,7 +5,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transport.thinning import Thinning
+from transport.topics import Thinning
 from vehicles.schedule import MILLISECOND, SECOND
 
 INSTANTS = st.lists(

@@ -13,11 +13,17 @@ from operator import attrgetter
 from typing import Final, NamedTuple, cast
 
 from transport.codec import RefusedMessageError, decode, encode
-from transport.links.gate import GPS, HORIZON_NS, PoseGate
-from transport.links.laws.content import BitErrors, Duplication, choose_bits, copy_draw, flip_bits
-from transport.links.laws.effect import TransmissionContext
-from transport.links.laws.false_content import FalseContent, shift_times
-from transport.links.link import Link, Verdict, combine
+from transport.links.laws.content import (
+    BitErrors,
+    Duplication,
+    FalseContent,
+    choose_bits,
+    copy_draw,
+    flip_bits,
+    shift_times,
+)
+from transport.links.laws.link_law import TransmissionContext
+from transport.links.link import GPS, HORIZON_NS, Link, PoseGate, Verdict, combine
 from vehicles.messages import GpsPose
 from vehicles.received_pose import ReceivedPose
 

@@ -1,5 +1,7 @@
 """The inbox of one vehicle: takes bytes from the bus, returns the poses delivered by its links."""
 
+from array import array
+from bisect import bisect_right
 from collections import Counter, deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -7,18 +9,109 @@ from heapq import heappop, heappush
 from threading import Lock
 from typing import Final
 
-from transport.codec import RefusedMessageError, decode
+from transport.codec import MessageNumbers, RefusedMessageError, decode
 from transport.links.content_stage import COPY, ContentStage, Transmission
-from transport.links.gate import GPS, LONGEST_POSE_BYTES, PoseGate, TimestampRefusals
-from transport.links.laws.effect import UNKNOWN_POSITION, Position, TransmissionContext
-from transport.links.link import Link
-from transport.links.positions import PositionHistory
-from transport.links.staged_messages import StagedMessages
-from transport.message_numbers import MessageNumbers
-from transport.reasons import RefusalReason, counts_as_late
-from transport.topics import key
+from transport.links.laws.link_law import (
+    UNKNOWN_POSITION,
+    Position,
+    StagedMessage,
+    TransmissionContext,
+)
+from transport.links.link import GPS, LONGEST_POSE_BYTES, Link, PoseGate, TimestampRefusals, Verdict
+from transport.topics import RefusalReason, counts_as_late, key
 from vehicles.messages import GpsPose, LinkVerdict
 from vehicles.received_pose import ReceivedPose
+
+# ---- Recent positions of a receiver, stored in compact arrays
+
+
+MAX_POSITIONS: Final = 4096  # Number of stored ticks: at least a minute, for late messages
+DELETED_AT_ONCE: Final = MAX_POSITIONS // 8
+
+
+class PositionHistory:
+    """True positions of a receiver at its last ticks, at least `MAX_POSITIONS` of them."""
+
+    def __init__(self) -> None:
+        self._instants = array("q")
+        self._coordinates = array("d")
+
+    def add(self, now: int, position: Position) -> None:
+        """Add the position at the tick at `now` (ns); ticks are added in order."""
+        self._instants.append(now)
+        self._coordinates.extend(position)
+        if len(self._instants) >= MAX_POSITIONS + DELETED_AT_ONCE:
+            del self._instants[:DELETED_AT_ONCE]
+            del self._coordinates[: 3 * DELETED_AT_ONCE]
+
+    def at(self, instant: int) -> Position:
+        """Position at the last tick until `instant` (ns), or at the oldest stored tick."""
+        index = 3 * max(bisect_right(self._instants, instant) - 1, 0)
+        return Position(*self._coordinates[index : index + 3])
+
+
+# ---- Messages of a link with stages, which wait until their verdicts are final
+
+
+class StagedMessages:
+    """Messages of one link in its stages, after the verdicts of its effects."""
+
+    def __init__(self, link: Link) -> None:
+        self._stages = [law.stage() for law in link.stages]
+        self._link = link
+        self._pending: list[tuple[int, int, StagedMessage]] = []
+        self._newest = -1
+
+    def is_late(self, context: TransmissionContext, tick: int) -> bool:
+        """Whether messages sent at the same instant were already decided at `tick` (ns)."""
+        return context.sent_at <= self._link.latest_sent_at(tick)
+
+    def is_overtaken(self, context: TransmissionContext) -> bool:
+        """Whether a later message was already decided, so that this one can no longer join."""
+        return context.seq <= self._newest
+
+    def join(self, context: TransmissionContext, verdict: Verdict) -> None:
+        """Add a message with the verdict of the effects."""
+        message = StagedMessage(context, verdict.visible_at, verdict.reason)
+        heappush(self._pending, (context.sent_at, context.seq, message))
+
+    def resolve(self, now: int) -> list[tuple[TransmissionContext, Verdict]]:
+        """Messages whose verdicts became final by the tick at `now` (ns)."""
+        until = self._link.latest_sent_at(now)
+        messages = []
+        while self._pending and self._pending[0][0] <= until:
+            _, self._newest, message = heappop(self._pending)
+            messages.append(message)
+        for stage in self._stages:
+            messages = stage.carry(messages, until)
+        return [
+            (
+                message.context,
+                Verdict(
+                    "dropped" if message.reason else "delivered", message.reason, message.visible_at
+                ),
+            )
+            for message in messages
+        ]
+
+
+def judge_stream(link: Link, stream: Iterable[TransmissionContext]) -> list[Verdict]:
+    """Verdicts on all messages sent over a link, in the order of their numbers."""
+    contexts = sorted(stream, key=lambda context: context.seq)
+    if not link.stages:
+        return [link.judge(context) for context in contexts]
+    staged = StagedMessages(link)
+    for context in contexts:
+        staged.join(context, link.judge(context))
+    final = staged.resolve(_FOREVER)
+    return [verdict for _, verdict in sorted(final, key=lambda pair: pair[0].seq)]
+
+
+_FOREVER: Final = 2**63 - 1
+
+
+# ---- Inbox
+
 
 QUEUE: Final = 4096  # Maximum number of messages between two ticks; the oldest are dropped
 LONGEST_WAITING: Final = 8000  # Length of the list of waiting messages, half of that of a message

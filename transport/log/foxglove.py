@@ -19,12 +19,14 @@ name and is forward, left, up.
 
 import json
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
@@ -32,10 +34,115 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.descriptor import FileDescriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
-from transport.log.scene import FRAME_ID, Scene
-from vehicles.geometry.trajectory_points import points_along
+from transport.panels import PANELS, Colour, Panel, colour_of
+from vehicles.geometry.arc_spline import points_along
+from vehicles.geometry.path_offsets import Points, lane_edges, simplified
 from vehicles.messages import CompositeTrajectory, GpsPose, LogText, Message, RunStart, TruePose
 from vehicles.schedule import MILLISECOND, SECOND
+
+# ---- Foxglove scene entities of a run: cars, the lead's path and its lane
+#
+# A car is logged once, in its own frame, which moves.
+
+
+FRAME_ID = "map"
+"""Name of the world frame: east, north, up at the scenario's origin."""
+HEIGHT_M = 1.5
+DASHES_M = 5.0
+"""Maximum distance between the poses of a path."""
+ROAD: Colour = (0x6A, 0x6A, 0x6A)
+EDGE: Colour = (0xA0, 0xA0, 0xA0)
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """The constant scene of a run (m).
+
+    cars  (length, width, distance of the centre ahead of the pose) by name, the lead first
+    path  east and north of the lead's path
+    lane  width of the lane around the path
+    """
+
+    cars: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    path: tuple[Sequence[float], Sequence[float]] | None = None
+    lane: float | None = None
+
+    def box_maker(self) -> Callable[[TruePose], bytes]:
+        """Function that makes the box of a vehicle, labelled with its name."""
+        places = {name: place for place, name in enumerate(self.cars)}
+
+        def make(truth: TruePose) -> bytes:
+            update = SceneUpdate()
+            if truth.vehicle in self.cars:
+                length, width, forward = self.cars[truth.vehicle]
+                entity = _entity(update, truth.true_at_ns, truth.vehicle, "car")
+                entity.frame_locked = True
+                box, name = entity.cubes.add(), entity.texts.add()
+                box.pose.position.x, box.pose.position.z = forward, 0.5 * HEIGHT_M
+                box.pose.orientation.w = name.pose.orientation.w = 1.0
+                box.size.x, box.size.y, box.size.z = length, width, HEIGHT_M
+                _paint(box.color, colour_of(places[truth.vehicle]))
+                name.pose.position.z = 2.0 * HEIGHT_M
+                name.billboard, name.font_size, name.text = True, 1.5, truth.vehicle
+                _paint(name.color, colour_of(places[truth.vehicle]))
+            data: bytes = update.SerializeToString()
+            return data
+
+        return make
+
+    def make_road(self, start: RunStart) -> bytes:
+        """The lead's path and the edges of its lane."""
+        update = SceneUpdate()
+        if self.path is not None:
+            entity = _entity(update, start.start_at_ns, FRAME_ID, "road")
+            path = simplified(*self.path)
+            _add_line(entity, path, ROAD)
+            if self.lane is not None:
+                for edge in lane_edges(path, self.lane):
+                    _add_line(entity, edge, EDGE)
+        data: bytes = update.SerializeToString()
+        return data
+
+    def make_path(self, start: RunStart) -> bytes:
+        """The lead's path as poses, for viewers without scene entities."""
+        poses = PosesInFrame(frame_id=FRAME_ID)
+        poses.timestamp.FromNanoseconds(start.start_at_ns)
+        if self.path is not None:
+            points = simplified(*self.path, spacing=DASHES_M).tolist()
+            for (east, north), (next_east, next_north) in pairwise(points):
+                half = 0.5 * math.atan2(next_north - north, next_east - east)
+                pose = poses.poses.add()
+                pose.position.x, pose.position.y = east, north
+                pose.orientation.z, pose.orientation.w = math.sin(half), math.cos(half)
+        data: bytes = poses.SerializeToString()
+        return data
+
+
+def _entity(update: Any, at: int, frame: str, name: str) -> Any:
+    entity = update.entities.add()
+    entity.timestamp.FromNanoseconds(at)
+    entity.frame_id, entity.id = frame, name
+    return entity
+
+
+def _add_line(entity: Any, points: Points, colour: Colour) -> None:
+    line = entity.lines.add()
+    line.type = LinePrimitive.LINE_STRIP
+    line.pose.orientation.w = 1.0
+    line.thickness, line.scale_invariant = 1.5, True
+    _paint(line.color, colour)
+    for east, north in points.tolist():
+        point = line.points.add()
+        point.x, point.y = east, north
+
+
+def _paint(color: Any, colour: Colour) -> None:
+    color.r, color.g, color.b = (part / 255.0 for part in colour)
+    color.a = 1.0
+
+
+# ---- Foxglove
+
 
 PREVIEW_SPACING_M = 2.0
 """Distance between the poses of a composite trajectory."""
@@ -227,3 +334,97 @@ def standard_messages(
             StandardMessage("path", protobuf_schema(PosesInFrame), scene.make_path, ONCE_NS),
         ),
     }
+
+
+# ---- Foxglove layout of a log: scene, text and plots
+
+
+KINDS = {"plot": "Plot", "states": "StateTransitions", "plot_of_one": "Plot"}
+"""Foxglove's panel types by kind of panel, from top to bottom."""
+
+
+def foxglove_layout(vehicles: Sequence[str]) -> str:
+    """Layout (JSON) of the log of a run with `vehicles`, lead first, for import in Foxglove."""
+    panels = [panel for panel in PANELS.values() if panel.foxglove and panel.applies_to(vehicles)]
+    panels.sort(key=lambda panel: list(KINDS).index(panel.kind))
+    shown = {f"{KINDS[panel.kind]}!{panel.name}": _panel(panel, vehicles) for panel in panels}
+    left = {"first": "3D!scene", "second": "RosOut!text", "direction": "column"}
+    layout = {
+        "configById": {
+            "3D!scene": _scene(vehicles),
+            "RosOut!text": {"topicToRender": "/convoy/run/text", "minLogLevel": 1},
+            **shown,
+        },
+        "globalVariables": {},
+        "userNodes": {},
+        "playbackConfig": {"speed": 1},
+        "layout": {
+            "first": {**left, "splitPercentage": 75},
+            "second": _stacked(list(shown)),
+            "direction": "row",
+            "splitPercentage": 55,
+        },
+    }
+    return json.dumps(layout, indent=1) + "\n"
+
+
+def _scene(vehicles: Sequence[str]) -> dict[str, object]:
+    shown = ["/convoy/run/road"]
+    shown += [f"/convoy/{name}/{topic}" for name in vehicles for topic in ("box", "preview")]
+    return {
+        "followMode": "follow-position",
+        "followTf": vehicles[len(vehicles) // 2],
+        "cameraState": {
+            "perspective": True,
+            "distance": 20.0 + 12.0 * len(vehicles),
+            "phi": 35.0,
+            "thetaOffset": 0.0,
+            "targetOffset": [0.0, 0.0, 0.0],
+            "target": [0.0, 0.0, 0.0],
+            "targetOrientation": [0.0, 0.0, 0.0, 1.0],
+            "fovy": 45.0,
+            "near": 0.5,
+            "far": 5000.0,
+        },
+        "scene": {"transforms": {"visible": False}},
+        "topics": {topic: {"visible": True} for topic in shown},
+        "layers": {},
+    }
+
+
+def _panel(panel: Panel, vehicles: Sequence[str]) -> dict[str, object]:
+    followers = panel.followers(vehicles)
+    drawn = [(place, name, series) for place, name in followers.items() for series in panel.single]
+    paths: list[dict[str, object]] = [
+        {
+            "value": f"/convoy/{name}/{series.topic}.{series.field}",
+            "label": series.label_of(name),
+            "timestampMethod": "receiveTime",
+        }
+        for _, name, series in drawn
+    ]
+    heading = panel.heading(next(iter(followers.values()), ""))
+    shown = {"foxglovePanelTitle": heading, "paths": paths, "isSynced": True}
+    if panel.kind == "states":
+        return shown
+    for path, (place, _, series) in zip(paths, drawn, strict=True):
+        colour = "#{:02x}{:02x}{:02x}".format(*series.colour_at(place))
+        path |= {"color": colour, "enabled": True}
+    return {
+        **shown,
+        "showLegend": True,
+        "legendDisplay": "floating",
+        "showXAxisLabels": True,
+        "showYAxisLabels": True,
+        "xAxisVal": "timestamp",
+    }
+
+
+def _stacked(panels: Sequence[str]) -> object:
+    """Stack panels of equal height."""
+    first, *rest = panels
+    if not rest:
+        return first
+    share = 100.0 / len(panels)
+    stack = {"first": first, "second": _stacked(rest), "direction": "column"}
+    return {**stack, "splitPercentage": share}

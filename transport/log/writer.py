@@ -24,11 +24,15 @@ from transport.closing import Closing
 from transport.codec import PROTOBUF, encode
 from transport.convoy_pb2 import Deviation
 from transport.log.errors import LogError, UnwritableError
-from transport.log.foxglove import Schema, StandardMessage, protobuf_schema, standard_messages
+from transport.log.foxglove import (
+    Scene,
+    Schema,
+    StandardMessage,
+    protobuf_schema,
+    standard_messages,
+)
 from transport.log.mcap_file import EXTENTS, MAGIC, THINNED_NAME, ChannelExtent, lock
-from transport.log.scene import Scene
-from transport.thinning import Thinning
-from transport.topics import TOPIC_OF, TOPICS, Topic, key
+from transport.topics import TOPIC_OF, TOPICS, Thinning, Topic, key
 from vehicles.messages import Message
 from vehicles.schedule import SECOND, Timer
 

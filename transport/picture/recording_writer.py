@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from transport.colours import Colour, colour_of, colours_of_sources
-from transport.panels import PANELS, SLOW_CURVE_NS
+from transport.panels import PANELS, SLOW_CURVE_NS, Colour, colour_of, colours_of_sources
 from transport.picture.blueprint import (
     FEW_VEHICLES,
     MARKS,
     TIMELINE,
     WORST,
+    Detail,
     Reach,
     Road,
     RunExtent,
@@ -25,12 +25,12 @@ from transport.picture.blueprint import (
     middle,
     plan_tag_m,
 )
-from transport.picture.detail import Detail
-from transport.picture.marks import Mark, Marks
-from transport.picture.series.curves import Curves, PanelSeries, States
-from transport.picture.series.moving_rows import MovingRows
+from transport.picture.curves import Curves, PanelSeries, States
+from transport.picture.moving_rows import MovingRows
 from transport.picture.shapes import (
     CarShape,
+    Mark,
+    Marks,
     car,
     lane_edges,
     legend,
@@ -43,7 +43,7 @@ from transport.picture.shapes import (
     road_with_marks,
 )
 from transport.topics import valid_at
-from vehicles.geometry.trajectory_points import points_along
+from vehicles.geometry.arc_spline import points_along
 from vehicles.messages import (
     Change,
     Command,

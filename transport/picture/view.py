@@ -204,7 +204,7 @@ class RerunView(OpenRecording):
     ) -> None:
         """Mark an event of a `kind` of `MARKS` at instant `at` (ns) and place (east, north, m)."""
         if self._writer is not None:
-            from transport.picture.marks import Mark  # noqa: PLC0415
+            from transport.picture.shapes import Mark  # noqa: PLC0415
 
             self._writer.mark(Mark(kind, at, place, vehicles))
 

@@ -13,11 +13,11 @@ from typing import Final
 from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
-from vehicles.car.positioning.fix_states import NO_END, ForcedStates, ReceiverState
-from vehicles.car.positioning.gnss_errors import ReceiverErrors
-from vehicles.car.positioning.noise import GnssNoise
+from vehicles.car.gnss_error_terms import NO_END, ForcedStates, ReceiverState
+from vehicles.car.gnss_errors import ReceiverErrors
+from vehicles.car.noise import GnssNoise
 from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw, wrap_angle
-from vehicles.geometry.sparse_path import NO_HISTORY, HistoryDeltas
+from vehicles.geometry.sampled_path import NO_HISTORY, HistoryDeltas
 from vehicles.messages import NO_ANNOUNCEMENT, Announcement, FixState, GpsPose
 from vehicles.schedule import Cadence
 

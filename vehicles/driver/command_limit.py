@@ -2,7 +2,11 @@
 
 import math
 from dataclasses import replace
+from math import inf
+from typing import Final
 
+from vehicles.driver.settings import DegradationSettings
+from vehicles.driver.speed import SpeedCommand
 from vehicles.driver.steering import SteeringCommand
 
 
@@ -38,3 +42,99 @@ class CommandLimit:
         wanted = min(max(wanted, -limit), limit)
         self._last = min(max(wanted, self._last - step), self._last + step)
         return replace(command, steering=self._last)
+
+
+# ---- Speed limit of a car that is uncertain of its lateral position; SI units
+
+
+LANE_MARGIN: Final = 0.82  # To the edge of a lane (m): a width of 1.86 m on 3.5 m
+HEADING_ERROR: Final = math.radians(1.0)
+REACTION_TIME: Final = 1.0
+"""A car that is HEADING_ERROR (rad) off its lane's direction needs REACTION_TIME (s) to correct it
+before it leaves the lane. Autoware's localisation monitor warns at the same 1 degree."""
+WALKING_PACE: Final = 3.0  # Least limit (m/s), so that no car stops for this
+APPROACH: Final = 0.25  # Deceleration per excess speed (1/s), within comfortable jerk
+NO_EFFECT: Final = 2.0  # A limit (m/s²) without effect; see `GapLimits`
+MARGIN_RATE: Final = 0.5  # Rate (m/s) of the margin, so that the gap widens gently
+
+
+def speed_limit(deviation: float) -> float:
+    """Largest speed (m/s) at a standard deviation (m) of the lateral position.
+
+    The margin in the lane, less three standard deviations, must last for the
+    reaction time at the heading error: v = (margin - 3 σ) / (heading error × reaction time), at
+    least a walking pace. It is 30 m/s at 3 σ = 0.3 m, where Autoware's localisation monitor reports
+    an error, 14 m/s at 0.57 m (RTK float), and a walking pace from 0.77 m on.
+    """
+    left = LANE_MARGIN - 3.0 * deviation
+    return max(left / (HEADING_ERROR * REACTION_TIME), WALKING_PACE)
+
+
+class PositionLimit:
+    """Reduces the speed comfortably while the own lateral position is uncertain.
+
+    `speed` (m/s) is the limit, infinite while the deviation is at most the configured one or
+    unknown. `predecessor_accuracy` (m) is that of the newest pose of the vehicle ahead.
+    """
+
+    def __init__(self, settings: DegradationSettings) -> None:
+        self._allowed = settings.lateral_deviation_max if settings.reaction == "degrade" else inf
+        self._braking = settings.comfortable
+        self._acceleration = inf
+        self._deviation = 0.0
+        self._margin = 0.0
+        self.predecessor_accuracy = 0.0
+        self.speed = inf
+
+    @property
+    def is_active(self) -> bool:
+        return self._acceleration < inf
+
+    def joined(self, reason: str) -> str:
+        """Append the reason of the limit, if there is one, to another reason."""
+        if self.speed == inf:
+            return reason
+        width = 3.0 * self._deviation
+        own = f"lateral position uncertain by {width:.2f} m (3σ): at most {self.speed:.1f} m/s"
+        return f"{reason}; {own}" if reason else own
+
+    def observe(self, deviation: float) -> None:
+        """Set the limit by the lateral deviation (m) of the own position, NaN if unknown."""
+        self._deviation = deviation
+        self.speed = speed_limit(deviation) if deviation > self._allowed else inf
+
+    def gap_margin(self, span: float) -> float:
+        """Distance (m) by which to widen the gap, `span` (s) after the last call.
+
+        It approaches three standard deviations of the distance, which is the difference of two
+        positions; both axes of a position have similar deviations.
+        """
+        target = 0.0
+        if self.speed < inf:
+            target = 3.0 * math.hypot(self._deviation, self.predecessor_accuracy)
+        step = MARGIN_RATE * span
+        if self._margin != target:
+            self._margin = min(max(target, self._margin - step), self._margin + step)
+        return self._margin
+
+    def limited(
+        self, command: SpeedCommand, speed: float, last: float, span: float
+    ) -> SpeedCommand:
+        """Limit a command at a speed (m/s), `span` (s) after the `last` acceleration (m/s²).
+
+        The limit of acceleration changes with comfortable jerk, and ends when it has no effect.
+        """
+        if self.speed == inf and not self.is_active:
+            return command
+        braking, step = self._braking, self._braking.jerk * span
+        wanted = NO_EFFECT
+        if self.speed < inf:
+            wanted = max(APPROACH * (self.speed - speed), -braking.deceleration)
+        before = self._acceleration if self.is_active else max(last, wanted)
+        self._acceleration = min(max(wanted, before - step), before + step)
+        allowed = self._acceleration
+        if self.speed == inf and allowed >= NO_EFFECT:
+            self._acceleration = inf
+        if command.acceleration <= allowed:
+            return command
+        return SpeedCommand(allowed, min(command.target_speed, self.speed))

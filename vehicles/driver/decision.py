@@ -7,10 +7,10 @@ from typing import Final, Protocol
 
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
-from vehicles.car.sensors.gap_sensor import GapMeasurement
-from vehicles.car.sensors.imu import Motion
-from vehicles.driver.degradation.situation import OFF_PATH, Situation
-from vehicles.driver.ego.own_state import Pose
+from vehicles.car.imu import Motion
+from vehicles.car.sensors import GapMeasurement
+from vehicles.driver.own_state import Pose
+from vehicles.driver.situation import OFF_PATH, Situation
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.messages import Announcement, Command, CompositeTrajectory, Mode, Tracking

@@ -13,36 +13,30 @@ from typing import Final
 
 from vehicles.car.dynamics import Actuation, Body, achieved_acceleration
 from vehicles.car.gnss import Fix
-from vehicles.car.sensors.gap_sensor import GapMeasurement
-from vehicles.car.sensors.imu import Motion
-from vehicles.driver.bends import BendsAhead
-from vehicles.driver.command_limit import CommandLimit
+from vehicles.car.imu import Motion
+from vehicles.car.sensors import GapMeasurement
+from vehicles.driver.command_limit import CommandLimit, PositionLimit
+from vehicles.driver.controller import OwnMotion, SourceMotion, VehiclesAhead
 from vehicles.driver.decision import Decision
-from vehicles.driver.degradation.innovation_gate import InnovationGate
-from vehicles.driver.degradation.intended_path import path_offset
-from vehicles.driver.degradation.modes import Modes
-from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.degradation.situation import SLOWING, Situation, SourceFreshness
-from vehicles.driver.degradation.source import Source
-from vehicles.driver.degradation.sources import Sources
-from vehicles.driver.degradation.speed_guard import SpeedOverride
-from vehicles.driver.degradation.trust import Trust
-from vehicles.driver.ego.own_state import OwnState, Pose
-from vehicles.driver.ego.slip_estimator import LoadWatch
-from vehicles.driver.instant_draw import InstantDraw
-from vehicles.driver.longitudinal.controller import OwnMotion, SourceMotion, VehiclesAhead
-from vehicles.driver.longitudinal.own_path import OwnPath
-from vehicles.driver.position_limit import PositionLimit
+from vehicles.driver.innovation_gate import InnovationGate, Trust
+from vehicles.driver.intended_path import path_offset
+from vehicles.driver.modes import Modes
+from vehicles.driver.own_state import OwnState, Pose
 from vehicles.driver.reactions import ReactionPolicy
+from vehicles.driver.settings import DegradationSettings, InstantDraw
+from vehicles.driver.situation import SLOWING, Situation, SourceFreshness
+from vehicles.driver.slip_estimator import LoadWatch
+from vehicles.driver.source import Source
+from vehicles.driver.sources import Sources
 from vehicles.driver.speed import SpeedCommand
-from vehicles.driver.steering import LateralController, SteeringCommand
-from vehicles.driver.tracking import PathBehind, Rejoining, TrackingErrors, track
+from vehicles.driver.speed_guard import SpeedOverride
+from vehicles.driver.steering import BendsAhead, LateralController, SteeringCommand
+from vehicles.driver.tracking import OwnPath, PathBehind, Rejoining, TrackingErrors, track
 from vehicles.messages import Mode
 from vehicles.preview.curve_fit import MIN_WEIGHT_FOR_NOISE, FitSettings
 from vehicles.preview.fusion import CompositeFusion, SourceFusion
-from vehicles.preview.received.samples import Window
-from vehicles.preview.source_window import SourceWindow
-from vehicles.preview.trajectory import Fit
+from vehicles.preview.samples import Window
+from vehicles.preview.trajectory import Fit, SourceWindow
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer
 

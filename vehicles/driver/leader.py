@@ -9,20 +9,16 @@ from typing import Final
 
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
-from vehicles.car.sensors.gap_sensor import GapMeasurement
-from vehicles.car.sensors.imu import Motion
-from vehicles.driver.command_limit import CommandLimit
-from vehicles.driver.convoy.ahead import ConvoyAhead
-from vehicles.driver.convoy.watch import ConvoyWatch
+from vehicles.car.imu import Motion
+from vehicles.car.sensors import GapMeasurement
+from vehicles.driver.ahead import ConvoyAhead
+from vehicles.driver.command_limit import CommandLimit, PositionLimit
+from vehicles.driver.controller import VehiclesAhead
 from vehicles.driver.decision import Decision
-from vehicles.driver.degradation.settings import Braking
-from vehicles.driver.degradation.situation import Situation
-from vehicles.driver.degradation.stopping import STANDSTILL
-from vehicles.driver.ego.own_state import OwnState, Pose
-from vehicles.driver.ego.slip_estimator import LoadWatch
-from vehicles.driver.instant_draw import InstantDraw
-from vehicles.driver.longitudinal.controller import VehiclesAhead
-from vehicles.driver.position_limit import PositionLimit
+from vehicles.driver.own_state import OwnState, Pose
+from vehicles.driver.settings import Braking, InstantDraw
+from vehicles.driver.situation import STANDSTILL, Situation
+from vehicles.driver.slip_estimator import LoadWatch
 from vehicles.driver.speed import (
     ProfileSpeed,
     SpeedCommand,
@@ -32,6 +28,7 @@ from vehicles.driver.speed import (
 )
 from vehicles.driver.steering import LateralController
 from vehicles.driver.tracking import TrackingErrors
+from vehicles.driver.watch import ConvoyWatch
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.sampled_path import SampledPath
 from vehicles.received_pose import ReceivedPose

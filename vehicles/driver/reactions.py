@@ -3,16 +3,11 @@
 from dataclasses import replace
 from typing import ClassVar, Protocol
 
-from vehicles.driver.degradation.modes import ModeMachine, Modes, ModesByReach
-from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.degradation.situation import Situation
-from vehicles.driver.degradation.speed_guard import (
-    GuardedCar,
-    NoOverride,
-    SpeedGuard,
-    SpeedOverride,
-)
+from vehicles.driver.modes import ModeMachine, Modes, ModesByReach
+from vehicles.driver.settings import DegradationSettings
+from vehicles.driver.situation import Situation
 from vehicles.driver.speed import SpeedLaw
+from vehicles.driver.speed_guard import GuardedCar, NoOverride, SpeedGuard, SpeedOverride
 from vehicles.driver.steering import SteeringCommand
 from vehicles.messages import Mode
 

@@ -7,14 +7,15 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, Protocol
 
-from vehicles.driver.ego.own_state import Pose
-from vehicles.driver.longitudinal.controller import (
+from vehicles.driver.controller import (
+    GapLimits,
     LongitudinalController,
     LongitudinalSetup,
+    SpacingPolicy,
     VehiclesAhead,
 )
-from vehicles.driver.longitudinal.laws import GapLaw
-from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
+from vehicles.driver.longitudinal_laws import GapLaw
+from vehicles.driver.own_state import Pose
 from vehicles.schedule import SECOND
 
 PROFILE_CORRECTION: Final = 0.5  # Acceleration per speed error when following a profile (1/s)

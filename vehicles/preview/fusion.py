@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from typing import ClassVar, Protocol
 
 from vehicles.preview.curve_fit import FitSettings
-from vehicles.preview.source_window import SourceWindow
-from vehicles.preview.trajectory import Fit, fit_composite
+from vehicles.preview.trajectory import Fit, SourceWindow, fit_composite
 
 Trajectories = Sequence[tuple[float, Fit]]  # With shares of the command; empty without one
 

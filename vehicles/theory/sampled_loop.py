@@ -18,10 +18,9 @@ from math import ceil, exp, gcd, inf, lcm, log, log2
 
 import numpy as np
 
-from vehicles.car.dead_reckoning import DriftModel, SlipModel
+from vehicles.car.imu import DriftModel, InertialNoise, SlipModel
+from vehicles.car.noise import GnssNoise
 from vehicles.car.parameters import Gains, VehicleParameters
-from vehicles.car.positioning.noise import GnssNoise
-from vehicles.car.sensors.imu import InertialNoise
 from vehicles.theory.linear_model import Array, open_loop, steering_input
 
 FINENESS, MAX_INSTANTS = (100, 10, 2, 1), 4000

@@ -1,25 +1,139 @@
 """The effects and stages of a directed link, from its table."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import reduce
+from math import gcd, inf, prod, sqrt
+from typing import Protocol
 
 import numpy as np
 
-from scenarios.definition.road.route import Route
-from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.definition.road.route import Route, vehicle_names
+from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
 from scenarios.definition.schema.plug_ins.channel import effects_of
+from scenarios.definition.schema.scenario_tables import ScenarioTables
+from scenarios.definition.schema.settings_table import overlay
+from scenarios.definition.topology import directed_links, no_link
+from scenarios.definition.wording import toml_repr
 from transport.links.content_stage import ContentStage
-from transport.links.gate import PoseGate
 from transport.links.laws.basic import Decimation, Jitter, Latency, Loss
 from transport.links.laws.content import ContentLaw
-from transport.links.laws.effect import Effect
-from transport.links.laws.link_law import LinkLaw, LinkSetting
-from transport.links.laws.stage import StageLaw
-from transport.links.laws.vehicles_between import Road, VehiclesBetween, no_vehicles
-from transport.links.link import Link
+from transport.links.laws.link_law import (
+    Effect,
+    LinkLaw,
+    LinkSetting,
+    Losses,
+    Road,
+    StageLaw,
+    VehiclesBetween,
+    no_vehicles,
+)
+from transport.links.laws.registry import KEY_OF_REASON
+from transport.links.link import Link, PoseGate
 from vehicles.geometry.sampled_path import SampledPath
 from vehicles.schedule import MILLISECOND
+
+# ---- The entries of a scenario that apply to a directed link, and the merged settings
+
+
+ANY = "*"
+"""Stands for every vehicle in a link's `sender` or `receiver`."""
+ROLES = ("lead", "predecessor", "follower")
+"""Vehicles by their place; a vehicle with such a name takes precedence over the role."""
+_BY_NAME, _BY_ROLE, _BY_ANY = 2, 1, 0
+
+
+class Ends(Protocol):
+    """The links that an entry applies to."""
+
+    @property
+    def sender(self) -> str:
+        """A vehicle's name, a role, or "*"."""
+
+    @property
+    def receiver(self) -> str:
+        """Likewise."""
+
+
+def specificity(entry: Ends, names: Sequence[str], sender: str, receiver: str) -> int | None:
+    """Return how specific an entry is for a link, None if it does not apply.
+
+    Each end counts 2 by name, 1 by role and 0 for "*".
+    """
+    ends = _end(entry.sender, sender, names, receiver), _end(entry.receiver, receiver, names, "")
+    return None if None in ends else sum(filter(None, ends))
+
+
+def _end(given: str, vehicle: str, names: Sequence[str], receiver: str) -> int | None:
+    if given == ANY:
+        return _BY_ANY
+    if given in names:
+        return _BY_NAME if given == vehicle else None
+    place = names.index(vehicle)
+    ahead = bool(receiver) and place == names.index(receiver) - 1
+    fits = {"lead": place == 0, "predecessor": ahead, "follower": place > 0}
+    return _BY_ROLE if fits.get(given, False) else None
+
+
+def end_problems(entry: Ends, tables: ScenarioTables) -> Iterator[tuple[str, str]]:
+    """Yield ends that name no vehicle, by ".sender" or ".receiver"; by "" if no link matches."""
+    names = tables.convoy.vehicle_names
+    known = list(dict.fromkeys((*names, *ROLES, ANY)))
+    given = {".sender": entry.sender, ".receiver": entry.receiver}
+    unknown = {key: end for key, end in given.items() if end not in known}
+    for key, end in unknown.items():
+        yield key, f"given {toml_repr(end)}, allowed {', '.join(map(toml_repr, known))}"
+    links = directed_links(tables)
+    if not unknown and all(specificity(entry, names, *pair) is None for pair in links):
+        yield "", no_link(tables, entry.sender, entry.receiver)
+
+
+def requested_link(
+    tables: ScenarioTables, names: Sequence[str], sender: str, receiver: str
+) -> LinkTable:
+    """Merge the settings of one link: [links], then its entries by specificity, key by key.
+
+    An entry with a preset replaces everything below it, since a preset is a complete channel.
+    """
+    link = tables.links
+    for _, entry in entries_about(tables.link, names, sender, receiver):
+        link = overlay(LinkTable() if entry.preset else link, entry)
+    return link
+
+
+def entries_about(
+    entries: Sequence[LinkEntry], names: Sequence[str], sender: str, receiver: str
+) -> list[tuple[int, LinkEntry]]:
+    """Return the entries of a link with their specificity, the least specific first."""
+    result = [(specificity(entry, names, sender, receiver), entry) for entry in entries]
+    about = [(grade, entry) for grade, entry in result if grade is not None]
+    return sorted(about, key=lambda one: one[0])
+
+
+def ties(tables: ScenarioTables) -> Iterator[tuple[int, int, str]]:
+    """Yield the numbers of two entries that are equally specific for a link, and a key of both."""
+    entries, names = tables.link, tables.convoy.vehicle_names
+    seen: set[tuple[int, int]] = set()
+    for sender, receiver in directed_links(tables):
+        graded = [specificity(entry, names, sender, receiver) for entry in entries]
+        for later, grade in enumerate(graded):
+            for first in range(later):
+                if grade is None or graded[first] != grade or (first, later) in seen:
+                    continue
+                if both := _keys(entries[first]) & _keys(entries[later]):
+                    seen.add((first, later))
+                    yield first, later, "preset" if "preset" in both else min(both)
+
+
+def _keys(entry: LinkEntry) -> set[str]:
+    """Return the keys that an entry gives; all with a preset."""
+    every = set(LinkTable.model_fields)
+    return every if entry.preset else entry.model_fields_set & every
+
+
+# ---- Build
+
 
 UNSET = LinkSetting()
 """For links without outages, or at time 0."""
@@ -116,3 +230,205 @@ def _road(path: SampledPath) -> Road:
         (*np.interp(nodes, path.station, path.east).tolist(), *(point.east for point in beyond)),
         (*np.interp(nodes, path.station, path.north).tolist(), *(point.north for point in beyond)),
     )
+
+
+# ---- The key of the rule that made a link drop a message
+
+
+OF_VEHICLES = {"transmitter_off": 0, "receiver_off": 1}
+"""Reasons that are keys of the vehicle at one end of the link."""
+
+
+def origin(tables: ScenarioTables, link: tuple[str, str], reason: str) -> str:
+    """Return the key that makes `link` (sender, receiver) drop messages for `reason`.
+
+    Such as `links.loss_ratio = 0.4`, or `link[1].loss_ratio = 0.4 (lead → *)`; the reason itself if
+    no key is known.
+    """
+    if reason in OF_VEHICLES:
+        return f"vehicle.{link[OF_VEHICLES[reason]]}.{reason}"
+    key = KEY_OF_REASON.get(reason)
+    return reason if key is None else source_key(tables, link, key)
+
+
+def source_key(tables: ScenarioTables, link: tuple[str, str], key: str) -> str:
+    """Return the rule that gives `key` of a link, with its value if that is a number or a word."""
+    for entry in _entries(tables, link):
+        if key in entry.model_fields_set or entry.preset:
+            key = key if key in entry.model_fields_set else "preset"
+            place = _place(tables, entry)
+            return f"{place}.{key}{_value(entry, key)} ({entry.sender} → {entry.receiver})"
+    return f"links.{key}{_value(tables.links, key)}"
+
+
+def rules_of(tables: ScenarioTables, link: tuple[str, str]) -> Iterator[str]:
+    for entry in _entries(tables, link):
+        yield f"{_place(tables, entry)} ({entry.sender} → {entry.receiver})"
+        if entry.preset:
+            return
+    yield "links"
+
+
+def _entries(tables: ScenarioTables, link: tuple[str, str]) -> list[LinkEntry]:
+    """Return the entries of a link, the most specific first."""
+    about = entries_about(tables.link, vehicle_names(tables), *link)
+    return [entry for _, entry in reversed(about)]
+
+
+def _place(tables: ScenarioTables, entry: LinkEntry) -> str:
+    return f"link[{next(place for place, one in enumerate(tables.link) if one is entry)}]"
+
+
+def _value(table: object, key: str) -> str:
+    value = getattr(table, key)
+    if isinstance(value, int | float | str):
+        return f" = {value:g}" if isinstance(value, float) else f" = {value}"
+    kind = getattr(value, "kind", "")
+    return f" ({kind})" if kind else ""
+
+
+# ---- Expected loss, bursts, delay and age of a link, as far as its laws determine them
+
+
+USUAL_MESSAGE_BYTES = 240
+"""Mean size of poses with the default path history; without a history they have 160 bytes."""
+FASTEST_HZ = 1000.0
+"""Highest rate of a source, so that the rate of a link is always an upper bound."""
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExpectedChannel:
+    """Long-run mean loss, mean burst, mean and standard deviation of the delay (ms).
+
+    Unknown figures are None, such as a loss that depends on the distance.
+
+    `loss_inflation` and `latency_inflation` are upper bounds of the variance of a counted loss and
+    of a mean delay, over that of independent messages. `settles` is False where messages are lost
+    by number or for a time, so that a run differs from the long run.
+    """
+
+    loss_ratio: float | None
+    burst_messages: float | None
+    latency_ms_mean: float | None
+    latency_ms_deviation: float | None
+    loss_inflation: float = 1.0
+    latency_inflation: float = 1.0
+    settles: bool = True
+
+
+def expected_channel(
+    table: LinkTable,
+    source_rate_hz: float = FASTEST_HZ,
+    distance_m: float | None = None,
+    between: Between = no_vehicles,
+) -> ExpectedChannel:
+    """Combine the laws of a link, assumed independent.
+
+    Messages are sent at `source_rate_hz` over `distance_m`, with all vehicles `between` obstructing
+    the line of sight. Without a distance the loss of a radio is unknown. Times in which a vehicle's
+    radio is off do not count.
+    """
+    effects = link_effects(table, source_rate_hz, between=between)
+    loss = expected_loss(table, effects, distance_m)
+    mean, deviation, inflation = _delay(table, effects)
+    ratio, burst = (None, None) if loss is None else (loss.loss, loss.burst)
+    if burst == inf:
+        burst = None
+    spread = ratio * (1.0 - ratio) if ratio else 0.0
+    return ExpectedChannel(
+        loss_ratio=ratio,
+        burst_messages=burst if ratio else None,
+        latency_ms_mean=mean,
+        latency_ms_deviation=deviation,
+        loss_inflation=max(1.0, 1.0 + 2.0 * loss.covariances / spread) if loss and spread else 1.0,
+        latency_inflation=inflation,
+        settles=not any(one.judged_by in {"number", "time"} for one in effects),
+    )
+
+
+def expected_loss(
+    table: LinkTable, effects: Sequence[Effect], distance_m: float | None
+) -> Losses | None:
+    """Combine the losses of all laws: 1 - Π(1 - p); None if one is unknown."""
+    if table.queue is not None:
+        return None
+    decimated = any(one.reason == "rate" for one in effects)
+    if decimated and any(one.judged_by == "number" for one in effects):
+        return None  # the rate selects messages by number as well
+    result = [one.losses(distance_m) for one in effects]
+    if table.content is not None:
+        result.append(table.content.corrupted(USUAL_MESSAGE_BYTES))
+    known = [one for one in result if one is not None]
+    if len(known) < len(result):
+        return None
+    whole = reduce(Losses.beside, (one for one in known if one.loss), Losses(0.0, None, 0.0))
+    if decimated and any(one.has_memory for one in known):
+        return Losses(whole.loss, None, whole.covariances)  # memory counts omitted messages too
+    return Losses(whole.loss, _burst(known, whole.loss), whole.covariances)
+
+
+def _burst(laws: Sequence[Losses], loss: float) -> float | None:
+    """Return the mean burst of several independent stationary laws.
+
+    The rate of ending bursts is P(passes) - P(two in a row pass), products over the laws.
+    """
+    lossy = [one for one in laws if one.loss]
+    together = [one.both_delivered for one in lossy]
+    if not lossy or None in together:
+        return None
+    if len(lossy) == 1:
+        return lossy[0].burst
+    ends = (1.0 - loss) - prod(one for one in together if one is not None)
+    return loss / ends if ends > _ROUNDING * loss else inf
+
+
+def _delay(table: LinkTable, effects: Sequence[Effect]) -> tuple[float | None, float | None, float]:
+    if link_stages(table):
+        return None, None, 1.0
+    mean = variance = spread = 0.0
+    for effect in effects:
+        delays = effect.delays
+        if delays is None:
+            return None, None, 1.0
+        tied = delays.correlation
+        mean, variance = mean + delays.mean, variance + delays.variance
+        spread += delays.variance * (1.0 + tied) / (1.0 - tied)
+    inflation = spread / variance if variance else 1.0
+    return mean / MILLISECOND, sqrt(variance) / MILLISECOND, inflation
+
+
+def expected_age_ms(
+    expected: ExpectedChannel, rate_hz: float, control_rate_hz: float | None = None
+) -> float | None:
+    """Return the mean age (ms) of the newest message of a source at a rate; None if unknown.
+
+    Without much overtaking it is the mean delay plus E[X²] / (2 E[X]) periods, where X is the
+    number of periods between received messages (renewal theory: Cox 1962, section 5.2). Losses are
+    modelled as a two-state chain with mean loss p and burst b: exact for independent losses, with
+    delay + T (1 / (1 - p) - 1/2), and for Gilbert's law.
+
+    Commands at `control_rate_hz` meet a constant delay in phases that are a greatest common divisor
+    of both periods apart.
+    """
+    loss, delay = expected.loss_ratio, expected.latency_ms_mean
+    if loss is None or delay is None or loss == 1.0:
+        return None
+    burst = expected.burst_messages if loss else 1.0
+    if burst is None:
+        return None
+    begins, ends = loss / (burst * (1.0 - loss)), 1.0 / burst
+    mean = 1.0 + begins / ends
+    square = 1.0 + begins * (2.0 / ends + (2.0 - ends) / ends**2)
+    age = delay + 1000.0 / rate_hz * 0.5 * square / mean
+    if control_rate_hz is not None and not expected.latency_ms_deviation:
+        step = 1000.0 * _common_period_s(Fraction(rate_hz), Fraction(control_rate_hz))
+        age += -delay % step - 0.5 * step
+    return age
+
+
+def _common_period_s(one: Fraction, other: Fraction) -> float:
+    """Return the greatest common divisor (s) of the periods of two rates (Hz)."""
+    # gcd(a/b, c/d) = gcd(ad, cb) / bd, of the periods 1/one and 1/other
+    a, b, c, d = one.denominator, one.numerator, other.denominator, other.numerator
+    return gcd(a * d, c * b) / (b * d)

@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from scenarios.definition.errors import Problem
-from scenarios.definition.extends import PRESET, laid_over
 from scenarios.definition.library import PRESETS
-from scenarios.definition.overrides import Raw
-from scenarios.definition.validation.wording import did_you_mean, toml_repr
+from scenarios.definition.overrides import PRESET, Raw, laid_over
+from scenarios.definition.wording import did_you_mean, toml_repr
 
 INLINED = "preset_source"
 """Key that marks a table with the preset's keys filled in."""

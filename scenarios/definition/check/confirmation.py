@@ -2,10 +2,101 @@
 
 import os
 from collections.abc import Iterator
+from typing import NamedTuple
 
-from scenarios.definition.check.lap import longer_than_lap
 from scenarios.definition.errors import ScenarioError
+from scenarios.definition.road.route import spacing_policy
 from scenarios.definition.scenario import Scenario
+from vehicles.car.parameters import least_spacing
+from vehicles.driver.ahead import shortest_loop
+
+# ---- Convoys that are longer than a lap or another loop of their path, or nearly so
+
+
+LAP_TOLERANCE = 1.0
+"""A loop that is shorter than the lap by less than this (m) is the lap."""
+
+
+class _Loop(NamedTuple):
+    """Name and length (m) of the shortest way back to the path that the convoy drives on."""
+
+    name: str
+    length: float
+
+
+def longer_than_lap(scenario: Scenario) -> Iterator[str]:
+    """Report a convoy that does not fit on a lap or another loop even if it stands."""
+    vehicles, keeps_gap = len(scenario.vehicle_names), scenario.tables.speed.lead_keeps_gap
+    speed = 0.0 if keeps_gap else max(scenario.route.profile.speeds)
+    length = _length(scenario, speed, whole=bool(keeps_gap))
+    loop = _driven_loop(scenario, length)
+    if loop is None or length < loop.length:
+        return
+    end = "stops permanently behind" if keeps_gap else "runs into"
+    if not keeps_gap and loop.name == "loop":
+        end = "or another vehicle can run into"
+    cars = vehicles if keeps_gap else vehicles - 1
+    most = max(int(loop.length * cars / length), 2)
+    several = ", or path.laps = 1" if scenario.tables.path.laps > 1 else ""
+    yield (
+        f"the convoy is {length:.0f} m long and a {loop.name} {loop.length:.0f} m: its lead {end} "
+        f"its last vehicle; set convoy.vehicles = {most} or less, smaller gaps{several}"
+    )
+
+
+def lap_warnings(scenario: Scenario) -> Iterator[str]:
+    """Warn if the lead must drive slower than planned behind its last vehicle."""
+    names = scenario.vehicle_names
+    if not scenario.tables.speed.lead_keeps_gap:
+        return
+    fastest = max(scenario.route.profile.speeds)
+    length, standing = (_length(scenario, speed, whole=True) for speed in (fastest, 0.0))
+    loop = _driven_loop(scenario, length)
+    if loop is None or not standing < loop.length < length:
+        return
+    slower = fastest * (loop.length - standing) / (length - standing)
+    slows = f"keeps its distance from {names[-1]} ahead of it and drives at most {slower:.1f} m/s"
+    if loop.name == "loop":
+        slows = f"waits until {names[-1]} has passed where the path meets itself, and drives slower"
+    yield (
+        f"at {fastest:.1f} m/s the convoy with its gaps is {length:.0f} m long and a {loop.name} "
+        f"{loop.length:.0f} m: the lead {slows} on average. Lower convoy.vehicles or the gaps."
+    )
+
+
+def _driven_loop(scenario: Scenario, length: float) -> _Loop | None:
+    """Shortest loop that the lead drives, if that is a lap or shorter than `length` (m)."""
+    route, names = scenario.route, scenario.vehicle_names
+    if len(names) < 2:
+        return None
+    driven = route.profile.distance(scenario.duration_s)
+    lead, last = (scenario.vehicle(name).parameters for name in (names[0], names[-1]))
+    end = route.start + (min(driven, 2.0 * route.lap) if route.lap else driven)
+    loop = shortest_loop(route.path, lead, last, end, length)
+    if loop < (route.lap - LAP_TOLERANCE if route.lap else length):
+        return _Loop("loop", loop)
+    return _Loop("lap", route.lap) if route.lap and driven >= route.lap else None
+
+
+def _length(scenario: Scenario, speed: float, *, whole: bool) -> float:
+    """Length (m) of the convoy at `speed` (m/s), between centres of mass; `whole`, of all gaps.
+
+    All gaps include that of the lead to the last vehicle ahead of it.
+    """
+    tables, names = scenario.tables, scenario.vehicle_names
+    if tables.speed.followers == "gap":
+        places = range(1, len(names))
+        length = sum(scenario.spacing_policy(place).desired(speed) for place in places)
+    else:
+        length = sum(scenario.route.spacings)
+    if not whole:
+        return length
+    cars = [scenario.vehicle(name).parameters for name in (names[-1], names[0])]
+    return length + spacing_policy(tables, least_spacing(*cars)).desired(speed)
+
+
+# ---- Confirmation
+
 
 VEHICLES_PER_CORE = 20
 """A core carries ten vehicles in real time, and twenty with compiled modules (measured)."""

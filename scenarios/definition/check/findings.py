@@ -3,23 +3,16 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import inf
+from math import hypot, inf
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from scenarios.definition.check.confirmation import confirmation_lines
-from scenarios.definition.check.drive_report import DriveReport, drive_report
-from scenarios.definition.check.drive_warnings import drive_warnings
-from scenarios.definition.check.lap import lap_warnings
-from scenarios.definition.check.link_forecast import (
-    LinkForecast,
-    laws_in_brief,
-    link_forecasts,
-)
+from scenarios.definition.check.confirmation import confirmation_lines, lap_warnings
+from scenarios.definition.check.drive_report import DriveReport, drive_report, drive_warnings
+from scenarios.definition.check.link_forecast import LinkForecast, laws_in_brief, link_forecasts
 from scenarios.definition.check.preview import history_warnings, preview_warnings
-from scenarios.definition.check.receivers import receiver_warnings
 from scenarios.definition.check.steering_loop import (
     certificate_warnings,
     largest_alphas,
@@ -35,12 +28,81 @@ from scenarios.definition.schema.settings_table import table_with
 from scenarios.definition.topology import sources_tables
 from scenarios.definition.traces.reading import DriveInPlane
 from scenarios.definition.vehicle_setup import VehicleSetup
-from transport.links.laws.loss.earlier_run import EarlierRun
+from transport.links.laws.recorded_losses import EarlierRun
 from vehicles.car.parameters import VehicleParameters
-from vehicles.car.sending.sending_rules import RULES
+from vehicles.car.sending_rules import RULES
 from vehicles.car.tyres import GRAVITY
 from vehicles.geometry.sampled_path import FloatArray
 from vehicles.schedule import MILLISECOND
+
+# ---- Accuracy of receivers compared with the room in the lane
+
+
+DEVIATIONS = 2.0
+"""Standard deviations taken into account: one pair of receivers in twenty differs by more."""
+
+NOTICED = 0.3
+"""Difference of receivers (m) from which a follower notably leaves the lead's path."""
+
+
+class _Lasting(NamedTuple):
+    """Lasting errors of a receiver: standard deviation (m) per axis, and a given bias (m)."""
+
+    deviation: float = 0.0
+    east: float = 0.0
+    north: float = 0.0
+
+    def from_another(self, other: "_Lasting") -> float:
+        """Largest difference (m) between two receivers."""
+        given = hypot(self.east - other.east, self.north - other.north)
+        return DEVIATIONS * hypot(self.deviation, other.deviation) + given
+
+
+def receiver_warnings(scenario: Scenario) -> Iterator[str]:
+    """Warn of receivers that differ by more than the lane leaves beside a car, or by `NOTICED`.
+
+    A follower drives as far off a path as its receiver differs from the sender's. No measurement
+    shows that: both know absolute positions only, and the shape of a path is the same at its side.
+    Only drift and bias count: fit and filter average white noise.
+    """
+    apart, rooms = dict[str, float](), dict[str, float]()
+    setups = {name: scenario.vehicle(name) for name in scenario.vehicle_names}
+    errors = {name: _lasting(setup) for name, setup in setups.items()}
+    for name in scenario.vehicle_names[1:]:
+        if name in scenario.tables.replayed:
+            continue
+        setup = setups[name]
+        own = _Lasting() if setup.has_exact_state else errors[name]
+        apart[name] = max(own.from_another(errors[sender]) for sender in setup.flow.lateral)
+        rooms[name] = 0.5 * max(scenario.tables.events.lane_width_m - setup.parameters.width, 0.0)
+    beyond = [name for name in apart if apart[name] > rooms[name]]
+    if beyond:
+        yield (
+            f"{', '.join(beyond)}: receivers differ by up to {max(apart.values()):.1f} m (two "
+            "standard deviations of drift and bias), the lane leaves "
+            f"{min(rooms[name] for name in beyond):.1f} m beside a car: cars will leave the lane "
+            'even on clean links, and slide at high speed. Set gnss.preset = "rtk_fixed" or '
+            '"rtk_float".'
+        )
+    noticed = [name for name in apart if NOTICED < apart[name] <= rooms[name]]
+    if noticed:
+        yield (
+            f"{', '.join(noticed)}: followers will drive up to "
+            f"{max(apart[name] for name in noticed):.1f} m off the lead's path even on clean "
+            "links, as their receivers have drift and bias of their own (two standard deviations), "
+            'and nothing measures a position relative to the lead. Set gnss.preset = "rtk_fixed", '
+            "or gnss.common_drift for an error that all receivers share."
+        )
+
+
+def _lasting(setup: VehicleSetup) -> _Lasting:
+    bias = setup.gnss.bias
+    east, north = (bias.east, bias.north) if bias else (0.0, 0.0)
+    return _Lasting(setup.gnss.lasting_deviation, east, north)
+
+
+# ---- Findings
+
 
 USUAL_GNSS_RATE = 20.0
 """Highest rate (Hz) of receivers for driving (paper, Section III-A)."""

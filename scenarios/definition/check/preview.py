@@ -5,14 +5,13 @@ from dataclasses import dataclass
 from functools import partial
 from math import inf
 
-from scenarios.definition.channel.build import usual_delay_ms, vehicles_between
-from scenarios.definition.channel.expected import expected_channel
+from scenarios.definition.channel.build import expected_channel, usual_delay_ms, vehicles_between
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.change_tables import CutTable
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.vehicle_setup import VehicleSetup
-from vehicles.car.sending.every_fix import EveryFix
-from vehicles.driver.degradation.source import MIN_SAMPLES
+from vehicles.car.sending_rules import EveryFix
+from vehicles.driver.source import MIN_SAMPLES
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.schedule import MILLISECOND
 

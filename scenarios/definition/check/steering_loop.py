@@ -12,7 +12,7 @@ from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.driver.speed import SpeedProfile
 from vehicles.geometry.sampled_path import FloatArray
 from vehicles.theory.gain_sets import abscissa
-from vehicles.theory.propagation import propagation
+from vehicles.theory.linear_model import propagation
 from vehicles.theory.sampled_loop import SampledLoop, lowest_stable_rate, sampled_stability
 from vehicles.theory.string_stability import largest_weight, peak
 
@@ -169,11 +169,7 @@ def certificate_warnings(scenario: Scenario) -> Iterator[str]:
 def _leaving(
     scenario: Scenario, parameters: VehicleParameters, gains: Gains, name: str
 ) -> Iterator[str]:
-    from vehicles.theory.varying_speed import (  # noqa: PLC0415 - scipy is an extra
-        FASTEST,
-        SLOWEST,
-        certified_acceleration,
-    )
+    from vehicles.theory.varying_speed import FASTEST, SLOWEST, certified_acceleration  # noqa: PLC0415 - scipy is an extra
 
     profile = scenario.route.profile
     times = STEP * np.arange(int(scenario.duration_s / STEP), dtype=np.float64)

@@ -1,15 +1,187 @@
 """The path through recorded points."""
 
+from collections.abc import Iterable
+from dataclasses import replace
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from scenarios.definition.errors import SettingError
-from scenarios.definition.road.pieces import drivable_pieces
-from scenarios.definition.road.recorded_place import place_of
-from scenarios.definition.road.usable_width import UndrivableError, road_through
 from scenarios.definition.schema.path_tables import PointsPath, SegmentsPath
-from scenarios.definition.traces.part import MOST_LISTED, PATH_KEYS, pieces_in_words
-from vehicles.geometry.bridges import step_lengths
-from vehicles.geometry.smoothing import SmoothedPath
+from scenarios.definition.traces.recorded_drive import MOST_BREAKS as MOST_LISTED
+from scenarios.definition.traces.recorded_drive import (
+    PATH_KEYS,
+    DrivePiece,
+    piece_between,
+    pieces_in_words,
+)
+from vehicles.car.parameters import LINCOLN_MKZ
+from vehicles.geometry.bridges import distances_along, find_holes, step_lengths
+from vehicles.geometry.sampled_path import FloatArray
+from vehicles.geometry.smoothing import (
+    MIN_POINTS,
+    NoPathError,
+    Sections,
+    SmoothedPath,
+    sections_where,
+    smooth_path,
+)
+
+# ---- Places of points in their file, and their times in the recorded drive
+
+
+def place_of(table: PointsPath, point: int) -> str:
+    """Return the place of a point (from 0) in its file, and its time in the recorded drive."""
+    number = table.source_numbers[point] if point < len(table.source_numbers) else point + 1
+    at = f" ({_recorded_time(table, point):.1f} s)" if table.time_s else ""
+    return f"{table.source_unit} {number}{at}"
+
+
+def _recorded_time(table: PointsPath, point: int) -> float:
+    time = table.begin_s + table.time_s[point]
+    if table.pauses == "cut":
+        time += float(time_lost([point], table.pause_points, table.pause_lost_s)[0])
+    return time
+
+
+def recorded_times(table: PointsPath) -> FloatArray:
+    """Return the times (s) of points since the start of the recorded drive, pauses included."""
+    times = table.begin_s + np.asarray(table.time_s)
+    if table.pauses == "cut":
+        times += time_lost(np.arange(times.size), table.pause_points, table.pause_lost_s)
+    return times
+
+
+def time_lost(points: ArrayLike, pause_points: ArrayLike, lost_s: ArrayLike) -> FloatArray:
+    """Return the time (s) lost in pauses before each of `points`, given by their indices.
+
+    A pause follows the point of the same place in `pause_points`, which increase.
+    """
+    lost = np.concatenate((np.zeros(1), np.cumsum(lost_s)))
+    return np.asarray(lost[np.searchsorted(pause_points, points)])
+
+
+# ---- The half width at which recorded points are smoothed: the first that a car can drive
+
+
+SPARSE_REACH = 7.0
+"""Reach of smoothing over sparse points, in their distances."""
+
+SHARPEST = LINCOLN_MKZ.steering_limit / LINCOLN_MKZ.wheelbase
+"""Largest curvature (1/m) that the usual car drives: a road does not depend on the convoy's."""
+
+TIGHTEST, LEAST_RADIUS = 3.0, 0.5
+"""Smallest radius (m) that a car turns, and that of its recorded points with much noise."""
+
+MISSED = 2.0
+"""Standard deviations of noise by which the radius of a recorded turn may be too small."""
+
+
+class UndrivableError(NoPathError):
+    """Points without a path at any half width: the error of the widest, the fewest sections."""
+
+
+def road_through(points: FloatArray, table: PointsPath, lead_in: float) -> SmoothedPath:
+    """Smooth `points` (2, n) of a table, with a straight of at least `lead_in` m before them.
+
+    Of `smoothing_m` and `narrower_m` the first half width that a car can drive is used. If there is
+    none, the one with the largest smallest radius: noise can make a turn too tight. Raises
+    UndrivableError, and ValueError if the points do not form a path for another reason.
+    """
+    steps = step_lengths(points)
+    longest = float(np.max(np.delete(steps, find_holes(steps)), initial=0.0))
+    best: tuple[float, SmoothedPath] | None = None
+    errors, unfit = list[NoPathError](), list[Sections]()
+    for half_width in (table.smoothing_m, *table.narrower_m):
+        try:
+            road = smooth_path(
+                points[0],
+                points[1],
+                half_width,
+                closed=table.closed,
+                laps=table.laps,
+                noise=table.noise_m,
+                lead_in=lead_in + max(half_width, SPARSE_REACH * longest),
+            )
+        except NoPathError as error:
+            errors.append(error.with_traceback(None))  # whose frames hold all points
+            unfit.append(error.sections)
+            continue
+        bends = np.abs(road.path.curvature)
+        sharpest, allowed = float(np.max(bends)), _sharpest_turn(road.noise)
+        if sharpest <= SHARPEST:
+            return road
+        if half_width < table.smoothing_m and sharpest > allowed:
+            unfit.append(sections_where(bends > allowed, road.path.station, road.stations))
+        elif best is None or sharpest < best[0]:
+            best = sharpest, road
+    if best is None:
+        raise UndrivableError(str(errors[0]), errors[0].point, min(unfit, key=len)) from errors[0]
+    return best[1]
+
+
+def _sharpest_turn(noise: float) -> float:
+    """Curvature (1/m) above which a turn cannot be that of a car whose points have `noise` (m)."""
+    return 1.0 / max(TIGHTEST - MISSED * noise, LEAST_RADIUS)
+
+
+# ---- The pieces of a recorded drive that a car can drive forwards
+
+
+SHORTEST = 30.0
+"""Shortest piece (m): what is shorter may be driven in reverse, such as in a three-point turn."""
+
+MARGIN = 1.0
+"""Distance (m) along the points that is left out on either side of a section without a path."""
+
+MOST_TRIED = 20
+"""Number of pieces that are tried, unless they have more points than the drive."""
+
+
+def drivable_pieces(table: PointsPath, sections: Sections, lead_in: float) -> list[DrivePiece]:
+    """Find the pieces of a drive between `sections` without a path, each confirmed by smoothing."""
+    points = np.array((table.east_m, table.north_m))
+    along = distances_along(points)
+    axis = recorded_times(table) if table.time_s else table.begin_m + along
+    waiting, pieces = _between(sections, 0, along.size - 1, along), list[DrivePiece]()
+    tried = 0
+    for _ in range(MOST_TRIED):
+        if not waiting or tried > along.size:
+            break
+        longest = max(waiting, key=lambda ends: float(along[ends[1]] - along[ends[0]]))
+        waiting.remove(longest)
+        piece = piece_between(*longest, axis, along)
+        first, last = piece.first, piece.last
+        tried += last - first
+        try:
+            road = road_through(points[:, first : last + 1], table, lead_in)
+        except UndrivableError as error:
+            inner = [(first + begun, first + ended) for begun, ended in error.sections]
+            waiting += _between(inner, first, last, along)
+        except ValueError:
+            continue
+        else:
+            pieces.append(replace(piece, length=road.lap_length))
+    return sorted(pieces, key=lambda piece: piece.first)
+
+
+def _between(
+    sections: Iterable[tuple[int, int]], first: int, last: int, along: FloatArray
+) -> list[tuple[int, int]]:
+    """Return the first and last point of each long piece between sections and both ends."""
+    result, begin = [], first
+    for left, right in (*sections, (along.size, last)):
+        end = last
+        if left < along.size:
+            end = int(np.searchsorted(along, along[left] - MARGIN, side="right")) - 1
+        if end - begin >= MIN_POINTS and along[end] - along[begin] >= SHORTEST:
+            result.append((begin, end))
+        begin = max(begin, int(np.searchsorted(along, along[right] + MARGIN)))
+    return result
+
+
+# ---- Point path
+
 
 LONGEST = 86_400.0
 """Longest run (s): a day."""

@@ -9,16 +9,15 @@ from itertools import pairwise
 import numpy as np
 
 from scenarios.definition.errors import SettingError
+from scenarios.definition.road.lead_speed import LONG_SILENCE, RECORDED_STEP
 from scenarios.definition.road.point_path import check_span, smoothed_points
 from scenarios.definition.road.route import Route, longest_run
-from scenarios.definition.road.silences import LONG_SILENCE, RECORDED_STEP
 from scenarios.definition.schema.path_tables import PointsPath
 from scenarios.definition.schema.scenario_tables import ScenarioTables, VehicleTable
 from vehicles.driver.speed import SpeedProfile
-from vehicles.geometry.local_regression import NEIGHBOURS, local_cubic
-from vehicles.geometry.path_point import PathPoint
 from vehicles.geometry.sampled_path import FloatArray as Floats
-from vehicles.geometry.smoothing import SmoothedPath
+from vehicles.geometry.sampled_path import PathPoint
+from vehicles.geometry.smoothing import NEIGHBOURS, SmoothedPath, local_cubic
 
 LEAST_INTERVAL = 0.01
 """Smallest interval (s) of points that fill standstills and holes."""

@@ -2,16 +2,16 @@
 
 import cmath
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 
 from scenarios.definition.errors import SettingError
-from scenarios.definition.road.lead_speed import Limits, recorded, slowed
+from scenarios.definition.road.lead_speed import Limits, SpeedPlan, recorded, slowed, with_changes
 from scenarios.definition.road.point_path import LONGEST, check_length, check_span, smoothed_points
-from scenarios.definition.road.set_speed import SpeedPlan, with_changes
-from scenarios.definition.road.spacing import gaps_at, spacings_at
 from scenarios.definition.schema.path_tables import (
     PathTable,
     PointsPath,
@@ -20,10 +20,78 @@ from scenarios.definition.schema.path_tables import (
 )
 from scenarios.definition.schema.scenario_tables import ScenarioTables, SpeedTable
 from scenarios.definition.traces.recorded_drive import NO_TIMES
+from scenarios.definition.vehicle_setup import VehicleSetup, empty_car
+from vehicles.car.parameters import least_spacing
+from vehicles.driver.controller import SpacingPolicy
 from vehicles.driver.speed import SpeedProfile
 from vehicles.geometry.geodesy import yaw_from_heading
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.geometry.smoothing import SmoothedPath
+
+# ---- Gaps between bumpers, as configured, and spacings between centres of mass, as kept
+#
+# A car reaches as far beyond its front axle as beyond its rear one.
+
+
+DEFAULT_GAP = 10.0
+"""Gap (m) at the start where the scenario gives none: a third of a second at 30 m/s."""
+
+
+def least_spacings(tables: ScenarioTables) -> tuple[float, ...]:
+    """Spacing (m) to the predecessor at which the bumpers touch; 0 for the lead."""
+    cars = [empty_car(tables, name) for name in tables.convoy.vehicle_names]
+    return (0.0, *(least_spacing(ahead, behind) for ahead, behind in pairwise(cars)))
+
+
+def spacing_policy(tables: ScenarioTables, least: float) -> SpacingPolicy:
+    """Return the policy of `[speed.gap]` for a pair whose bumpers touch at the spacing `least`."""
+    gap = tables.speed.gap
+    return SpacingPolicy(gap.standstill_m + least, gap.headway_s)
+
+
+def source_policies(tables: ScenarioTables, setup: VehicleSetup) -> dict[str, SpacingPolicy]:
+    """Spacing of a follower to each longitudinal source, negative to those behind."""
+    names, least = tables.convoy.vehicle_names, least_spacings(tables)
+    policies = {}
+    for name in setup.flow.longitudinal:
+        place = names.index(name)
+        first, last = sorted((place, setup.place))
+        between = [spacing_policy(tables, least[one]) for one in range(last, first, -1)]
+        sign = 1.0 if place < setup.place else -1.0
+        policies[name] = SpacingPolicy(
+            sign * sum([one.standstill for one in between]),
+            sign * sum([one.headway for one in between]),
+        )
+    return policies
+
+
+def gaps_at(tables: ScenarioTables, speed: float) -> tuple[float, ...]:
+    """Gaps (m) to the predecessor at the start, at `speed` (m/s); 0 for the lead."""
+    return _distances(tables, speed, [0.0] * len(tables.convoy.vehicle_names))
+
+
+def spacings_at(tables: ScenarioTables, speed: float) -> tuple[float, ...]:
+    """Spacings (m) to the predecessor at the start, at `speed` (m/s); 0 for the lead."""
+    return _distances(tables, speed, least_spacings(tables))
+
+
+def _distances(tables: ScenarioTables, speed: float, least: Sequence[float]) -> tuple[float, ...]:
+    """Sum `least` and the gap of each follower: its own, the convoy's, the kept or the default."""
+    kept = tables.speed.followers == "gap"
+    usual = tables.convoy.gap_m
+    if usual is None and not kept:
+        usual = DEFAULT_GAP
+    distances = [0.0]
+    for name, touching in zip(tables.convoy.vehicle_names[1:], least[1:], strict=True):
+        own = tables.vehicle.get(name)
+        gap = usual if own is None or own.gap_m is None else own.gap_m
+        policy = spacing_policy(tables, touching)
+        distances.append(policy.desired(speed) if gap is None else gap + touching)
+    return tuple(distances)
+
+
+# ---- Route
+
 
 RUN_UP = 10.0
 """Length (m) of the straight behind the last vehicle."""

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from scenarios.definition.schema.base_table import Name, Ratio, Speed, Table
+from scenarios.definition.schema.settings_table import Name, Ratio, Speed, Table
 
 LATEST_S = 86_400
 

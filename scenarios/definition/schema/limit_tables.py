@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field, create_model
 from pydantic_core import PydanticCustomError
 
-from scenarios.definition.schema.base_table import Name, NotNegative, Table
 from scenarios.definition.schema.limit_rows import LIMITS, OWN_FIGURES, LimitRow
+from scenarios.definition.schema.settings_table import Name, NotNegative, Table
 
 Count = Annotated[int, Field(ge=0)]
 Span = Annotated[float, Field(gt=0, le=86_400)]

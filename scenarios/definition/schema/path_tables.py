@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints
 
-from scenarios.definition.schema.base_table import Table
+from scenarios.definition.schema.settings_table import Table
 
 
 class SegmentTable(Table):

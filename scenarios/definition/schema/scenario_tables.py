@@ -4,37 +4,143 @@ Keys of numbers end in a unit. Types are not converted; unknown keys, NaN and in
 Headings are compass courses. Curvature and lateral offsets are positive to the left.
 """
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AwareDatetime, BeforeValidator, Field, StringConstraints
+from pydantic import AwareDatetime, BeforeValidator, Field, StringConstraints, model_validator
 
-from scenarios.definition.schema.base_table import Name, NotNegative, Ratio, Speed, Table
 from scenarios.definition.schema.change_tables import Changes
-from scenarios.definition.schema.flow_table import InformationFlowTable
-from scenarios.definition.schema.gnss_table import GnssTable
 from scenarios.definition.schema.limit_tables import LimitsTable
-from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
-from scenarios.definition.schema.log_table import LogTable
+from scenarios.definition.schema.link_tables import InformationFlowTable, LinkEntry, LinkTable
 from scenarios.definition.schema.path_tables import Bound, PathTable, PointsPath
-from scenarios.definition.schema.plug_ins.emission import SENDING
-from scenarios.definition.schema.plug_ins.following import LONGITUDINAL
-from scenarios.definition.schema.plug_ins.measures import EVENT, FIGURE
-from scenarios.definition.schema.plug_ins.path import FUSION, REACTION
-from scenarios.definition.schema.plug_ins.steering import LATERAL
+from scenarios.definition.schema.plug_ins.path import FUSION, LATERAL, LONGITUDINAL, REACTION
+from scenarios.definition.schema.plug_ins.points import EVENT, FIGURE, RECEIVER_ERROR, SENDING
 from scenarios.definition.schema.plug_ins.table import PlugInTable, default_of, plug_in
-from scenarios.definition.schema.replay_table import ReplayTable
-from scenarios.definition.schema.settings_table import SettingsTable, one_of, table_with
-from transport.links.laws.outages.by_time import ReceiverOff, TransmitterOff
+from scenarios.definition.schema.settings_table import (
+    Name,
+    NotNegative,
+    Ratio,
+    SettingsTable,
+    Speed,
+    Table,
+    keys_with,
+    one_of,
+    table_with,
+)
+from transport.links.laws.outages import ReceiverOff, TransmitterOff
+from vehicles.car.gnss_error_terms import ErrorTerm
+from vehicles.car.gnss_settings import ERRORS, PRESET_OF_STATE, PRESETS, GnssSettings, StateErrors
 from vehicles.car.parameters import NOMINAL_GAINS, Loading
-from vehicles.car.sending.every_fix import EveryFix
-from vehicles.car.sending.rule import SendingRule
-from vehicles.car.sending.sending_rules import RULES
-from vehicles.car.sensors.gap_sensor import GapSensorSettings
-from vehicles.car.sensors.imu_settings import ImuSettings
-from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.longitudinal.spacing import GapLimits
+from vehicles.car.sending_rules import RULES, EveryFix, SendingRule
+from vehicles.car.sensors import GapSensorSettings, ImuSettings
+from vehicles.driver.controller import GapLimits
+from vehicles.driver.settings import DegradationSettings
 from vehicles.preview.curve_fit import FitSettings
+
+# ---- The table of vehicles that repeat a recorded run
+
+
+class ReplayTable(Table):
+    """Vehicles that send their messages of a recorded run again; the others are simulated.
+
+    A replayed vehicle sends its recorded poses at their times, and its true poses for the log. It
+    receives and decides nothing. Links and their losses act as usual in the receivers. `convoy
+    replay` writes this table.
+
+    log         log of the recorded run
+    vehicles    names of the replayed vehicles
+    partial     whether a damaged or incomplete log is used; its poses are numbered again
+    digest      checksum of the log, written by the program; do not set
+    recorded_s  first and last recorded time, written by the program; do not set
+    """
+
+    log: Annotated[str, StringConstraints(min_length=1)]
+    vehicles: Annotated[tuple[Name, ...], Field(strict=False, min_length=1)]
+    partial: bool = False
+    digest: str = ""
+    recorded_s: Annotated[tuple[float, float], Field(strict=False)] | None = None
+
+
+# ---- The table of the log
+
+
+LoggedRate = Annotated[float, Field(ge=0, le=1000)]
+
+
+class LogTable(Table):
+    """Largest rates of messages in the log, per vehicle. Omitted: no limit. 0: nothing is logged.
+
+    The summary counts all messages in any case. Trajectories and commands that are not logged are
+    not sent, so the live viewer does not show them.
+
+    truth_rate_hz       true poses
+    trajectory_rate_hz  fitted trajectories
+    tracking_rate_hz    tracking errors
+    command_rate_hz     commands
+    verdicts            whether the verdict of each link on each message is logged
+    """
+
+    truth_rate_hz: LoggedRate | None = None
+    trajectory_rate_hz: LoggedRate | None = None
+    tracking_rate_hz: LoggedRate | None = None
+    command_rate_hz: LoggedRate | None = None
+    verdicts: bool = True
+
+    @property
+    def rates_hz(self) -> dict[str, float]:
+        """Largest rate by topic, for topics that are not logged completely."""
+        rates = {
+            "truth": self.truth_rate_hz,
+            "trajectory": self.trajectory_rate_hz,
+            "tracking": self.tracking_rate_hz,
+            "command": self.command_rate_hz,
+            "verdict": None if self.verdicts else 0.0,
+        }
+        return {topic: rate for topic, rate in rates.items() if rate is not None}
+
+
+# ---- The table of a GNSS receiver, completed by its preset
+
+
+if TYPE_CHECKING:
+    ErrorPlugIn = SettingsTable[ErrorTerm]
+else:
+    ErrorPlugIn = plug_in(RECEIVER_ERROR, one_of(ERRORS))
+
+
+class GnssTable(SettingsTable[GnssSettings]):
+    """The emulated GNSS receiver. Its keys replace the values of a `preset`."""
+
+    errors: Annotated[tuple[ErrorPlugIn, ...], Field(strict=False)] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _lay_presets_under(cls, given: Any) -> Any:
+        """Fill in the preset's values of keys that are not given."""
+        if not isinstance(given, dict):
+            return given
+        under = [figures for preset, figures in PRESETS.items() if preset == given.get("preset")]
+        whole = _laid_over(keys_with(GnssSettings, under[0]) if under else {}, given)
+        for state, usual in PRESET_OF_STATE.items():
+            key = f"while_{state}"
+            if isinstance(whole.get(key), dict):
+                figures = {one: value for one, value in PRESETS[usual].items() if one != "fix"}
+                whole[key] = _laid_over(keys_with(StateErrors, figures), whole[key])
+        return whole
+
+
+def _laid_over(under: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Merge two tables and the tables inside them; `given` keys win."""
+    whole = {**under, **given}
+    for key, value in under.items():
+        if isinstance(value, dict) and isinstance(given.get(key), dict):
+            whole[key] = {**value, **given[key]}
+    return whole
+
+
+# ---- Scenario tables
+
 
 FIT = FitSettings()
 GAP_LIMITS = GapLimits()

@@ -1,6 +1,8 @@
 """Positions of a recorded drive that are none: off the earth, without a fix, or far away."""
 
 import math
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +14,53 @@ from scenarios.definition.traces.recorded_drive import (
     RecordedDrive,
     TraceError,
 )
+from vehicles.geometry.bridges import step_lengths
+
+# ---- Drawn lines: points without times, far apart, that are vertices and not noisy positions
+
+
+FAR_APART = 20.0
+"""Median distance (m) of points without times from which they are the vertices of a drawn line."""
+
+SPACING = 2.0
+"""Distance (m) of the points between vertices."""
+
+FEWEST_VERTICES = 3
+
+
+def are_vertices(points: Floats) -> bool:
+    """Whether `points` (2, n) without times are those of a drawn line."""
+    if points.shape[1] < FEWEST_VERTICES:
+        return False
+    return float(np.median(step_lengths(points))) >= FAR_APART
+
+
+def between_vertices(points: Floats) -> tuple[Floats, NDArray[np.int64]]:
+    """Return points (2, m) on a smooth line through `points` (2, n), and the vertex before each.
+
+    Cubics (Hermite) join the vertices; the tangent at each is that of the parabola through it and
+    its neighbours by chord length (Catmull and Rom, 1974). On a circle of radius R with vertices d
+    apart they are off by d⁴ / (384 R³).
+    """
+    steps = np.maximum(step_lengths(points), 1e-9)
+    slopes = np.diff(points) / steps
+    inner = (slopes[:, :-1] * steps[1:] + slopes[:, 1:] * steps[:-1]) / (steps[:-1] + steps[1:])
+    first, last = 2.0 * slopes[:, :1] - inner[:, :1], 2.0 * slopes[:, -1:] - inner[:, -1:]
+    tangents = np.concatenate((first, inner, last), axis=1)
+    counts = np.maximum(np.ceil(steps / SPACING), 1.0).astype(np.int64)
+    before = np.repeat(np.arange(steps.size), counts)
+    u = (np.arange(before.size) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[before]
+    left, right = points[:, before], points[:, before + 1]
+    rest, length = 1.0 - u, steps[before]
+    towards = u * u * (3.0 - 2.0 * u)
+    leaving, joining = length * u * rest * rest, -length * u * u * rest
+    line = left + towards * (right - left)
+    line = line + leaving * tangents[:, before] + joining * tangents[:, before + 1]
+    return np.concatenate((line, points[:, -1:]), axis=1), np.append(before, steps.size)
+
+
+# ---- Positions
+
 
 FAR = 1000.0
 """Distance (m) between two points from which on they belong to different pieces."""
@@ -160,3 +209,136 @@ def _tracks(drive: RecordedDrive, pieces: list[tuple[int, int]]) -> NDArray[np.i
         if len(open_ends) > MOST_OPEN:
             open_ends.remove(min(open_ends[:-1], key=lambda track: track[2]))
     return np.array(result)
+
+
+# ---- Positions that a recorder repeats because it polls faster than the receiver measures
+
+
+LONGEST_HOLD = 1.5
+"""Longest time (s) for which a recorder repeats a position; a longer one is a standstill."""
+
+LEAST_REPEATED = 1.5
+"""Mean number of records of one position from which on a drive consists of repeats."""
+
+FEWEST_RUNS = 4
+"""Number of distinct positions from which on a pattern shows."""
+
+STANDSTILL_HOLDS = 3
+"""Number of usual holds above which a position is a standstill, with a start and an end."""
+
+SHORTEST_STANDSTILL = 1.0
+"""Shortest standstill (s)."""
+
+MOST_SINGLE_QUANTA = 0.8
+"""Share of changes by the resolution of the file above which its numbers are rounded motion."""
+
+
+def without_repeats(drive: RecordedDrive) -> tuple[RecordedDrive, float]:
+    """Return the distinct points of a drive whose recorder repeats positions.
+
+    Each keeps the time at which it appeared, a standstill also that of its last record. The second
+    value is the uncertainty (s) of these times: the interval of the records, 0 for a drive without
+    repeats, which is returned as it is.
+    """
+    steps = np.diff(drive.position)
+    changes = np.concatenate(([True], (steps != 0.0).any(axis=0)))
+    starts = np.flatnonzero(changes)
+    lengths = np.diff(np.concatenate((starts, [drive.count])))
+    if len(starts) < FEWEST_RUNS or len(starts) == drive.count:
+        return drive, 0.0
+    timed = bool(np.isfinite(drive.time_s).all())
+    lasts = starts + lengths - 1
+    held = drive.time_s[lasts] - drive.time_s[starts] if timed else np.zeros(len(starts))
+    short = lengths[held <= LONGEST_HOLD]
+    if not _repeats(short) or _is_rounded(steps):
+        return drive, 0.0
+    interval = float(np.median(np.diff(drive.time_s))) if timed else 0.0
+    usual = float(np.median(short))
+    stands = lengths > STANDSTILL_HOLDS * usual
+    if timed:
+        stands &= held >= SHORTEST_STANDSTILL
+    kept = np.sort(np.concatenate((starts, lasts[stands])))
+    count = drive.count - len(kept)
+    remark = f"every position is recorded {usual:.3g} times: {count} repeats are ignored"
+    if interval > 0.0:
+        rate = 1.0 / interval
+        remark = (
+            f"positions repeat: {rate / float(short.mean()):.2g} Hz in records of {rate:.3g} Hz, "
+            f"{count} repeats are ignored"
+        )
+    return drive.selected(kept).with_remarks(remark), interval
+
+
+def _repeats(lengths: NDArray[np.int64]) -> bool:
+    """Whether most positions are repeated, and not a few of them at length."""
+    if len(lengths) < FEWEST_RUNS:
+        return False
+    limited = np.minimum(lengths, 2.0 * float(np.median(lengths)) + 1.0)
+    return bool(limited.mean() >= LEAST_REPEATED)
+
+
+def _is_rounded(steps: Floats) -> bool:
+    """Whether almost every change is one unit of the last digit: slow motion in coarse numbers.
+
+    Such motion changes one axis at a time. Steady motion also has changes of one size, on both axes
+    together or along one of them.
+    """
+    sizes = np.abs(steps)
+    present = sizes > 0.0
+    together = present.all(axis=0).sum() > MOST_SINGLE_QUANTA * present.any(axis=0).sum()
+    if together or not present.any(axis=1).all():
+        return False
+    units = [
+        float(row[some].min()) if some.any() else np.inf
+        for row, some in zip(sizes, present, strict=True)
+    ]
+    largest = (sizes / np.array(units)[:, None]).max(axis=0)
+    changed = largest[largest > 0.0]
+    return float((changed < 1.5).mean()) > MOST_SINGLE_QUANTA
+
+
+# ---- Pauses of a recorded drive: standstills, and gaps in the recording that take no distance
+
+
+PAUSE = 10.0
+"""Shortest time (s) lost in a pause, beyond what its distance takes at the usual speed."""
+
+PauseRule = Literal["keep", "cut"]
+"""Whether the lead waits where the recorded car did not move on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """A pause after point `point` of a drive, which `lost_s` are lost in.
+
+    The step to the next point takes `lasts_s` in the record; the rest is its distance at the usual
+    speed of the drive.
+    """
+
+    point: int
+    lasts_s: float
+    lost_s: float
+
+
+def pauses_in(points: Floats, time_s: Floats) -> tuple[Pause, ...]:
+    """Return the pauses between `points` (2, n) at `time_s` (n,), nondecreasing."""
+    if time_s.size < 2:
+        return ()
+    gone, steps = np.diff(time_s), step_lengths(points)
+    moving = (gone > 0.0) & (steps > 0.0)
+    if not moving.any():
+        return ()
+    speed = float(np.median(steps[moving] / gone[moving]))
+    usual = float(np.median(gone[moving]))
+    lost = gone - np.maximum(steps / speed, usual)
+    return tuple(
+        Pause(k, float(gone[k]), float(lost[k])) for k in np.flatnonzero(lost >= PAUSE).tolist()
+    )
+
+
+def without_pauses(time_s: Floats, pauses: tuple[Pause, ...]) -> Floats:
+    """Return the times (s) of a drive whose pauses lose no time."""
+    lost = np.zeros(time_s.size)
+    for pause in pauses:
+        lost[pause.point + 1] = pause.lost_s
+    return np.asarray(time_s - np.cumsum(lost))

@@ -11,9 +11,8 @@ from scenarios.definition.errors import SettingError
 from scenarios.definition.library import TRACES, exists
 from scenarios.definition.schema.path_tables import PointsPath, TracePath
 from scenarios.definition.schema.scenario_tables import OriginTable, ScenarioTables, VehicleTable
-from scenarios.definition.traces.part import DrivenPart, PartError
 from scenarios.definition.traces.reading import DriveInPlane, OnDrive, read_trace
-from scenarios.definition.traces.recorded_drive import TraceError
+from scenarios.definition.traces.recorded_drive import DrivenPart, PartError, TraceError
 from vehicles.geometry.bridges import step_lengths
 from vehicles.geometry.geodesy import REACH, Origin
 from vehicles.geometry.smoothing import MERGED_NOISE

@@ -8,21 +8,23 @@ from pathlib import Path
 from scenarios.results.files import write_whole
 from scenarios.results.holes import hole_lines
 from scenarios.results.outcome import with_outcome_line
-from scenarios.results.recorded.run_record import RunRecord
-from scenarios.results.report.markup import Markup, element, join
 from scenarios.results.report.plots import ReportDetail, RunPlots, TimeMark, colour_code
 from scenarios.results.report.tables import (
     MOST_EVENTS,
+    Markup,
+    element,
     event_table,
     event_text,
+    join,
     limit_table,
     lines_table,
     link_table,
     string_table,
     vehicle_table,
 )
+from scenarios.results.run_record import RunRecord
 from scenarios.results.summary import RunSummary
-from transport.colours import colour_of
+from transport.panels import colour_of
 
 MOST_BYTES = 500_000
 DETAILS = (

@@ -3,21 +3,177 @@
 The script of the page reads the curves back from their paths: `data-` attributes hold the scales.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from scenarios.results.recorded.frequency_gains import Signal, frequency_gains
-from scenarios.results.recorded.modes import ModeFrom, mode_changes
-from scenarios.results.recorded.run_record import RunRecord
-from scenarios.results.report.axes import Floats, Scale, thinned, value_range
-from scenarios.results.report.curves import Axis, VehicleCurve, along_path, band_data, path_data
-from scenarios.results.report.markup import Markup, element, join
+from scenarios.results.data_table import DataTable
+from scenarios.results.frequency_gains import Signal, frequency_gains
+from scenarios.results.report.tables import Markup, element, join
+from scenarios.results.run_record import ModeFrom, RunRecord, mode_changes
 from scenarios.results.summary import RunSummary
-from transport.colours import Colour, colour_of
-from transport.panels import PANELS
+from transport.panels import PANELS, Colour, colour_of
+
+# ---- Scales and ticks of the plots
+
+
+Floats = NDArray[np.float64]
+MARGIN_RATIO = 0.06
+STEPS = (1.0, 2.0, 5.0, 10.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """Linear map from values `low` to `high` to pixels `first` to `last`."""
+
+    low: float
+    high: float
+    first: float
+    last: float
+
+    def to_pixels(self, values: Floats) -> Floats:
+        span = (self.high - self.low) or 1.0
+        pixels: Floats = self.first + (values - self.low) / span * (self.last - self.first)
+        return pixels
+
+    def pixel(self, value: float) -> float:
+        return float(self.to_pixels(np.array([value]))[0])
+
+    def ticks(self, count: int) -> list[float]:
+        """About `count` multiples of 1, 2 or 5 times a power of ten within the range."""
+        span = self.high - self.low
+        if not span > 0.0:
+            return [self.low]
+        raw = span / count
+        power = 10.0 ** math.floor(math.log10(raw))
+        step = next(factor * power for factor in STEPS if factor * power >= raw * 0.999)
+        first = math.ceil(self.low / step - 1e-9)
+        last = math.floor(self.high / step + 1e-9)
+        return [number * step for number in range(first, last + 1)]
+
+
+def value_range(values: list[Floats]) -> tuple[float, float]:
+    """Range of all finite values and zero, with a margin."""
+    finite = [part[np.isfinite(part)] for part in values]
+    known = np.concatenate([np.zeros(1), *finite])
+    low, high = float(known.min()), float(known.max())
+    margin = MARGIN_RATIO * ((high - low) or 1.0)
+    return (low - margin if low < 0.0 else low), high + margin
+
+
+def thinned(at: Floats, values: Floats, most: int) -> tuple[Floats, Floats]:
+    """Keep the least and the largest value of each of `most` / 2 equal parts, and the ends.
+
+    Extremes are kept exactly. NaN is kept as a break of the line.
+    """
+    if at.size <= most:
+        return at, values
+    width = -(-at.size // max(most // 2, 1))
+    parts = -(-at.size // width)
+    padded = np.full(parts * width, np.inf)
+    padded[: at.size] = values
+    table = padded.reshape(parts, width)
+    unknown = np.isnan(table)
+    first = np.arange(parts) * width
+    least = first + np.where(unknown, np.inf, table).argmin(axis=1)
+    largest = first + np.where(unknown | np.isinf(table), -np.inf, table).argmax(axis=1)
+    breaks = (first + unknown.argmax(axis=1))[unknown.any(axis=1)]
+    rows = np.unique(np.concatenate([[0, at.size - 1], least, largest, breaks]))
+    return at[rows], values[rows]
+
+
+# ---- Curves of the plots: over time or along the path of the lead, with bands of three sigma
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """The horizontal axis of a plot: a name and its scale."""
+
+    name: str
+    scale: Scale
+
+    @property
+    def data(self) -> dict[str, object]:
+        """Attributes by which the script of the page finds values under the cursor."""
+        low, high = f"{self.scale.low:.9g}", f"{self.scale.high:.9g}"
+        return {"data_axis": self.name, "data_from": low, "data_to": high}
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleCurve:
+    """Values of one vehicle over time (s), place (m) or frequency (Hz).
+
+    The `deviation` makes a band, `points` are drawn as such.
+    """
+
+    name: str
+    at: Floats
+    values: Floats
+    deviation: Floats | None = None
+    points: bool = False
+
+    @property
+    def is_known(self) -> bool:
+        return bool(np.isfinite(self.values).any())
+
+    def band(self) -> tuple[Floats, Floats] | None:
+        """Values three standard deviations below and above; None without any."""
+        if self.deviation is None or not np.isfinite(self.deviation).any():
+            return None
+        return self.values - 3.0 * self.deviation, self.values + 3.0 * self.deviation
+
+
+def along_path(name: str, true: DataTable, figure: str) -> VehicleCurve:
+    """A figure over the place along the path of the lead, where the vehicle is there first."""
+    known = np.flatnonzero(np.isfinite(true.station_m))
+    station = true.station_m[known]
+    first = np.diff(np.maximum.accumulate(station), prepend=-np.inf) > 0.0
+    return VehicleCurve(name, station[first], true[figure][known][first])
+
+
+def path_data(x: Floats, y: Floats) -> str:
+    """Path of a line in SVG, interrupted where a value is unknown."""
+    parts: list[str] = []
+    pen = "M"
+    for px, py in zip(x.tolist(), y.tolist(), strict=True):
+        if not (np.isfinite(px) and np.isfinite(py)):
+            pen = "M"
+            continue
+        parts.append(f"{pen}{px:.1f} {py:.1f}")
+        pen = "L"
+    return "".join(parts)
+
+
+def band_data(axis: Axis, scale: Scale, curve: VehicleCurve, most: int) -> str:
+    """Area of the band of a curve in SVG, with up to `most` points a side; empty without one.
+
+    Each side keeps its extremes, so that a narrower picture does not narrow the band.
+    """
+    sides = curve.band()
+    if sides is None:
+        return ""
+    known = np.isfinite(sides[0])
+    parts = []
+    for rows in np.split(
+        np.flatnonzero(known), np.flatnonzero(np.diff(np.flatnonzero(known)) > 1) + 1
+    ):
+        share = max(int(most * rows.size / known.sum()), 8)
+        lines = []
+        for side, order in zip(sides, (1, -1), strict=True):
+            at, values = thinned(curve.at[rows], side[rows], share)
+            x, y = axis.scale.to_pixels(at), np.clip(scale.to_pixels(values), -1e4, 1e4)
+            lines.append(path_data(x[::order], y[::order]))
+        parts.append(f"{lines[0]}L{lines[1][1:]}z")
+    return "".join(parts)
+
+
+# ---- Plots
+
 
 WIDTH, LEFT, RIGHT = 900.0, 58.0, 8.0
 TOP, BOTTOM = 8.0, 24.0

@@ -1,19 +1,54 @@
 """Tables of a report: figures by vehicle and link, events and limits."""
 
 from collections.abc import Callable, Mapping, Sequence
+from html import escape
 from math import isfinite
 from typing import Any
 
-from scenarios.results.channel.link_summary import LinkSummary
-from scenarios.results.events.run_event import RunEvent
-from scenarios.results.report.markup import Markup, element
+from scenarios.results.link_summary import LinkSummary
+from scenarios.results.run_event import RunEvent
+from scenarios.results.string_figures import STRING_SIGNALS, StringFigures, StringSignal
 from scenarios.results.summary import RunSummary
-from scenarios.results.vehicles.string_errors import string_errors
-from scenarios.results.vehicles.string_figures import (
-    STRING_SIGNALS,
-    StringFigures,
-    StringSignal,
-)
+from scenarios.results.vehicle_figures import string_errors
+
+# ---- HTML and SVG elements as text; everything but markup is escaped
+
+
+class Markup(str):
+    """Text that is markup already."""
+
+    __slots__ = ()
+
+
+def element(tag: str, /, *content: "str | None", **attributes: object) -> Markup:
+    """Make an element; None is left out, as are attributes that are None.
+
+    Names of attributes: a trailing underscore is dropped, others become hyphens.
+    """
+    given = "".join(
+        f' {key.rstrip("_").replace("_", "-")}="{escape(str(value))}"'
+        for key, value in attributes.items()
+        if value is not None
+    )
+    inside = join(*content)
+    if not content and tag in {"path", "line", "rect", "circle", "meta"}:
+        return Markup(f"<{tag}{given}/>")
+    return Markup(f"<{tag}{given}>{inside}</{tag}>")
+
+
+def join(*parts: "str | None") -> Markup:
+    """Concatenate texts and markup."""
+    return Markup(
+        "".join(
+            part if isinstance(part, Markup) else escape(part, quote=False)
+            for part in parts
+            if part is not None
+        )
+    )
+
+
+# ---- Tables
+
 
 Cell = tuple[str, Callable[[Any], Any], float, str]
 """Heading, value of a row, factor and format."""

@@ -3,14 +3,18 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from scenarios.definition.road.set_speed import SpeedPlan
-from scenarios.definition.schema.plug_ins.guards import PlugInError
-from scenarios.runs.node.change_executor import ChangeExecutor, CrashedError
-from scenarios.runs.node.outbox import Outbox, OutboxState
-from scenarios.runs.node.pending_changes import DueChange, PendingChanges
-from scenarios.runs.node.phases import Car, Down, VehicleContext, VehiclePhase
-from scenarios.runs.node.recorded_node import RecordedNode
-from scenarios.runs.node.replayed_node import ReplayedNode
+from scenarios.definition.road.lead_speed import SpeedPlan
+from scenarios.definition.schema.plug_ins.point import PlugInError
+from scenarios.runs.node.outbox import DueChange, Outbox, OutboxState, PendingChanges
+from scenarios.runs.node.phases import (
+    Car,
+    ChangeExecutor,
+    CrashedError,
+    Down,
+    VehicleContext,
+    VehiclePhase,
+)
+from scenarios.runs.node.recorded_vehicle import RecordedNode, ReplayedNode
 from transport.clock import Tick
 from transport.links.inbox import Inbox, InboxCounts
 from vehicles.car.dynamics import OutOfModelError

@@ -1,27 +1,119 @@
 """Messages that a vehicle sends: its pose for the convoy, everything else for the log."""
 
+from bisect import insort
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
+from threading import Lock
+from typing import Protocol
 
-from scenarios.definition.changing.live_change import change_json
-from scenarios.runs.node.pending_changes import DueChange
-from scenarios.runs.node.probe import Probe
+from scenarios.definition.changes import change_json
+from scenarios.definition.schema.change_tables import AnyChange
 from scenarios.runs.node.sink import Sink
 from transport.links.inbox import Inbox
 from transport.links.true_poses import TruePoses
 from vehicles import messages
-from vehicles.car.clock_error import VehicleClock
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, to_message
+from vehicles.car.noise import VehicleClock
 from vehicles.car.parameters import VehicleParameters
-from vehicles.car.sending.path_history import PathHistory
+from vehicles.car.path_history import PathHistory
 from vehicles.car.tyres import TyreUse, axle_loads, rolling_use, tyre_use
 from vehicles.driver.decision import Decision
 from vehicles.geometry.geodesy import LocalPlane
-from vehicles.geometry.sparse_path import NO_HISTORY
+from vehicles.geometry.sampled_path import NO_HISTORY
 from vehicles.messages import NO_ANNOUNCEMENT, Announcement, Message
-from vehicles.schedule import SECOND, Timer
+from vehicles.schedule import SECOND, Timer, nanoseconds
+
+# ---- Pending changes of one vehicle, by its scenario and by hand
+
+
+@dataclass(frozen=True, slots=True)
+class DueChange:
+    """A change that takes effect at the instant `at` (ns), by a scenario or by hand."""
+
+    at: int
+    change: AnyChange
+    by_hand: bool = False
+
+
+_at = attrgetter("at")
+
+
+class PendingChanges:
+    """Pending changes of one vehicle, in order of time and then of addition.
+
+    Any thread may add; only the vehicle's thread takes.
+    """
+
+    def __init__(self, scheduled_changes: Iterable[DueChange] = ()) -> None:
+        self._coming = sorted(scheduled_changes, key=_at)
+        self._lock = Lock()
+
+    def add(self, due: DueChange) -> None:
+        with self._lock:
+            insort(self._coming, due, key=_at)
+
+    @property
+    def pending(self) -> tuple[DueChange, ...]:
+        with self._lock:
+            return tuple(self._coming)
+
+    def take(self, now: int) -> list[DueChange]:
+        """Remove and return the changes that are due at the tick at `now` (ns)."""
+        if not self._coming or self._coming[0].at > now:  # the usual tick needs no lock
+            return []
+        with self._lock:
+            count = sum([due.at <= now for due in self._coming])
+            taken, self._coming = self._coming[:count], self._coming[count:]
+        return taken
+
+
+def scheduled_changes(
+    changes: Iterable[AnyChange], start_at: int, concerns: Callable[[AnyChange], bool]
+) -> list[DueChange]:
+    """Changes of a scenario that concern a vehicle, for a run from `start_at` (ns)."""
+    return [
+        DueChange(start_at + nanoseconds(change.at_s), change)
+        for change in changes
+        if concerns(change)
+    ]
+
+
+# ---- Memory, processor time and lateness of a vehicle; in virtual time all of them are zero
+
+
+@dataclass(frozen=True, slots=True)
+class Usage:
+    """Resident memory, share of one core since the start, late ticks, and the process's clock.
+
+    Late ticks with neither of the two causes are due to the processor. The offset of the clock from
+    the recorder's was removed, up to the uncertainty.
+    """
+
+    memory_bytes: int = 0
+    cpu_ratio: float = 0.0
+    late_ticks: int = 0
+    lateness_ms_max: float = 0.0
+    clock_offset_ms: float = 0.0
+    clock_uncertainty_ms: float = 0.0
+    late_ticks_at_start: int = 0
+    late_ticks_by_network: int = 0
+
+
+class Probe(Protocol):
+    def read(self) -> Usage: ...
+
+
+class NoProbe:
+    """For virtual time, where a vehicle has no process of its own and no tick is late."""
+
+    def read(self) -> Usage:
+        return Usage()
+
+
+# ---- Outbox
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,26 +4,121 @@ In every phase the car moves, its sensors measure and its true poses are logged.
 while its software drives.
 """
 
-from collections.abc import Iterable
+from bisect import insort
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from operator import itemgetter
 from typing import Protocol
 
-from scenarios.definition.road.set_speed import SpeedPlan
-from scenarios.runs.node.outbox import Outbox
+from scenarios.definition.changes import (
+    LINK_CHANGES,
+    EffectsOf,
+    LinkChange,
+    Made,
+    course,
+    describe_change,
+    links_of,
+)
+from scenarios.definition.road.lead_speed import SpeedPlan
+from scenarios.definition.schema.change_tables import (
+    AnyChange,
+    CrashTable,
+    FixChangeTable,
+    JoinTable,
+    LeaveTable,
+    SpeedChangeTable,
+    StallTable,
+)
+from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.runs.node.outbox import DueChange, Outbox, PendingChanges
 from transport.links.inbox import Inbox, IncomingLink
-from transport.links.laws.effect import Position
+from transport.links.laws.link_law import Position
+from transport.links.link import Link
 from transport.links.true_poses import TruePoses
-from vehicles.car.clock_error import VehicleClock
 from vehicles.car.dynamics import Actuation, Body, CarMotion, DriveTrain
 from vehicles.car.gnss import Fix, GnssReceiver
+from vehicles.car.gnss_error_terms import NO_END
+from vehicles.car.imu import ExactSensor, InertialSensor, Motion
+from vehicles.car.noise import VehicleClock
 from vehicles.car.parameters import VehicleParameters
-from vehicles.car.sending.sender import Sender
-from vehicles.car.sensors.gap_sensor import GapMeasurement, GapSensor
-from vehicles.car.sensors.imu import ExactSensor, InertialSensor, Motion
+from vehicles.car.sending_rules import Sender
+from vehicles.car.sensors import GapMeasurement, GapSensor
 from vehicles.driver.decision import Driver
-from vehicles.driver.degradation.settings import DegradationSettings
+from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.speed import ProfileSpeed
-from vehicles.schedule import SECOND, Cadence
+from vehicles.schedule import SECOND, Cadence, nanoseconds
+
+# ---- Changes of the incoming links of one vehicle
+
+
+@dataclass(slots=True)
+class ChangingLink:
+    """One link with its requested settings and its changes by instant (ns), in order of time."""
+
+    link: Link
+    requested: LinkTable
+    effects_of: EffectsOf
+    changes: list[tuple[int, LinkChange]] = field(default_factory=list)
+    made: Made = field(default_factory=dict)
+
+    def change(self, at: int, change: LinkChange) -> None:
+        """Change the link from the instant `at` (ns) on; earlier effects stay."""
+        insort(self.changes, (at, change), key=itemgetter(0))
+        before = [changed for changed in self.link.changes if changed.from_at < at]
+        after = course(self.changes, self.requested, self.effects_of, since=at, made=self.made)
+        self.link.changes = (*before, *after)
+
+
+class ChangedLinks:
+    """Changes of the links to one vehicle of a convoy of `names`.
+
+    A link knows the `scheduled` changes beforehand; those by hand are added when they are due.
+    Changes belong to the channel: they outlive the vehicle's software, which builds its links
+    again.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        scheduled: Iterable[DueChange],
+        by_hand: Iterable[DueChange] = (),
+    ) -> None:
+        self._names = names
+        self._links: dict[tuple[str, str], ChangingLink] = {}
+        self._scheduled = list(scheduled)
+        self._by_hand = list(by_hand)
+
+    @property
+    def by_hand(self) -> tuple[DueChange, ...]:
+        return tuple(self._by_hand)
+
+    def adopt(self, links: Iterable[ChangingLink]) -> None:
+        """Replace the links and apply all changes so far to the new ones."""
+        self._links = {
+            (changing.link.sender, changing.link.receiver): changing for changing in links
+        }
+        for due in (*self._scheduled, *self._by_hand):
+            self._change(due)
+
+    def carry_out(self, due: DueChange) -> str:
+        """Carry out a change of links; returns a line for the log, empty for other changes."""
+        if not isinstance(due.change, LINK_CHANGES):
+            return ""
+        if due.by_hand:
+            self._by_hand.append(due)
+            self._change(due)
+        about = links_of(due.change, self._names, self._links)
+        links = ", ".join(f"{sender} → {receiver}" for sender, receiver in about)
+        return f"{links}: {describe_change(due.change)}{', by hand' if due.by_hand else ''}"
+
+    def _change(self, due: DueChange) -> None:
+        if isinstance(due.change, LINK_CHANGES):
+            for pair in links_of(due.change, self._names, self._links):
+                self._links[pair].change(due.at, due.change)
+
+
+# ---- Phases
+
 
 BRAKING = DegradationSettings().firm.deceleration
 """Deceleration (m/s²) of a car whose software is down: Autoware's emergency stop, without jerk."""
@@ -278,3 +373,103 @@ class HumanDriving(VehiclePhase):
 
     def joined(self, now: int) -> VehiclePhase:
         return Driving.restarted(self.context, now)
+
+
+# ---- Carries out and reports changes of one vehicle while it runs
+
+
+WORDS = {
+    "stall": "its control stalls",
+    "crash": "its process crashes",
+    "leave": "it leaves the convoy, a human takes over",
+    "join": "it joins the convoy",
+    "gnss": "its receiver has another fix",
+    "speed": "the set speed changes",
+}
+"""Log text by kind of change."""
+
+
+class CrashedError(Exception):
+    """The process of a vehicle has crashed for good, as requested."""
+
+
+class ChangeExecutor:
+    """Carries out the changes of a vehicle with its own car and software."""
+
+    def __init__(self, pending_changes: PendingChanges, links: ChangedLinks) -> None:
+        self.pending_changes = pending_changes
+        self.links = links
+
+    def apply(self, now: int, phase: VehiclePhase) -> VehiclePhase:
+        """Carry out what is due at the tick at `now` (ns); returns the phase of this tick.
+
+        Raises CrashedError if the vehicle does not return.
+        """
+        for due in self.pending_changes.take(now):
+            phase = self._apply(due, now, phase)
+        return phase.at(now)
+
+    def _apply(self, due: DueChange, now: int, phase: VehiclePhase) -> VehiclePhase:
+        context = phase.context
+        if isinstance(due.change, LINK_CHANGES):
+            context.outbox.publish_change(now, due, self.links.carry_out(due))
+            return phase
+        following = _phase_after(due, now, phase)
+        if following is None:
+            context.outbox.log(now, f"{_described(due.change)}: has no effect now", "warning")
+            return phase
+        context.outbox.publish_change(now, due, _described(due.change))
+        match due.change:
+            case CrashTable(for_s=None):
+                raise CrashedError("its process has crashed, as requested")
+            case FixChangeTable():
+                change_fix(context.car.gnss, due.at, due.change)
+            case SpeedChangeTable():
+                after_s = (due.at - context.start_at) / SECOND
+                context.plan = context.plan.changed(after_s, due.change)
+                following.replan(now)
+        return following
+
+
+def _phase_after(due: DueChange, now: int, phase: VehiclePhase) -> VehiclePhase | None:
+    """Phase after a change; None if the change has no effect."""
+    match due.change:
+        case StallTable(for_s=for_s):
+            return phase.stalled(due.at + nanoseconds(for_s))
+        case CrashTable(for_s=float(for_s)):
+            return phase.crashed(due.at + nanoseconds(for_s))
+        case LeaveTable():
+            return phase.left(now)
+        case JoinTable():
+            return phase.joined(now)
+        case _:
+            return phase
+
+
+def change_fix(gnss: GnssReceiver, at: int, change: FixChangeTable) -> None:
+    """Force a fix from the instant `at` (ns) on, or restore the receiver's own law."""
+    state = None if change.fix == "auto" else change.fix
+    until = NO_END if change.for_s is None else at + nanoseconds(change.for_s)
+    gnss.force(state, at, until)
+
+
+def change_receiver(
+    pending_changes: PendingChanges, gnss: GnssReceiver, outbox: Outbox, now: int
+) -> None:
+    """Carry out what is due at `now` (ns) for a vehicle that can only change its receiver."""
+    for due in pending_changes.take(now):
+        match due.change:
+            case FixChangeTable():
+                outbox.publish_change(now, due, _described(due.change))
+                change_fix(gnss, due.at, due.change)
+            case _:
+                text = f"{_described(due.change)}: has no effect on a recorded drive"
+                outbox.log(now, text, "warning")
+
+
+def _described(change: AnyChange) -> str:
+    named = {"kind", "at_s", "vehicle"}
+    figures = change.model_dump(exclude=named, exclude_none=True)
+    rest = ", ".join(f"{key} = {value}" for key, value in figures.items())
+    words = WORDS.get(change.kind, change.kind)
+    return f"{words} ({rest})" if rest else words

@@ -5,20 +5,28 @@ states are sent too, for the new log and its figures.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from math import cos, hypot, sin
+from math import atan, cos, hypot, sin
 from operator import attrgetter
 from pathlib import Path
 
 from scenarios.definition.recorded_messages import digest_of
-from scenarios.definition.schema.replay_table import ReplayTable
+from scenarios.definition.road.replayed_drive import ReplayedDrive
+from scenarios.definition.schema.scenario_tables import ReplayTable
+from scenarios.runs.node.outbox import Outbox, PendingChanges
+from scenarios.runs.node.phases import change_receiver
+from transport.clock import Tick
+from transport.links.inbox import Inbox
 from transport.log.errors import LogError
 from transport.topics import RUN_SENDER
+from vehicles.car.dynamics import Body
+from vehicles.car.gnss import GnssReceiver
+from vehicles.car.sending_rules import Sender
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, RunStart, TruePose
 from vehicles.received_pose import receive
-from vehicles.schedule import SECOND, nanoseconds
+from vehicles.schedule import SECOND, Cadence, nanoseconds
 
 SEARCHED_LENGTH_M = 150.0
 """Length (m) of the first part of a recorded drive, before a second lap, to search a place on."""
@@ -158,3 +166,71 @@ def _time_at(
             reached = at[k - 1] + share * (at[k] - at[k - 1])
             return (reached - recorded.started_at) / SECOND
     raise ValueError(f"the recorded drive is shorter than {station:.1f} m")
+
+
+# ---- A vehicle that sends recorded messages: it measures, receives and decides nothing
+
+
+@dataclass(slots=True, kw_only=True)
+class RecordedNode:
+    """Recorded messages instead of car, sensors and driver. Its inbox stays empty."""
+
+    replay: Replay
+    inbox: Inbox
+    outbox: Outbox
+    pending_changes: PendingChanges = field(default_factory=PendingChanges)
+    _sent: int = 0
+
+    def step(self, tick: Tick) -> None:
+        due, messages = self._sent, self.replay.messages
+        while due < len(messages) and self.replay.instants[due] <= tick.at:
+            due += 1
+        self.outbox.publish_recorded(tick.at, messages[self._sent : due])
+        self._sent = due
+
+    def handover(self, now: int) -> None:
+        """No software, no handover."""
+
+
+# ---- A vehicle that repeats a recorded drive: it measures and sends, without a driver
+
+
+@dataclass(slots=True, kw_only=True)
+class ReplayedNode:
+    """A recorded drive instead of car and driver, with a vehicle's receiver.
+
+    Its inbox stays empty. Only changes of its receiver have an effect.
+    """
+
+    drive: ReplayedDrive
+    start_at: int
+    wheelbase: float
+    control: Cadence
+    gnss: GnssReceiver
+    sender: Sender
+    inbox: Inbox
+    outbox: Outbox
+    pending_changes: PendingChanges
+
+    def step(self, tick: Tick) -> None:
+        change_receiver(self.pending_changes, self.gnss, self.outbox, tick.at)
+        body = self._body(tick.at)
+        fix = self.sender.send(tick.at, self.gnss.measure(body, tick.at))
+        fresh = self.control.due(tick.at)
+        self.outbox.publish_replayed(tick.at, body, fix, self.sender.path, fresh=fresh)
+
+    def handover(self, now: int) -> None:
+        """No software, no handover."""
+
+    def _body(self, now: int) -> Body:
+        """The car at `now` (ns), along its path without slip."""
+        place, speed, distance = self.drive.at((now - self.start_at) / SECOND)
+        return Body(
+            east=place.east,
+            north=place.north,
+            yaw=place.yaw,
+            speed=speed,
+            yaw_rate=speed * place.curvature,
+            steering=atan(self.wheelbase * place.curvature),
+            distance=distance,
+        )

@@ -7,8 +7,7 @@ from zlib import crc32
 from transport.bus.bus import Bus
 from transport.bus.telemetry import BatchRecord, packed, records_key
 from transport.codec import encode
-from transport.thinning import Thinning
-from transport.topics import TOPIC_OF, Topic, key, valid_at
+from transport.topics import TOPIC_OF, Thinning, Topic, key, valid_at
 from vehicles.messages import Command, CompositeTrajectory, Message
 from vehicles.schedule import MILLISECOND
 

@@ -10,7 +10,7 @@ from threading import Event, Lock
 from transport.bus.telemetry import unpacked
 from transport.clock import SYSTEM_TIME, SystemTime
 from transport.codec import MAX_BYTES
-from transport.reasons import RefusalReason
+from transport.topics import RefusalReason
 from vehicles.schedule import SECOND
 
 MOST_BYTES = 64 * 2**20

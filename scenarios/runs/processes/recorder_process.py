@@ -7,16 +7,19 @@ from pathlib import Path
 from scenarios.definition.scenario import Scenario
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary
-from scenarios.runs.control.end_confirmation import EndConfirmations
-from scenarios.runs.control.run_status import StatusBoard
+from scenarios.runs.end_confirmation import EndConfirmations
 from scenarios.runs.node.sink import BATCH_NS
 from scenarios.runs.observer import Observer, ThrottledObservers
 from scenarios.runs.processes.arrivals import Arrival, Arrivals, SendingOrder
-from scenarios.runs.processes.clock_sync import ClockOffset, ClockServer
 from scenarios.runs.processes.conductor import RETURN_NS, Conductor, Phase
-from scenarios.runs.processes.membership import Membership
-from scenarios.runs.processes.router_watch import ROUTER_LOST_AFTER_NS
+from scenarios.runs.processes.membership import (
+    ROUTER_LOST_AFTER_NS,
+    ClockOffset,
+    ClockServer,
+    Membership,
+)
 from scenarios.runs.run_log import RunLog
+from scenarios.runs.run_status import StatusBoard
 from scenarios.runs.stop import Stop
 from transport.bus.bus import Bus
 from transport.bus.telemetry import MAX_RECORDS_BYTES, records_key

@@ -5,23 +5,22 @@ from itertools import dropwhile
 from math import ceil
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.channel.account import LAST_LOOK_NS
-from scenarios.runs.control.end_confirmation import confirm_end
-from scenarios.runs.control.live_control import LiveControl
-from scenarios.runs.machine import THIS_MACHINE, Machine
-from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
+from scenarios.results.account import LAST_LOOK_NS
+from scenarios.runs.end_confirmation import confirm_end
+from scenarios.runs.live_control import LiveControl
 from scenarios.runs.node.node import AnyNode, VehicleFaultError, step_with_faults
-from scenarios.runs.node.process_probe import ProcessProbe
+from scenarios.runs.node.process_probe import THIS_MACHINE, Machine, ProcessProbe
 from scenarios.runs.node.sink import BatchingSink
-from scenarios.runs.processes.clock_sync import ClockSync
+from scenarios.runs.node.vehicle_builder import VehicleBuilder
 from scenarios.runs.processes.membership import (
     VEHICLE,
+    ClockSync,
     Fingerprint,
     Membership,
     RecorderWatch,
+    RouterWatch,
 )
 from scenarios.runs.processes.restart import ProcessHandover, RestartRequestedError
-from scenarios.runs.processes.router_watch import RouterWatch
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from transport.bus.bus import Bus, BusError, Fetch
 from transport.bus.zenoh_bus import ZenohOptions
@@ -35,8 +34,8 @@ from transport.clock import (
     poll,
 )
 from transport.codec import RefusedMessageError, decode
-from transport.links.gate import GPS
 from transport.links.inbox import QUEUE, Inbox, IncomingLink
+from transport.links.link import GPS
 from transport.links.true_poses import KEPT, TRUTH
 from transport.topics import RUN_SENDER, TOPICS, Topic, key
 from vehicles.messages import Change, Health, Message, RunEnd, RunStart

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from scenarios.definition.check.link_sample import SampledChannel
+from scenarios.definition.check.link_forecast import SampledChannel
 from scenarios.results.files import write_whole
 from scenarios.studies.channel.comparison import QUANTILES, ComparedFigure, Comparison
 from scenarios.studies.picture_style import (

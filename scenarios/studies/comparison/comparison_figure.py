@@ -20,14 +20,8 @@ from scenarios.studies.comparison.run_comparison import (
     PlacedVehicle,
     RunComparison,
 )
-from scenarios.studies.picture_style import (
-    PAGE_IN,
-    STYLE,
-    encoded,
-    picture_format_of,
-)
-from transport.colours import colour_of
-from transport.panels import PANELS
+from scenarios.studies.picture_style import PAGE_IN, STYLE, encoded, picture_format_of
+from transport.panels import PANELS, colour_of
 
 Floats = NDArray[np.float64]
 MOST_SHOWN = 4

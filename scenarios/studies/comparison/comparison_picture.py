@@ -5,8 +5,8 @@ from zlib import crc32
 
 import numpy as np
 
-from scenarios.results.events.bodies import BodySize
-from scenarios.results.pictures.run_drawing import widest_spacing
+from scenarios.results.encounters import BodySize
+from scenarios.results.run_drawing import widest_spacing
 from scenarios.results.stream import sizes_of
 from scenarios.studies.comparison.run_comparison import (
     ComparedRun,
@@ -14,7 +14,7 @@ from scenarios.studies.comparison.run_comparison import (
     PlacedVehicle,
     RunComparison,
 )
-from transport.picture.comparison.tracks import (
+from transport.picture.comparison import (
     ComparedTracks,
     DivergencePoint,
     ModeStart,
@@ -39,7 +39,7 @@ def show_comparison(
     with OpenRecording(option, identifier, title) as picture:
         if not picture.enabled:
             return
-        from transport.picture.comparison.drawing import draw_tracks  # noqa: PLC0415 - an extra
+        from transport.picture.comparison import draw_tracks  # noqa: PLC0415 - an extra
 
         draw_tracks(picture.recording, tracks_of(comparison))
         if option.sink == "serve":

@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.results.recorded.data_table import DataTable
-from scenarios.results.recorded.modes import ModeFrom, mode_changes
-from scenarios.results.recorded.run_record import RunRecord
+from scenarios.results.data_table import DataTable
+from scenarios.results.run_record import ModeFrom, RunRecord, mode_changes
 from scenarios.results.summary import RunSummary
-from scenarios.results.vehicles.string_errors import StringError, string_errors
+from scenarios.results.vehicle_figures import StringError, string_errors
 from transport.log.errors import LogError
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.geometry.path_offsets import driven_feet

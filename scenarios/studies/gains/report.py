@@ -36,33 +36,38 @@ from vehicles.car.parameters import (
     loaded,
     loaded_with_moved_centre,
 )
-from vehicles.theory.constant_speed import guaranteed_decay, is_stable_over
-from vehicles.theory.gain_margins import common_ball, gain_interval, stability_ball
 from vehicles.theory.gain_sets import (
     PAPER_SPEEDS,
     abscissa,
+    common_ball,
     gain_box,
     gain_extremes,
+    gain_interval,
+    guaranteed_decay,
     is_stabilising,
+    is_stable_over,
     non_convex_pair,
     singular_frequency,
     stabilises_all,
+    stability_ball,
 )
-from vehicles.theory.linear_model import characteristic_polynomial, steady_cornering
-from vehicles.theory.propagation import (
+from vehicles.theory.linear_model import (
     SteeringModel,
+    characteristic_polynomial,
     low_frequency_growth,
     propagation,
+    steady_cornering,
     trace_propagation,
 )
 from vehicles.theory.sampled_loop import SampledLoop, lowest_stable_rate, sampled_stability
-from vehicles.theory.simulated_chain import SIMULATED_FREQUENCIES, simulated_propagation
 from vehicles.theory.string_stability import (
     LANE_CHANGE_BAND,
+    SIMULATED_FREQUENCIES,
     amplified_band,
     largest_weight,
     maximum_gain,
     peak,
+    simulated_propagation,
 )
 from vehicles.theory.varying_speed import (
     FASTEST,
@@ -108,7 +113,7 @@ def refuse_foreign_files(out_dir: Path, picture_format: str | None = "png") -> N
             [f"{path}: exists and is not a gains report; give another folder by --out"]
         )
     if picture_format:
-        from scenarios.studies.gains.stability_plots import NAMES  # noqa: PLC0415 - brings matplotlib
+        from scenarios.studies.gains.plots import NAMES  # noqa: PLC0415 - brings matplotlib
 
         for picture in (out_dir / f"{name}.{picture_format}" for name in NAMES):
             if picture.exists() or picture.is_symlink():
@@ -152,7 +157,7 @@ def gains_report(
     )
     if out_dir is not None:
         if picture_format:
-            from scenarios.studies.gains.stability_plots import draw_all  # noqa: PLC0415 - matplotlib is optional
+            from scenarios.studies.gains.plots import draw_all  # noqa: PLC0415 - matplotlib is optional
 
             report = replace(report, pictures=draw_all(subject, report, out_dir, picture_format))
         text = json.dumps(as_json(report), indent=2, allow_nan=False)

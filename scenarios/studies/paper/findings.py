@@ -2,16 +2,207 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from math import atan2, ceil, cos, hypot, pi, sin
 from typing import NamedTuple
 
 import numpy as np
 
-from scenarios.results.drives import Array, Trial
-from scenarios.studies.paper.fitted_samples import SampleFigures
-from scenarios.studies.paper.frequency_response import SineResponse
-from scenarios.studies.paper.keys import FIELD_WITH, Need, Part, RunKey, Variant
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.definition.schema.path_tables import PointsPath
+from scenarios.results.drives import Array, Drive, Trial
+from scenarios.runs.virtual import drive_trial
+from scenarios.studies.paper.experiments import (
+    FIELD_WITH,
+    NO_LEAD_DATA,
+    A,
+    B,
+    C,
+    D,
+    Need,
+    Part,
+    RunKey,
+    Variant,
+)
+from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, Loading, loaded
+from vehicles.geometry.geodesy import wrap_angle
+from vehicles.messages import CompositeTrajectory, Message, TruePose
 from vehicles.preview.curve_fit import Trajectory
-from vehicles.theory.string_stability import is_string_stable
+from vehicles.theory.linear_model import Transfer, chain_offsets, trace_propagation
+from vehicles.theory.string_stability import LANE_CHANGE_BAND, amplified_band, is_string_stable
+
+# ---- Samples to which the followers of a logged run fit their trajectories
+
+
+LEAD, PREDECESSOR = 0, 1
+
+INITIAL_LINE_LEFT = 100.0
+"""Distance (m) after which a follower has left its initial straight line.
+
+The line replaces poses from before the start; beyond it all samples were received.
+"""
+
+
+@dataclass(slots=True)
+class SampleFigures:
+    """Largest number of samples ahead from each source, and heading error of the two-sample rule.
+
+    `rule_error` (rad) is the largest difference between the car's true heading and the line
+    through its closest and second closest sample, the paper's rule for θ_R. The true heading
+    deviates from the path's by up to 0.02 rad.
+    """
+
+    lead: int = 0
+    predecessor: int = 0
+    rule_error: float = 0.0
+
+
+class SampleCounter:
+    """Observer of a run that counts the samples of every trajectory."""
+
+    kinds: frozenset[type[Message]] = frozenset((CompositeTrajectory, TruePose))
+
+    def __init__(self) -> None:
+        self.figures = SampleFigures()
+        self._pose: dict[str, TruePose] = {}
+
+    def listen(self, _at: int, message: Message) -> None:
+        if isinstance(message, TruePose):
+            self._pose[message.vehicle] = message
+        elif isinstance(message, CompositeTrajectory):
+            ego = self._pose.get(message.vehicle)
+            if ego is not None and ego.distance_m > INITIAL_LINE_LEFT:
+                self._count(message, ego)
+
+    def _count(self, trajectory: CompositeTrajectory, ego: TruePose) -> None:
+        ux, uy = cos(ego.yaw_rad), sin(ego.yaw_rad)
+        counts = [0, 0]
+        distances = []
+        places = zip(trajectory.sample_east_m, trajectory.sample_north_m, strict=True)
+        for source, (east, north) in zip(trajectory.sample_source, places, strict=True):
+            dx, dy = east - ego.east_m, north - ego.north_m
+            counts[source] += dx * ux + dy * uy > 0.0
+            distances.append((hypot(dx, dy), dx * ux + dy * uy, east, north))
+        figures = self.figures
+        figures.lead = max(figures.lead, counts[LEAD])
+        figures.predecessor = max(figures.predecessor, counts[PREDECESSOR])
+        if len(distances) < 2 or len(set(trajectory.sample_source)) < 2:
+            return
+        (_, a1, e1, n1), (_, a2, e2, n2) = sorted(distances)[:2]
+        sign = 1.0 if a2 >= a1 else -1.0
+        heading = atan2(sign * (n2 - n1), sign * (e2 - e1))
+        figures.rule_error = max(figures.rule_error, abs(wrap_angle(heading - ego.yaw_rad)))
+
+
+# ---- Frequency response of the emulated convoy, from fitted amplitudes behind a lead on a sine
+#
+# The closed forms are in `vehicles.theory.linear_model`. In the paper's G(jω) a follower steers by
+# the difference of both cars' states at the same instant; in F(jω) it steers along its
+# predecessor's path.
+
+
+FREQUENCIES = (0.8, 1.2, 1.8, 2.5, 3.5, 5.0, 7.0, 10.0)
+"""Frequencies (rad/s) of the sine, from a slow lane change to beyond a car's bandwidth."""
+
+SHORT_FREQUENCIES = FREQUENCIES[2:]
+"""Frequencies simulated with the short preview; lower ones do not depend on the preview."""
+
+PREVIEW_S = 0.8
+SHORT_PREVIEW_S = 0.25
+"""The paper's preview (s), and a short preview that smooths little."""
+
+MAX_AMPLITUDE = 0.5
+"""Limit of the lead's amplitude (m)."""
+
+MAX_ACCELERATION = 1.5
+"""Limit of the lead's lateral acceleration (m/s²)."""
+
+PERIODS = 3
+"""Number of evaluated periods."""
+
+TRANSIENT = 4.0
+"""Least time (s) before the evaluation, which is at least one period."""
+
+SPACING = 0.5
+"""Distance between the points of the lead's path (m)."""
+
+STRAIGHT = 1.5
+"""Time (s) on a straight before the sine begins."""
+
+RISE = 2.0
+"""Time (s) over which the sine grows to its amplitude."""
+
+
+@dataclass(frozen=True)
+class SineResponse:
+    """Complex amplitude (m) of each vehicle's path at one frequency (rad/s), the lead first."""
+
+    frequency: float
+    preview_s: float
+    amplitudes: tuple[complex, ...]
+
+    @property
+    def ratios(self) -> tuple[float, ...]:
+        sizes = np.abs(self.amplitudes)
+        return tuple((sizes[1:] / sizes[:-1]).tolist())
+
+
+def drive_sine(
+    frequency: float, preview_s: float = PREVIEW_S, trajectory: Trajectory = "fitted"
+) -> SineResponse:
+    """Simulate a convoy behind a lead on a sine of `frequency` (rad/s)."""
+    scenario = sine_scenario(frequency, preview_s, trajectory)
+    return SineResponse(frequency, preview_s, amplitudes(drive_trial(scenario), frequency))
+
+
+def sine_scenario(
+    frequency: float, preview_s: float = PREVIEW_S, trajectory: Trajectory = "fitted"
+) -> Scenario:
+    """The paper's base case with empty cars, no lead data, and a lead that drives a sine."""
+    alone = (
+        'information_flow.lateral="predecessor"',
+        f'control.trajectory="{trajectory}"',
+        "loading.front_passengers=0",
+        "loading.rear_passengers=0",
+    )
+    base = load_scenario("paper_base", (*alone, f"control.preview_s={preview_s}"))
+    speed = base.tables.speed.set_mps
+    convoy = sum(base.route.spacings)
+    transient = STRAIGHT + RISE + max(TRANSIENT, 2.0 * pi / frequency)
+    duration = ceil(transient + PERIODS * 2.0 * pi / frequency + convoy / speed) + 1.0
+    east = np.arange(0.0, speed * duration + 60.0, SPACING)
+    since = east / speed - STRAIGHT
+    rise = np.clip(since / RISE, 0.0, 1.0)
+    height = min(MAX_AMPLITUDE, MAX_ACCELERATION / frequency**2) * rise * rise * (3.0 - 2.0 * rise)
+    path = PointsPath(
+        kind="points",
+        source="sine",
+        east_m=tuple(east.tolist()),
+        north_m=tuple((height * np.sin(frequency * since)).tolist()),
+        smoothing_m=2.0,
+    )
+    return Scenario(base.tables.model_copy(update={"path": path, "duration_s": duration}))
+
+
+def amplitudes(trial: Trial, frequency: float) -> tuple[complex, ...]:
+    """Fit a sine and a straight line to each vehicle's path by least squares (m).
+
+    All paths are fitted over the same section of road, the last PERIODS that all vehicles drove.
+    """
+    speed = float(trial.lead.speed.mean())
+    end = min(float(drive.east[-1]) for drive in trial.drives)
+    begin = end - PERIODS * 2.0 * pi * speed / frequency
+    fitted = []
+    for drive in trial.drives:
+        on = (drive.east >= begin) & (drive.east <= end)
+        angle, along = frequency * drive.east[on] / speed, drive.east[on] - begin
+        basis = np.column_stack([np.cos(angle), -np.sin(angle), np.ones_like(along), along])
+        real, imaginary = np.linalg.lstsq(basis, drive.north[on], rcond=None)[0][:2]
+        fitted.append(complex(real, imaginary))
+    return tuple(fitted)
+
+
+# ---- Findings
+
 
 TOLERANCE_M = 0.001
 """Largest errors that differ by less (m) count as equal."""
@@ -133,3 +324,85 @@ def in_cm(maxima: tuple[float, ...]) -> str:
 
 def cm(value: float) -> str:
     return f"{100.0 * value:z.1f} cm" if value < LOST_M else in_cm((value,))
+
+
+# ---- Errors of the paper's cases predicted by linear theory, and reasons for their growth
+
+
+SAMPLES = 4096
+"""Number of samples of the lead's path; a power of two for the FFT."""
+
+BASE_CAR = (30.0, Loading(front_passengers=1, rear_passengers=3))
+CARS = {
+    A: (10.0, Loading(front_passengers=1, rear_passengers=2)),
+    B: (10.0, Loading(front_passengers=1)),
+    C: (20.0, Loading(front_passengers=1)),
+    D: (30.0, Loading(front_passengers=1, rear_passengers=2)),
+}
+"""Speed (m/s) and load of the cars of a case (in D, of the first two), if not the base case's."""
+
+
+def transfer(key: RunKey) -> Transfer:
+    """F(jω) of a case: a car's own path over the path it follows, with the load unknown to it."""
+    speed, loading = CARS.get(key, BASE_CAR)
+    return trace_propagation(
+        loaded(LINCOLN_MKZ, loading), NOMINAL_GAINS, speed, assumed=LINCOLN_MKZ
+    )
+
+
+def empty_transfer() -> Transfer:
+    """F(jω) of empty cars at the speed of the base case."""
+    return trace_propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_CAR[0])
+
+
+def predict_case(findings: Findings, key: RunKey) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Predict the largest tracking and true errors (m) of the followers of a case."""
+    alpha = 1.0 if key == NO_LEAD_DATA else 0.5
+    return predict_errors(findings.trials[key].lead, transfer(key), alpha, 3)
+
+
+def explain_growth(key: RunKey, findings: Findings) -> str:
+    tracking, _ = predict_case(findings, key)
+    low, high = amplified_band(transfer(key))[0]
+    wide = "cars with the paper's law run wide in curves, and " if low == 0.0 else ""
+    bands = f"{low:.1f} to {min(high, LANE_CHANGE_BAND):.1f}"
+    shape = (
+        "The composite trajectory combines two paths centimetres apart, which no single curve fits"
+        if findings.trajectory == "fitted"
+        else "One line or circle is fitted to a preview that is partly straight and partly curved"
+    )
+    text = (
+        f"two effects. (1) {wide}each path oscillates more than the path ahead where |F| > 1, in a "
+        f"lane change from {bands} rad/s; linear theory predicts {in_cm(tracking)}. (2) {shape}"
+    )
+    if findings.has(key.with_variant("blend")):
+        blend = findings.trials[key.with_variant("blend")].tracking
+        text += (
+            f"; with one trajectory for each source (blend): {in_cm(blend)} in the first lane "
+            "change"
+        )
+    return text
+
+
+def predict_errors(
+    lead: Drive, transfer: Transfer, alpha: float, followers: int
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Predict the largest tracking and true errors (m) of each follower.
+
+    Neglects sampling, fit and noise. The lead drives east at constant speed and ends on its initial
+    line. Follower i follows r_i = α y_(i−1) + (1 − α) y_0 with y_i = F r_i (`transfer`). Its true
+    error is d_i = y_i − y_0. With r_i − y_0 = α d_(i−1), its tracking error is
+    y_i − r_i = d_i − α d_(i−1).
+    """
+    span = float(lead.at[-1] - lead.at[0])
+    times = np.linspace(0.0, span, SAMPLES, endpoint=False)
+    east = lead.east[0] + (lead.east[-1] - lead.east[0]) * times / span
+    path = np.fft.rfft(np.interp(east, lead.east, lead.north))
+    frequencies: Array = 2.0 * np.pi / span * np.arange(SAMPLES // 2 + 1, dtype=np.float64)
+    offsets = path * chain_offsets(transfer, frequencies, alpha, followers)
+    ahead = np.vstack([np.zeros_like(path), offsets[:-1]])
+    tracking, cross_track = (
+        tuple(np.abs(np.fft.irfft(errors)).max(axis=1).tolist())
+        for errors in (offsets - alpha * ahead, offsets)
+    )
+    return tracking, cross_track

@@ -27,9 +27,8 @@ from mcap.writer import Writer
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.files import LOG_NAME
 from scenarios.runs.node.sink import BATCH_NS, BusSink
-from scenarios.runs.processes.clock_sync import ClockOffset
-from scenarios.runs.processes.membership import VEHICLE, Fingerprint
-from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
+from scenarios.runs.processes.membership import VEHICLE, ClockOffset, Fingerprint
+from scenarios.runs.virtual import VirtualConvoy
 from tests.bench.bench_run import Row, plain_loop, print_rows, timed, used_s
 from tests.system.logs import Run
 from tests.system.processes import Process, start, until

@@ -5,7 +5,7 @@ from math import inf
 from typing import TypeVar
 
 from tests.made.scenarios.messages import START
-from transport.links.laws.false_content import (
+from transport.links.laws.content import (
     FalseContent,
     FalseDrift,
     FalseInterval,

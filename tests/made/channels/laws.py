@@ -2,13 +2,17 @@
 
 from typing import TypeVar
 
-from transport.links.laws.effect import Effect
-from transport.links.laws.link_law import LinkLaw, LinkSetting
-from transport.links.laws.loss.bursts import FourState, GilbertElliott
-from transport.links.laws.loss.collisions import Collisions
-from transport.links.laws.outages.by_place import AffectedVehicle, CircleOutage, StretchOutage
-from transport.links.laws.outages.by_time import SpanOutage, WindowOutage
-from transport.links.laws.outages.random_outage import RandomOutage
+from transport.links.laws.burst_losses import FourState, GilbertElliott
+from transport.links.laws.link_law import Effect, LinkLaw, LinkSetting
+from transport.links.laws.outages import (
+    AffectedVehicle,
+    CircleOutage,
+    RandomOutage,
+    SpanOutage,
+    StretchOutage,
+    WindowOutage,
+)
+from transport.links.laws.shared_channel import Collisions
 from vehicles.schedule import SECOND
 
 SomeLaw = TypeVar("SomeLaw", bound=LinkLaw)

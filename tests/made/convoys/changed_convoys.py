@@ -6,13 +6,12 @@ from functools import partial
 from typing import Any
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
 from scenarios.runs.node.node import AnyNode, step_with_faults
-from scenarios.runs.node.probe import NoProbe
+from scenarios.runs.node.outbox import NoProbe
+from scenarios.runs.node.vehicle_builder import VehicleBuilder
 from scenarios.runs.observer import OnMessage, listeners_by_kind
-from scenarios.runs.virtual.drive import ObservedSink
-from scenarios.runs.virtual.virtual_convoy import Stepper, steps_in_order
-from transport.bus.memory_bus import MemoryBus
+from scenarios.runs.virtual import ObservedSink, Stepper, steps_in_order
+from transport.bus.bus import MemoryBus
 from transport.clock import Tick
 from vehicles.messages import Message, TruePose
 

@@ -11,11 +11,11 @@ import numpy as np
 import tomli_w
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.results.events.encounters import Episode
+from scenarios.results.encounters import Episode
 from scenarios.results.stream import FigureStream
-from scenarios.runs.virtual.drive import drive
-from vehicles.driver.degradation.settings import Braking
-from vehicles.driver.degradation.stopping import stopping_distance
+from scenarios.runs.virtual import drive
+from vehicles.driver.settings import Braking
+from vehicles.driver.situation import stopping_distance
 from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import Command, LinkVerdict, Message, Mode, Tracking, TruePose
 from vehicles.schedule import SECOND

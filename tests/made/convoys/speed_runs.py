@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from scenarios.definition.scenario import Scenario
 from scenarios.runs.observer import OnMessage
-from scenarios.runs.virtual.drive import drive as virtual_drive
+from scenarios.runs.virtual import drive as virtual_drive
 from vehicles.messages import Command, LogText, Message, TruePose
 
 

@@ -5,9 +5,9 @@ from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import Any
 
-from scenarios.studies.engine.engine import Engine, study_engine
-from scenarios.studies.engine.job import Job
-from scenarios.studies.engine.workers import open_workers
+from scenarios.studies.engine import Engine, study_engine
+from scenarios.studies.job import Job
+from scenarios.studies.workers import open_workers
 
 
 @contextmanager

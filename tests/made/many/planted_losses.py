@@ -8,7 +8,7 @@ import tomli_w
 
 from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.studies.many.blame.rerun import RerunCriteria, rerun
+from scenarios.studies.many.trials import RerunCriteria, rerun
 from vehicles.schedule import SECOND
 
 LANE = Limit("lane_departures_max", 0)

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from scenarios.studies.engine.workers import open_workers
-from scenarios.studies.many.sweeps.cell_table import SweepTable
-from scenarios.studies.many.sweeps.plan import SweepPlan, planned
-from scenarios.studies.many.sweeps.sweep import run_sweep
+from scenarios.studies.many.cell_table import SweepTable
+from scenarios.studies.many.files import run_sweep
+from scenarios.studies.many.plan import SweepPlan, planned
+from scenarios.studies.workers import open_workers
 
 SETS = ("duration_s=0.5", "convoy.vehicles=2")
 VARY = ("links.loss_ratio=0:0.8:0.8", "convoy.gap_m=3,10")

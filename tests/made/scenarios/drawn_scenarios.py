@@ -14,11 +14,9 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import tomli_w
 
-from scenarios.definition.schema.base_table import Table
-from scenarios.definition.schema.gnss_table import GnssTable
 from scenarios.definition.schema.limit_tables import LimitsTable
 from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
-from scenarios.definition.schema.plug_ins.steering import LATERAL
+from scenarios.definition.schema.plug_ins.path import LATERAL
 from scenarios.definition.schema.plug_ins.table import PlugInTable
 from scenarios.definition.schema.scenario_tables import (
     EPOCH,
@@ -26,20 +24,20 @@ from scenarios.definition.schema.scenario_tables import (
     ConvoyTable,
     EventsTable,
     GapTable,
+    GnssTable,
     OriginTable,
     ParametersTable,
     SpeedTable,
     SteeringTable,
 )
-from scenarios.definition.schema.settings_table import SettingsTable
+from scenarios.definition.schema.settings_table import SettingsTable, Table
 from tests.made.channels.drawn_channels import LAWS, drawn_channel, drawn_spans
 from tests.made.channels.drawn_laws import inline
+from vehicles.car.gnss_error_terms import Drift
+from vehicles.car.gnss_settings import StateErrors
 from vehicles.car.parameters import LINCOLN_MKZ, Loading
-from vehicles.car.positioning.drift import Drift
-from vehicles.car.positioning.gnss_settings import StateErrors
-from vehicles.car.sending.intervals import CAM_SHARES
-from vehicles.car.sensors.gap_sensor import GapSensorSettings
-from vehicles.car.sensors.imu_settings import ImuSettings
+from vehicles.car.sending_rules import CAM_SHARES
+from vehicles.car.sensors import GapSensorSettings, ImuSettings
 
 Raw = dict[str, Any]
 VEHICLES_MAX = 8

@@ -2,7 +2,7 @@
 
 from itertools import pairwise
 
-from scenarios.results.events.bodies import CarBody, corners
+from scenarios.results.encounters import CarBody, corners
 
 Point = tuple[float, float]
 

@@ -6,7 +6,7 @@ import pytest
 
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from tests.made.once import first_only, shared
 
 SHORTER = {"church_lot": ["duration_s=45"]}

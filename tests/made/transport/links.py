@@ -4,11 +4,9 @@ from collections.abc import Mapping
 
 from scenarios.definition.channel.build import UNSET, content_stage, link_effects, link_stages
 from scenarios.definition.schema.link_tables import LinkTable
-from transport.links.gate import PoseGate
 from transport.links.inbox import Inbox, IncomingLink
-from transport.links.laws.effect import UNKNOWN_POSITION, Position
-from transport.links.laws.link_law import LinkSetting
-from transport.links.link import Link
+from transport.links.laws.link_law import UNKNOWN_POSITION, LinkSetting, Position
+from transport.links.link import Link, PoseGate
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.messages import GpsPose
 

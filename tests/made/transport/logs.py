@@ -9,7 +9,7 @@ from mcap.reader import make_reader
 
 from tests.made.transport import drive
 from transport.codec import encode
-from transport.log.scene import Scene
+from transport.log.foxglove import Scene
 from transport.log.writer import LogWriter
 from transport.picture import viewer_process
 from vehicles.messages import Message

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vehicles.geometry.arc_spline import ArcSpline, Piece
-from vehicles.preview.received.samples import Window
+from vehicles.preview.samples import Window
 from vehicles.preview.trajectory import Fit
 
 Floats = NDArray[np.float64]

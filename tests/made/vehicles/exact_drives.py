@@ -9,12 +9,10 @@ from tests.made.vehicles.driving import advance
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix, to_message
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
-from vehicles.car.sending.path_history import PathHistory
+from vehicles.car.path_history import PathHistory
 from vehicles.driver.decision import Decision, Driver
 from vehicles.geometry.geodesy import LocalPlane, Origin
-from vehicles.geometry.path_point import PathPoint
-from vehicles.geometry.sampled_path import SampledPath
-from vehicles.geometry.sparse_path import NO_HISTORY
+from vehicles.geometry.sampled_path import NO_HISTORY, PathPoint, SampledPath
 from vehicles.messages import GpsPose
 from vehicles.received_pose import ReceivedPose, receive
 from vehicles.schedule import SECOND, Cadence, instant

@@ -7,14 +7,14 @@ from itertools import pairwise
 from tests.made.vehicles.exact_drives import CONTROL_HZ, GNSS_HZ, PLANE, START, Source, Step
 from tests.made.vehicles.fusions import FUSION_OF, REACTION_OF
 from transport.codec import RefusedMessageError
-from transport.links.gate import PoseGate
+from transport.links.link import PoseGate
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
-from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.degradation.speed_guard import GuardedCar
-from vehicles.driver.ego.pose_estimator import PoseEstimator
+from vehicles.driver.controller import GapLimits, SpacingPolicy
 from vehicles.driver.follower import Follower
-from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
+from vehicles.driver.pose_estimator import PoseEstimator
+from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.speed import ProfileSpeed, SpeedLaw, SpeedProfile
+from vehicles.driver.speed_guard import GuardedCar
 from vehicles.driver.steering import SlipCompensated
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.messages import GpsPose

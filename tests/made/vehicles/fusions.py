@@ -5,9 +5,8 @@ from collections.abc import Mapping
 from vehicles.driver.reactions import Degrade, Extrapolate, Hold, ReactionPolicy, Straight
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.fusion import BlendFusion, CompositeFusion, SourceFusion, Trajectories
-from vehicles.preview.received.samples import Window
-from vehicles.preview.source_window import LEAD, PREDECESSOR, SourceWindow
-from vehicles.preview.trajectory import Fit, fit_composite
+from vehicles.preview.samples import Window
+from vehicles.preview.trajectory import LEAD, PREDECESSOR, Fit, SourceWindow, fit_composite
 
 FUSION_OF: Mapping[str, SourceFusion] = {"composite": CompositeFusion(), "blend": BlendFusion()}
 FUSIONS = ["predecessor", *FUSION_OF]

@@ -9,13 +9,13 @@ import numpy as np
 from tests.made.transport.received_poses import received_fix
 from tests.made.vehicles.driving import advance
 from tests.made.vehicles.exact_drives import PLANE, START
-from transport.links.laws.false_content import FalseContent, GhostVehicle
+from transport.links.laws.content import FalseContent, GhostVehicle
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, GnssReceiver, to_message
+from vehicles.car.gnss_errors import ReceiverErrors
+from vehicles.car.noise import GnssNoise
 from vehicles.car.parameters import LINCOLN_MKZ, VehicleParameters
-from vehicles.car.positioning.gnss_errors import ReceiverErrors
-from vehicles.car.positioning.noise import GnssNoise
-from vehicles.driver.degradation.innovation_gate import REFUSED, Distrust, InnovationGate
+from vehicles.driver.innovation_gate import REFUSED, Distrust, InnovationGate
 from vehicles.messages import GpsPose
 from vehicles.received_pose import ReceivedPose, receive
 from vehicles.schedule import MILLISECOND, SECOND

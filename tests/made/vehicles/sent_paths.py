@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from vehicles.car.gnss import Fix, to_message
-from vehicles.car.sending.path_history import PathHistory
+from vehicles.car.path_history import PathHistory
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.geometry.sampled_path import SampledPath
 from vehicles.messages import GpsPose

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tests.made.vehicles.fusions import fit_two
 from vehicles.preview.curve_fit import FitSettings
-from vehicles.preview.received.samples import Window
+from vehicles.preview.samples import Window
 
 Floats = NDArray[np.float64]
 NOISE = 0.02

@@ -3,13 +3,12 @@
 from math import inf, nan
 
 from tests.made.vehicles.fusions import REACTION_OF
-from vehicles.driver.degradation.settings import DegradationSettings, Reaction
-from vehicles.driver.degradation.situation import Situation, SourceFreshness
-from vehicles.driver.degradation.speed_guard import GuardedCar
-from vehicles.driver.ego.own_state import Pose
-from vehicles.driver.longitudinal.controller import VehiclesAhead
-from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
+from vehicles.driver.controller import GapLimits, SpacingPolicy, VehiclesAhead
+from vehicles.driver.own_state import Pose
+from vehicles.driver.settings import DegradationSettings, Reaction
+from vehicles.driver.situation import Situation, SourceFreshness
 from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedCommand, SpeedLaw, SpeedProfile
+from vehicles.driver.speed_guard import GuardedCar
 from vehicles.messages import Mode, SourceStatus
 from vehicles.schedule import MILLISECOND, SECOND
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import scenarios.api as convoy
-from scenarios.results.recorded.data_table import DataTable
+from scenarios.results.data_table import DataTable
 
 SETTINGS = {
     "duration_s": 4.0,

@@ -130,7 +130,7 @@ def test_help_imports_no_slow_packages() -> None:
 
 def test_the_fork_server_imports_no_modules_of_the_recorder() -> None:
     code = (
-        "import scenarios.cli.running.commands, scenarios.runs.processes.router\n"
+        "import scenarios.cli.run_commands, scenarios.runs.processes.supervisor\n"
         "import scenarios.runs.processes.vehicle_process\n"
         "import sys; print(*sys.modules)"
     )
@@ -143,8 +143,7 @@ def test_the_fork_server_imports_no_modules_of_the_recorder() -> None:
 
 def test_a_virtual_run_imports_no_bus_and_no_theory() -> None:
     code = (
-        "import scenarios.cli.running.launching, scenarios.cli.running.virtual_run\n"
-        "import sys; print(*sys.modules)"
+        "import scenarios.cli.launching, scenarios.cli.launching\nimport sys; print(*sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     unneeded = {"zenoh", "psutil", "scipy"}

@@ -14,7 +14,7 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.runs.node.recorded_vehicle import read_recorded_vehicle
 from tests.made.scenarios.shipped import whole_run
-from transport.links.laws.loss.earlier_run import EarlierRun
+from transport.links.laws.recorded_losses import EarlierRun
 from transport.log.errors import LogError
 from transport.log.mcap_file import McapFile, repair
 from transport.log.reader import LogReader

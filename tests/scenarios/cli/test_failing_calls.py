@@ -21,7 +21,7 @@ from scenarios.cli.main import cli
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.log_summary import summary_of
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from tests.made.failing_calls import FAULTS, Fault, failing_calls
 from tests.made.scenarios.recorded_drives import as_plane_csv, drive
 from transport.log.errors import LogError

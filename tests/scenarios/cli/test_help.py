@@ -6,8 +6,7 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
-from scenarios.cli.grouped_help import DEPLOYMENT, SECTIONS, SUMMARY_MAX
-from scenarios.cli.main import cli
+from scenarios.cli.main import DEPLOYMENT, SECTIONS, SUMMARY_MAX, cli
 
 
 def commands() -> Iterator[tuple[str, click.Command]]:

@@ -23,7 +23,7 @@ from tests.made.scenarios.drawn_scenarios import DrawnScenario, drawn_scenario
 from tests.made.transport.links import link as link_of
 from tests.scenarios.cli.broken_scenarios import ODD_TRACES, broken
 from transport.codec import encode
-from transport.links.laws.effect import TransmissionContext
+from transport.links.laws.link_law import TransmissionContext
 from transport.log.reader import LogReader
 from vehicles.messages import GpsPose, LinkVerdict, LogText, Message, RunEnd, TruePose
 from vehicles.schedule import MILLISECOND

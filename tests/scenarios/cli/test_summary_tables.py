@@ -7,16 +7,15 @@ from typing import Any
 
 from rich.console import Console
 
-from scenarios.cli.display_options import Tables
+from scenarios.cli.common_options import Tables
 from scenarios.cli.summary_tables import print_summary
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.events.run_event import RunEvent
 from scenarios.results.holes import RecordHole
 from scenarios.results.metrics import Metrics
 from scenarios.results.outcome import with_outcome_line
-from scenarios.results.run_changes import RunChange
-from scenarios.results.summary import ClockName, RunIdentity, RunSummary
-from scenarios.results.vehicles.reaction import ReactionSummary
+from scenarios.results.reaction import ReactionSummary
+from scenarios.results.run_event import RunEvent
+from scenarios.results.summary import ClockName, RunChange, RunIdentity, RunSummary
 from tests.made.scenarios.messages import gps, health, tracking, truth, verdict
 
 EVENTS = (

@@ -4,7 +4,7 @@ from math import isnan
 
 import pytest
 
-from scenarios.results.deviations import PERIOD_NS, Deviations, TrueDeviation
+from scenarios.results.stream import PERIOD_NS, Deviations, TrueDeviation
 
 TICK = 20_000_000
 

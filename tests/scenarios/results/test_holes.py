@@ -15,7 +15,7 @@ from scenarios.results.holes import (
     hole_lines,
 )
 from scenarios.results.metrics import Metrics
-from scenarios.results.vehicles.vehicle_figures import VehicleSummary
+from scenarios.results.vehicle_figures import VehicleSummary
 from tests.made.scenarios.messages import START, gps, health, start, truth
 from vehicles.messages import GpsPose, Message
 from vehicles.schedule import SECOND, instants, nanoseconds

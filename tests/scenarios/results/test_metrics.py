@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.channel.link_summary import LinkSummary
+from scenarios.results.accumulators import Extremes
+from scenarios.results.link_summary import LinkSummary
 from scenarios.results.metrics import Metrics
-from scenarios.results.vehicles.accumulators import Extremes
-from scenarios.results.vehicles.vehicle_figures import VehicleSummary
+from scenarios.results.vehicle_figures import VehicleSummary
 from tests.made.examples import examples
 from tests.made.scenarios.messages import gps, health, tracking, truth, verdict
 from vehicles.messages import Message, TruePose

@@ -3,12 +3,12 @@
 from dataclasses import replace
 from typing import Any
 
-from scenarios.results.events.run_event import RunEvent
 from scenarios.results.holes import RecordHole
 from scenarios.results.metrics import Metrics
 from scenarios.results.outcome import with_outcome_line
+from scenarios.results.reaction import ReactionSummary
+from scenarios.results.run_event import RunEvent
 from scenarios.results.summary import LimitFigure, RunIdentity, RunSummary
-from scenarios.results.vehicles.reaction import ReactionSummary
 
 
 def vehicles(*errors: float | None) -> tuple[Any, ...]:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
-from scenarios.results.vehicles.vehicle_figures import VehicleSummary
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.results.vehicle_figures import VehicleSummary
+from scenarios.runs.virtual import run_unlogged
 from tests.made.scenarios.rough_drives import truth
 
 BEND = ((60.0, 1 / 60.0), (80.0, 0.0), (60.0, -1 / 60.0), (100.0, 0.0))

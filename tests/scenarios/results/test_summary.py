@@ -10,11 +10,10 @@ import pytest
 
 from scenarios.cli.summary_tables import FIGURES
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.events.encounters import EventKind
+from scenarios.results.encounters import EventKind
 from scenarios.results.files import LOG_NAME
-from scenarios.results.log_summary import scenario_in, summary_of
+from scenarios.results.log_summary import late_lines, scenario_in, summary_of
 from scenarios.results.metrics import Metrics
-from scenarios.results.summarise import late_lines
 from scenarios.results.summary import (
     ENTRIES,
     SCHEMA,

@@ -8,10 +8,10 @@ import pytest
 
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
-from scenarios.results.summarise import METADATA_NAME
+from scenarios.results.log_summary import METADATA_NAME
 from scenarios.results.summary import RunIdentity, from_json
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from transport.log.reader import LogReader
 
 SHORT = "duration_s=0.2"

@@ -11,28 +11,25 @@ from random import Random
 
 import pytest
 
-from scenarios.cli.display_options import DisplayOptions
-from scenarios.cli.running.display import observers
+from scenarios.cli.common_options import DisplayOptions
+from scenarios.cli.display import observers
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary, from_json, to_json
 from scenarios.runs.node.node import AnyNode
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.observer import Observer, OnMessage
-from scenarios.runs.processes.clock_sync import ClockSync
 from scenarios.runs.processes.conductor import Conductor, Phase
-from scenarios.runs.processes.membership import VEHICLE, Fingerprint, Membership
+from scenarios.runs.processes.membership import VEHICLE, ClockSync, Fingerprint, Membership
 from scenarios.runs.processes.vehicle_process import RunAnnouncements
 from scenarios.runs.run_log import RunLog
-from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
+from scenarios.runs.virtual import VirtualConvoy
 from tests.made.scenarios.hostile_messages import TEXTS, Put, Stranger
-from transport.bus.bus import Bus, BusError
-from transport.bus.memory_bus import MemoryBus, MemoryNetwork
+from transport.bus.bus import Bus, BusError, MemoryBus, MemoryNetwork
 from transport.clock import WallClock
 from transport.codec import encode
 from transport.log.reader import LogReader
-from transport.reasons import REASONS
-from transport.topics import RUN_SENDER, TOPICS, clock_key, key
+from transport.topics import REASONS, RUN_SENDER, TOPICS, clock_key, key
 from vehicles.messages import Health, LogText, Message
 from vehicles.schedule import SECOND, nanoseconds
 

@@ -10,7 +10,7 @@ from scenarios.definition.library import library
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from vehicles.messages import Message
 
 PLAIN = {bool, float, int, str}

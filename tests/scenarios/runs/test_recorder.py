@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.metrics import Metrics
-from scenarios.results.vehicles.vehicle_figures import VehicleSummary
+from scenarios.results.vehicle_figures import VehicleSummary
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.recorder import Recorder
 from tests.made.examples import examples

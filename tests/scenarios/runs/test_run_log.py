@@ -7,11 +7,9 @@ from mcap.writer import Writer
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
-from scenarios.results.log_summary import summary_of
-from scenarios.results.pictures.layouts import FOXGLOVE_NAME
-from scenarios.results.summarise import METADATA_NAME
+from scenarios.results.log_summary import METADATA_NAME, summary_of
 from scenarios.results.summary import to_json
-from scenarios.runs.run_log import RunLog
+from scenarios.runs.run_log import FOXGLOVE_NAME, RunLog
 from tests.made.scenarios.messages import START, at, gps, health, tracking, truth
 from transport.codec import decode, encode
 from transport.log.reader import LogReader

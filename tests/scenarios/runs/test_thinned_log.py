@@ -14,7 +14,7 @@ from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from tests.made.scenarios.messages import START, at, truth
 from transport.codec import encode
 from transport.log.reader import LogReader

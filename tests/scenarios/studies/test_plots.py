@@ -7,9 +7,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.studies.axis_labels import axis_label
-from scenarios.studies.engine.results import write_file
-from scenarios.studies.picture_style import STYLE, picture_format_of
+from scenarios.studies.job import write_file
+from scenarios.studies.picture_style import STYLE, axis_label, picture_format_of
 
 BEGINS = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
 

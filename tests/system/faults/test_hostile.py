@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.runs.control.open_runs import open_runs
+from scenarios.runs.open_runs import open_runs
 from tests.made.scenarios.hostile_messages import Put, Stranger
 from tests.system.logs import (
     Run,

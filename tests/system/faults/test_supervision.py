@@ -11,7 +11,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from scenarios.runs.processes.router import LISTENING
+from scenarios.runs.processes.supervisor import LISTENING
 from tests.system.logs import (
     Run,
     agreement,

@@ -8,7 +8,7 @@ import pytest
 
 from tests.system.processes import Process, start, until
 from tests.system.viewers.browser import CHROMIUM, Browser, browser
-from transport.colours import colour_of
+from transport.panels import colour_of
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 

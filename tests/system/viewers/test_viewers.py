@@ -12,7 +12,7 @@ from tests.system.screenshot import (
     headless_viewer,
     take_picture,
 )
-from transport.colours import colour_of
+from transport.panels import colour_of
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
 

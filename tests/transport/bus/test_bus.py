@@ -8,8 +8,7 @@ from itertools import count
 import pytest
 
 from tests.made.transport.bus import ReceivedMessages, connect, until
-from transport.bus.bus import Bus, Member
-from transport.bus.memory_bus import MemoryBus, MemoryNetwork
+from transport.bus.bus import Bus, Member, MemoryBus, MemoryNetwork
 from transport.bus.zenoh_bus import ZenohOptions, open_bus, open_router
 
 Join = Callable[[], Bus]

@@ -5,7 +5,7 @@ import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transport.bus.memory_bus import MemoryBus, matches
+from transport.bus.bus import MemoryBus, matches
 
 chunks = st.sampled_from(["convoy", "lead", "a", "gps", "@alive", "@x"])
 wanted_chunks = st.one_of(chunks, st.just("*"))

@@ -20,7 +20,7 @@ from transport.codec import encode
 from transport.links.content_stage import ContentStage, Transmission
 from transport.links.inbox import Inbox
 from transport.links.laws.content import BitErrors
-from transport.links.laws.effect import TransmissionContext
+from transport.links.laws.link_law import TransmissionContext
 from transport.links.link import Link, Verdict
 from transport.topics import TOPICS, key
 from vehicles.geometry.geodesy import Origin

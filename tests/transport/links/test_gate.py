@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from tests.made.examples import examples
 from tests.made.scenarios.messages import START, at, gps
 from transport.codec import RefusedMessageError, encode
-from transport.links.gate import HORIZON_NS, LONGEST_POSE_BYTES, PoseGate
-from transport.reasons import REASONS
+from transport.links.link import HORIZON_NS, LONGEST_POSE_BYTES, PoseGate
+from transport.topics import REASONS
 from vehicles.geometry.geodesy import REACH, LocalPlane, Origin
 from vehicles.messages import GpsPose
 

@@ -14,12 +14,9 @@ from tests.made.transport.links import link as link_of
 from tests.made.transport.links import taken
 from transport.clock import ticks
 from transport.codec import encode
-from transport.links.gate import LONGEST_POSE_BYTES
 from transport.links.inbox import QUEUE, Inbox
-from transport.links.laws.effect import (
-    UNKNOWN_POSITION,
-    TransmissionContext,
-)
+from transport.links.laws.link_law import UNKNOWN_POSITION, TransmissionContext
+from transport.links.link import LONGEST_POSE_BYTES
 from transport.topics import TOPICS, key
 from vehicles.messages import GpsPose, LinkVerdict, LogText
 from vehicles.schedule import SECOND, instant

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from scenarios.definition.schema.link_tables import LinkTable
 from tests.made.transport.links import link
 from transport.links.laws.basic import Decimation, Latency
-from transport.links.laws.effect import Draw, Effect, TransmissionContext
+from transport.links.laws.link_law import Draw, Effect, TransmissionContext
 from transport.links.link import ChangedEffects, Link, Verdict, combine, keyed_draw
-from transport.reasons import DropReason
+from transport.topics import DropReason
 
 MS = 1_000_000
 PERIOD = 50 * MS

@@ -3,8 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from transport.links.laws.effect import Position
-from transport.links.positions import MAX_POSITIONS, PositionHistory
+from transport.links.inbox import MAX_POSITIONS, PositionHistory
+from transport.links.laws.link_law import Position
 
 
 @given(

@@ -13,9 +13,8 @@ from tests.made.transport.links import link as link_of
 from tests.made.transport.links import taken
 from transport.clock import ticks
 from transport.codec import encode
-from transport.links.inbox import Inbox
-from transport.links.laws.effect import TransmissionContext
-from transport.links.staged_messages import judge_stream
+from transport.links.inbox import Inbox, judge_stream
+from transport.links.laws.link_law import TransmissionContext
 from transport.topics import TOPICS, key
 from vehicles.messages import GpsPose, LinkVerdict
 from vehicles.schedule import SECOND, instant

@@ -16,8 +16,8 @@ from tests.transport.any_messages import any_message
 from transport.codec import encode
 from transport.columns import DEVIATION, Columns
 from transport.log.errors import LogError
+from transport.log.foxglove import Scene
 from transport.log.reader import LogReader
-from transport.log.scene import Scene
 from transport.log.writer import LogWriter
 from transport.topics import TOPIC_OF, TOPICS
 from vehicles.messages import Message, RunEnd, Tracking, TruePose

@@ -15,9 +15,8 @@ from rerun.chunk import McapReader
 
 from tests.made.transport import drive
 from tests.made.transport.logs import rows, write
-from transport.colours import colour_of
-from transport.log.foxglove_layout import foxglove_layout
-from transport.log.scene import Scene
+from transport.log.foxglove import Scene, foxglove_layout
+from transport.panels import colour_of
 
 
 def test_a_stranger_decodes_the_log_by_the_schemas_in_it(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.made.scenarios.messages import START, at, start, truth
 from tests.made.transport import drive
 from tests.made.transport.recording import columns
-from transport.picture.detail import MAX_ALL_DETAILED, Detail
+from transport.picture.blueprint import MAX_ALL_DETAILED, Detail
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.transport import drive
-from transport.picture.series.link_states import MARGIN_NS, WINDOW_NS, LinkStates, LinkWindow
+from transport.picture.curves import MARGIN_NS, WINDOW_NS, LinkStates, LinkWindow
 from vehicles.schedule import MILLISECOND, SECOND
 
 START = 1_700_000_000 * SECOND

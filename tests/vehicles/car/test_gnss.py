@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix, GnssReceiver, to_message
-from vehicles.car.positioning.noise import GnssNoise
+from vehicles.car.noise import GnssNoise
 from vehicles.geometry.geodesy import LocalPlane, Origin, wrap_angle
 from vehicles.messages import GpsPose
 from vehicles.received_pose import receive

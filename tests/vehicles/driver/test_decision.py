@@ -3,7 +3,7 @@ import numpy as np
 from tests.made.vehicles.decision_messages import log_messages
 from vehicles.car.dynamics import Actuation
 from vehicles.driver.decision import Decision
-from vehicles.driver.degradation.situation import Situation, SourceFreshness
+from vehicles.driver.situation import Situation, SourceFreshness
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.geometry.arc_spline import ArcSpline, Piece

@@ -26,12 +26,12 @@ from tests.made.vehicles.followers import (
 )
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
+from vehicles.car.imu import Motion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
-from vehicles.car.sensors.gap_sensor import GapMeasurement
-from vehicles.car.sensors.imu import Motion
+from vehicles.car.sensors import GapMeasurement
+from vehicles.driver.controller import GapLimits, SpacingPolicy
 from vehicles.driver.decision import Decision
-from vehicles.driver.degradation.modes import NOTHING_RECEIVED
-from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
+from vehicles.driver.modes import NOTHING_RECEIVED
 from vehicles.driver.speed import GapKeeping
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.received_pose import ReceivedPose

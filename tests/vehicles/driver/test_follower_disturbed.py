@@ -35,7 +35,7 @@ from tests.made.vehicles.fusions import FUSIONS
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
-from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
+from vehicles.driver.controller import GapLimits, SpacingPolicy
 from vehicles.driver.speed import GapKeeping
 from vehicles.geometry.geodesy import heading_from_yaw
 from vehicles.messages import GpsPose

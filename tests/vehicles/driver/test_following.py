@@ -12,14 +12,13 @@ from tests.made.vehicles.fusions import fit_two
 from tests.made.vehicles.laps import TICK, Place, bulb, eight, lap
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
-from vehicles.driver.bends import BendsAhead
-from vehicles.driver.longitudinal.spacing import GapLimits
+from vehicles.driver.controller import GapLimits
 from vehicles.driver.speed import known_bend_acceleration
-from vehicles.driver.steering import SlipCompensated
+from vehicles.driver.steering import BendsAhead, SlipCompensated
 from vehicles.driver.tracking import track
 from vehicles.geometry.sampled_path import Segment, path_from_segments
 from vehicles.preview.curve_fit import FitSettings
-from vehicles.preview.received.trace import Trace
+from vehicles.preview.trace import Trace
 
 COURSES: dict[str, tuple[Place, float]] = {
     "bulb turn": (lap(bulb(radius=12.0)), bulb(radius=12.0).length - 1.0),

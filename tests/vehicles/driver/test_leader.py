@@ -5,8 +5,8 @@ import pytest
 
 from tests.made.vehicles.exact_drives import CONTROL_HZ, START, Step, drive, on
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
-from vehicles.driver.ego.pose_estimator import PoseEstimator
 from vehicles.driver.leader import Leader
+from vehicles.driver.pose_estimator import PoseEstimator
 from vehicles.driver.speed import ProfileSpeed, SpeedProfile
 from vehicles.driver.steering import SlipCompensated
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from tests.made.vehicles.exact_drives import Source as Received
 from tests.made.vehicles.exact_drives import Step, drive, on, received_from
 from tests.made.vehicles.followers import BEND, SPACING, follower, modes
-from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.degradation.source import Source
-from vehicles.driver.degradation.sources import Sources
+from vehicles.driver.settings import DegradationSettings
+from vehicles.driver.source import Source
+from vehicles.driver.sources import Sources
 
 SETTINGS = DegradationSettings()
 CUT_AT, SPEED, AT = 3.0, 10.0, 30.0

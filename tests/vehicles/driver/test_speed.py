@@ -7,17 +7,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.examples import examples
-from vehicles.driver.degradation.situation import SourceFreshness
-from vehicles.driver.ego.own_state import Pose
-from vehicles.driver.longitudinal.controller import VehiclesAhead
-from vehicles.driver.longitudinal.gap_keeping import (
+from vehicles.driver.controller import GapLimits, SpacingPolicy, VehiclesAhead
+from vehicles.driver.longitudinal_laws import (
     DAMPING,
     GAP_STIFFNESS,
     LEAD_PULL_DISTANCE,
     STABLE_HEADWAY,
     gap_acceleration,
 )
-from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
+from vehicles.driver.own_state import Pose
+from vehicles.driver.situation import SourceFreshness
 from vehicles.driver.speed import (
     BEND_RATE,
     PROFILE_CORRECTION,

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.vehicles.arc_courses import course, point_at
-from vehicles.driver.ego.own_state import Pose
+from vehicles.driver.own_state import Pose
 from vehicles.driver.tracking import SPACING, PathBehind, TrackingErrors, track
 
 HEADINGS = {"east": 0.0, "north": math.pi / 2, "west": math.pi, "south": -math.pi / 2}

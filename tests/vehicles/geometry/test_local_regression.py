@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.examples import examples
-from vehicles.geometry.local_regression import NEIGHBOURS, local_cubic
+from vehicles.geometry.smoothing import NEIGHBOURS, local_cubic
 
 
 @given(

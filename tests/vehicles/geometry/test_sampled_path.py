@@ -7,8 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.examples import examples
-from vehicles.geometry.path_point import PathPoint
-from vehicles.geometry.sampled_path import SAMPLING, SampledPath, Segment, path_from_segments
+from vehicles.geometry.sampled_path import (
+    SAMPLING,
+    PathPoint,
+    SampledPath,
+    Segment,
+    path_from_segments,
+)
 
 FIGURE_OF_EIGHT = [Segment(2 * math.pi * 15, 1 / 15), Segment(2 * math.pi * 15, -1 / 15)]
 

@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.transport import drive
-from vehicles.geometry.arc_spline import Piece
-from vehicles.geometry.trajectory_points import points_along
+from vehicles.geometry.arc_spline import Piece, points_along
 from vehicles.messages import CompositeTrajectory
 
 FINITE = st.floats(-1e3, 1e3)

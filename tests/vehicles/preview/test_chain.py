@@ -11,8 +11,8 @@ from tests.made.transport.received_poses import received
 from tests.made.vehicles.fusions import fit_two
 from vehicles.geometry.arc_spline import ArcSpline, Piece
 from vehicles.preview.curve_fit import FitSettings
-from vehicles.preview.received.samples import Window
-from vehicles.preview.received.trace import Trace
+from vehicles.preview.samples import Window
+from vehicles.preview.trace import Trace
 from vehicles.schedule import SECOND
 
 SETTINGS = FitSettings()

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from tests.made.vehicles.fusions import FUSION_OF
-from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.degradation.source import Source
-from vehicles.driver.degradation.sources import Sources
+from vehicles.driver.settings import DegradationSettings
+from vehicles.driver.source import Source
+from vehicles.driver.sources import Sources
 from vehicles.preview.curve_fit import FitSettings
-from vehicles.preview.received.samples import Window
-from vehicles.preview.source_window import SourceWindow
+from vehicles.preview.samples import Window
+from vehicles.preview.trajectory import SourceWindow
 
 CARS, OFFSET, ALPHA = 8, 0.01, 0.5
 STATIONS = np.linspace(-4.0, 20.0, 25)

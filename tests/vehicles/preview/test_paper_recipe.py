@@ -12,7 +12,7 @@ from tests.made.vehicles.arc_courses import course, fit_errors, point_at, window
 from tests.made.vehicles.fusions import fit_two
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.paper_recipe import circle_of_least_squares, recipe_curve
-from vehicles.preview.received.samples import Window
+from vehicles.preview.samples import Window
 from vehicles.preview.trajectory import Fit
 
 PAPER = FitSettings(trajectory="paper")

@@ -12,7 +12,7 @@ from tests.made.vehicles.arc_courses import course, fit_errors, point_at, window
 from tests.made.vehicles.fusions import fit_two, fuse
 from vehicles.geometry.arc_spline import ArcSpline
 from vehicles.preview.curve_fit import FitSettings
-from vehicles.preview.received.samples import Window
+from vehicles.preview.samples import Window
 from vehicles.preview.trajectory import Fit
 
 SETTINGS = FitSettings()

@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 from tests.made.examples import examples
 from tests.made.vehicles.theory.random_cars import CAR, CARS, GAINS, SPEEDS
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters, all_loadings, loaded
-from vehicles.theory.constant_speed import exact_coefficients, is_stable_over
-from vehicles.theory.gain_sets import abscissa
+from vehicles.theory.gain_sets import abscissa, exact_coefficients, is_stable_over
 from vehicles.theory.linear_model import characteristic_polynomial
 
 

@@ -5,8 +5,15 @@ from hypothesis import assume, given
 from tests.made.examples import examples
 from tests.made.vehicles.theory.random_cars import CAR, CARS, GAINS, SPEEDS
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters, all_loadings, loaded
-from vehicles.theory.gain_margins import common_ball, gain_interval, stability_ball
-from vehicles.theory.gain_sets import PAPER_SPEEDS, abscissa, boundary_curve, is_stabilising
+from vehicles.theory.gain_sets import (
+    PAPER_SPEEDS,
+    abscissa,
+    boundary_curve,
+    common_ball,
+    gain_interval,
+    is_stabilising,
+    stability_ball,
+)
 from vehicles.theory.linear_model import characteristic_polynomial
 
 RELATIVE = (NOMINAL_GAINS.lateral, NOMINAL_GAINS.heading, NOMINAL_GAINS.yaw_rate)

@@ -6,8 +6,7 @@ from scipy.integrate import solve_ivp
 
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, Loading, VehicleParameters, loaded
 from vehicles.theory.linear_model import closed_loop_at, speed_change_matrix
-from vehicles.theory.mean_acceleration import energy_root, integral_bound, transition
-from vehicles.theory.varying_speed import certify
+from vehicles.theory.varying_speed import certify, energy_root, integral_bound, transition
 
 SLOWEST, FASTEST = 5.0, 30.0
 HEAVY = loaded(LINCOLN_MKZ, Loading(front_passengers=1, rear_passengers=3))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from vehicles.theory.polynomials import (
+from vehicles.theory.gain_sets import (
     hurwitz_minors,
     is_hurwitz,
     is_positive_between,

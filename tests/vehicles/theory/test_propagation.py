@@ -7,12 +7,14 @@ from tests.made.vehicles.theory.error_model import curvature_input, curvature_ra
 from tests.made.vehicles.theory.random_cars import CAR, CARS, GAINS, SPEEDS
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters
 from vehicles.theory.gain_sets import abscissa
-from vehicles.theory.linear_model import closed_loop_at, open_loop, steady_cornering
-from vehicles.theory.propagation import (
+from vehicles.theory.linear_model import (
     SteeringModel,
     chain_offsets,
+    closed_loop_at,
     low_frequency_growth,
+    open_loop,
     propagation,
+    steady_cornering,
     trace_propagation,
 )
 from vehicles.theory.string_stability import amplified_band

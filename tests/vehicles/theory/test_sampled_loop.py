@@ -10,12 +10,12 @@ from scipy.linalg import expm, solve_discrete_are
 from tests.made.vehicles.driving import advance
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
+from vehicles.car.imu import InertialNoise, Motion
+from vehicles.car.noise import GnssNoise
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import NOMINAL_GAINS, Loading, VehicleParameters, loaded
-from vehicles.car.positioning.noise import GnssNoise
-from vehicles.car.sensors.imu import InertialNoise, Motion
-from vehicles.driver.ego.own_state import Pose
-from vehicles.driver.ego.pose_estimator import PoseEstimator
+from vehicles.driver.own_state import Pose
+from vehicles.driver.pose_estimator import PoseEstimator
 from vehicles.driver.steering import FeedforwardFeedback
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.schedule import SECOND, Cadence, instants

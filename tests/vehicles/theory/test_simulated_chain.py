@@ -3,8 +3,8 @@ import pytest
 
 from tests.made.vehicles.theory.random_cars import CAR
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, all_loadings, loaded
-from vehicles.theory.propagation import SteeringModel, propagation
-from vehicles.theory.simulated_chain import SIMULATED_FREQUENCIES, simulated_propagation
+from vehicles.theory.linear_model import SteeringModel, propagation
+from vehicles.theory.string_stability import SIMULATED_FREQUENCIES, simulated_propagation
 
 
 @pytest.mark.spread(2)

@@ -14,8 +14,13 @@ from vehicles.car.parameters import (
     loaded_with_moved_centre,
 )
 from vehicles.theory.gain_sets import abscissa
-from vehicles.theory.linear_model import open_loop
-from vehicles.theory.propagation import SteeringModel, Transfer, low_frequency_growth, propagation
+from vehicles.theory.linear_model import (
+    SteeringModel,
+    Transfer,
+    low_frequency_growth,
+    open_loop,
+    propagation,
+)
 from vehicles.theory.string_stability import (
     amplified_band,
     head_to_tail,

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from math import ceil, log, sqrt
 from statistics import NormalDist
 
-from transport.links.laws.effect import Draw
+from transport.links.laws.link_law import Draw
 
 RESIDUAL_WEIGHT = 1e-9  # Maximum weight of a draw after one block
 MAX_CORRELATION = 0.99  # Of neighbours, with blocks of 2062 numbers

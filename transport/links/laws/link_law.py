@@ -1,18 +1,344 @@
 """Laws of a link as tables of a scenario file."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
-from math import nan
-from typing import Annotated, Any, ClassVar, Self
+from math import inf, nan
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Protocol, Self
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from transport.links.laws.effect import Effect, JudgedBy
-from transport.links.laws.stage import StageLaw
-from transport.links.laws.vehicles_between import VehiclesBetween, no_vehicles
-from transport.reasons import DropReason
+from transport.topics import DropReason
 from vehicles.geometry.geodesy import LocalPlane
+
+# ---- Moments of the losses and delays of a link in the long run
+
+
+_ROUNDING = 1e-9
+
+
+class LossStates(NamedTuple):
+    """Stationary Markov chain that steps with each message, and the loss ratio of each state.
+
+    `rows[i][j]` is the probability from state i to j, `shares` is the stationary distribution.
+    """
+
+    rows: NDArray[np.float64]
+    shares: NDArray[np.float64]
+    loss_by_state: NDArray[np.float64]
+
+    @property
+    def covariances(self) -> float:
+        """Sum of the autocovariances of the losses at lags 1, 2, ….
+
+        By the fundamental matrix (Kemeny and Snell, Finite Markov Chains, 1960, section 4.3).
+        """
+        identity = np.eye(len(self.shares))
+        limit = np.outer(np.ones(len(self.shares)), self.shares)
+        fundamental = np.linalg.inv(identity - self.rows + limit)
+        loss = self.loss_by_state
+        return float((self.shares * loss) @ (fundamental - identity) @ loss)
+
+
+@dataclass(frozen=True, slots=True)
+class Losses:
+    """Moments of a stationary loss: mean, mean burst (messages), sum of the autocovariances.
+
+    The burst is None if it is unknown or nothing is lost.
+    """
+
+    loss: float
+    burst: float | None
+    covariances: float
+
+    @classmethod
+    def of_bursts(cls, loss: float, burst: float | None) -> "Losses":
+        """Losses of Gilbert's two-state chain with this loss and mean burst."""
+        if burst is None or not 0.0 < loss < 1.0:
+            return cls(loss, burst, 0.0)
+        correlation = 1.0 - 1.0 / burst - loss / (burst * (1.0 - loss))
+        if abs(correlation) < _ROUNDING:
+            return cls(loss, burst, 0.0)
+        return cls(loss, burst, loss * (1.0 - loss) * correlation / (1.0 - correlation))
+
+    @classmethod
+    def independent(cls, loss: float) -> "Losses":
+        """Independent losses, whose bursts are geometric."""
+        if not loss:
+            return cls(loss, None, 0.0)
+        return cls(loss, 1.0 / (1.0 - loss) if loss < 1.0 else inf, 0.0)
+
+    @property
+    def has_memory(self) -> bool:
+        return abs(self.covariances) > _ROUNDING
+
+    @property
+    def both_delivered(self) -> float | None:
+        """Probability that a message and the next one are delivered; None if unknown."""
+        if self.burst is None:
+            return None
+        return 1.0 - self.loss - self.loss / self.burst
+
+    def beside(self, other: "Losses") -> "Losses":
+        """Two independent laws in series; the product of their covariances is bounded above."""
+        delivery, others = 1.0 - self.loss, 1.0 - other.loss
+        product = min(
+            abs(self.covariances) * other.loss * others,
+            abs(other.covariances) * self.loss * delivery,
+        )
+        covariances = self.covariances * others**2 + other.covariances * delivery**2 + product
+        return Losses(self.loss + delivery * other.loss, None, covariances)
+
+
+class Delays(NamedTuple):
+    """Mean (ns) and variance (ns²) of a delay, and a bound of its correlation at lag 1."""
+
+    mean: float
+    variance: float
+    correlation: float = 0.0
+
+
+# ---- Interface of an effect of a link: input, verdict and properties
+
+
+Draw = Callable[[str, int], float]
+"""Returns the random number in (0, 1) of a purpose and a message number.
+
+It does not depend on earlier draws.
+"""
+
+JudgedBy = Literal["chance", "number", "time", "place"]
+
+
+class Position(NamedTuple):
+    """True position of a vehicle (m), for the channel only: east, north, distance travelled."""
+
+    east: float = nan
+    north: float = nan
+    travelled: float = nan
+
+
+UNKNOWN_POSITION = Position()
+
+
+class TransmissionContext(NamedTuple):
+    """Transmission of a message: number, instant of sending (ns), size (bytes), positions.
+
+    `sender` is the true position of the antenna at sending, carried by the message; `receiver` is
+    the true position of the receiving node at its last tick before. Both are the same on every
+    clock.
+    """
+
+    seq: int
+    sent_at: int
+    size: int = 0
+    sender: Position = UNKNOWN_POSITION
+    receiver: Position = UNKNOWN_POSITION
+
+
+class Effect:
+    """One impairment of a link; delays of several effects add up, any drop wins.
+
+    A verdict must not depend on which messages arrived before. The state of an effect with memory
+    follows from the keyed draws of all numbers up to the message, whether or not they arrived.
+
+    Except for `judge` and `describe`, the defaults are those of an effect without loss and delay.
+    `key` is the key of a link that requests the effect, `reason` the reason of its drops.
+    `judged_by` is "number", "time" or "place" if the verdict depends on that only, so that the
+    losses of a run need not resemble those in the long run.
+    """
+
+    __slots__ = ()
+
+    key: ClassVar[str]
+    reason: ClassVar[DropReason | None] = None
+    judged_by: ClassVar[JudgedBy] = "chance"
+
+    def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
+        """Delay (ns) of this effect, or the reason of a drop."""
+        raise NotImplementedError
+
+    def describe(self) -> str:
+        """One line with units, without a full stop."""
+        raise NotImplementedError
+
+    def losses(self, distance_m: float | None) -> Losses | None:
+        """Losses in the long run (of a radio: over a distance); None if they depend on more."""
+        return Losses(0.0, None, 0.0)
+
+    @property
+    def states(self) -> LossStates | None:
+        """Markov chain of the losses; None without one."""
+        return None
+
+    @property
+    def delays(self) -> Delays | None:
+        """Moments of the delay; None if they depend on more than the law."""
+        return Delays(0.0, 0.0)
+
+    def delay_quantile(self, share: float) -> float | None:
+        """Quantile of the delay (ns) at the probability `share`; None if unknown."""
+        return None
+
+    @property
+    def range_m(self) -> float | None:
+        """Distance (m) beyond which almost nothing is received; None without a radio."""
+        return None
+
+
+# ---- Stages: effects of the messages of a link on each other (queue, arrival in order)
+#
+# The verdict depends on the surrounding messages, by their instants of sending and sizes, but not
+# on when bytes arrive from the bus. A stage takes messages in the order of their numbers and
+# returns each one as soon as its verdict is final.
+#
+# Given all messages sent until an instant t, a stage decides about messages that begin to be sent,
+# or are removed from the queue, until t. None of them is visible before t + floor, where the floor
+# is the minimum latency of the link. At the tick at `now` the receiver therefore lets the stages
+# decide until now − floor. If the bus is faster than the floor, all messages sent until then have
+# arrived, and all that are visible by `now` are decided, on the wall clock as in virtual time.
+# Slower messages count as late.
+
+
+UNSENT: frozenset[str] = frozenset({"rate", "transmitter_off"})  # Do not enter a queue
+
+
+@dataclass(frozen=True, slots=True)
+class StagedMessage:
+    """A message between stages: when it is visible (ns), and the reason if it is dropped.
+
+    A dropped message has the instant at which it would have been visible.
+    """
+
+    context: TransmissionContext
+    visible_at: int
+    reason: DropReason | Literal[""] = ""
+
+
+class Stage(Protocol):
+    """State of a stage of one link."""
+
+    def carry(self, arrived: Iterable[StagedMessage], until: int) -> list[StagedMessage]:
+        """Add the messages sent until instant `until` (ns); returns those now decided."""
+
+
+class StageLaw(Protocol):
+    """Law of a stage; `key` is the key of a link that requests it."""
+
+    key: ClassVar[str]
+
+    def stage(self) -> Stage:
+        """New, empty state."""
+
+    def describe(self) -> str:
+        """One line with units, without a full stop."""
+
+
+@dataclass(frozen=True, slots=True)
+class InOrder:
+    """Messages wait until all earlier delivered messages are visible."""
+
+    key: ClassVar[str] = "delay"
+
+    def stage(self) -> Stage:
+        return _Order()
+
+    def describe(self) -> str:
+        return "in order"
+
+
+@dataclass(slots=True)
+class _Order:
+    latest: int = 0
+
+    def carry(self, arrived: Iterable[StagedMessage], until: int) -> list[StagedMessage]:
+        decided = []
+        for message in arrived:
+            visible_at = max(message.visible_at, self.latest)
+            if not message.reason:
+                self.latest = visible_at
+            decided.append(StagedMessage(message.context, visible_at, message.reason))
+        return decided
+
+
+# ---- Vehicles between sender and receiver of a link, and the road on which they drive
+
+
+@dataclass(frozen=True, slots=True)
+class Road:
+    """Polyline of the road: points (m) every `step` metres from station 0.
+
+    With steps of 2 m it deviates by less than 0.1 m from a bend of 5 m radius.
+    """
+
+    step: float
+    east: Sequence[float]
+    north: Sequence[float]
+
+    def points(self, station: float, step: float, count: int) -> Iterator[tuple[float, float]]:
+        """Yield east and north (m) at `station` + k `step` (m) for k from 1 to `count`.
+
+        Beyond both ends the road continues straight.
+        """
+        easts, norths, last = self.east, self.north, len(self.east) - 2
+        position, increment = station / self.step, step / self.step
+        for _ in range(count):
+            position += increment
+            node = int(position)
+            node = 0 if node < 0 else min(node, last)
+            share = position - node
+            rest = 1.0 - share
+            yield (
+                rest * easts[node] + share * easts[node + 1],
+                rest * norths[node] + share * norths[node + 1],
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class VehiclesBetween:
+    """The `count` vehicles between sender and receiver, some of which obstruct the link.
+
+    They are assumed at equal distances along the `road` between both ends, because the receiver
+    does not receive poses of all of them. The station of an end is its station at the start plus
+    the distance travelled, which is the same on every clock.
+
+    A vehicle obstructs the link if its circle of `radius` m (ETSI TR 103 257: 1.5 m) cuts the line
+    of sight: on a straight all do, around a bend they do not.
+    """
+
+    count: int
+    road: Road
+    sender_start: float
+    receiver_start: float
+    radius: float = 1.5
+
+    def count_obstructing(self, context: TransmissionContext, most: int) -> int:
+        sender, receiver = context.sender, context.receiver
+        station = self.receiver_start + receiver.travelled
+        step = (self.sender_start + sender.travelled - station) / (self.count + 1)
+        line_east, line_north = sender.east - receiver.east, sender.north - receiver.north
+        length_squared = line_east * line_east + line_north * line_north
+        cross_limit = self.radius * self.radius * length_squared  # of the squared cross product
+        obstructing = 0
+        for east, north in self.road.points(station, step, self.count):
+            to_east, to_north = east - receiver.east, north - receiver.north
+            cross = line_east * to_north - line_north * to_east
+            along = line_east * to_east + line_north * to_north
+            if cross * cross < cross_limit and 0.0 < along < length_squared:
+                obstructing += 1
+                if obstructing == most:
+                    break
+        return obstructing
+
+
+def no_vehicles() -> VehiclesBetween:
+    return VehiclesBetween(0, Road(1.0, (0.0, 0.0), (0.0, 0.0)), 0.0, 0.0)
+
+
+# ---- Link law
+
 
 Problem = tuple[str, str]  # A key of the table of a law, and what is wrong with its value
 

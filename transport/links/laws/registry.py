@@ -8,9 +8,10 @@ from typing import Annotated, Any, get_args
 
 from pydantic import Field
 
-from transport.links.laws.basic import Decimation, Loss
+from transport.links.laws.basic import Decimation, Loss, Queue
+from transport.links.laws.burst_losses import FourState, GilbertElliott
 from transport.links.laws.content import ContentLaw
-from transport.links.laws.delay.distributions import (
+from transport.links.laws.delays import (
     ConstantDelay,
     EmpiricalDelay,
     GammaDelay,
@@ -18,17 +19,24 @@ from transport.links.laws.delay.distributions import (
     NormalDelay,
     UniformDelay,
 )
-from transport.links.laws.effect import Effect
-from transport.links.laws.loss.bursts import FourState, GilbertElliott
-from transport.links.laws.loss.by_number import EveryNth, Listed, NoLoss, RecordedPattern
-from transport.links.laws.loss.collisions import Collisions
-from transport.links.laws.loss.earlier_run import EarlierRun
-from transport.links.laws.outages.by_place import CircleOutage, StretchOutage
-from transport.links.laws.outages.by_time import ReceiverOff, TransmitterOff, WindowOutage
-from transport.links.laws.outages.random_outage import RandomOutage
-from transport.links.laws.queue import Queue
-from transport.links.laws.radio.path_loss import PathLossRadio
-from transport.links.laws.radio.table_radio import TableRadio
+from transport.links.laws.link_law import Effect
+from transport.links.laws.outages import (
+    CircleOutage,
+    RandomOutage,
+    ReceiverOff,
+    StretchOutage,
+    TransmitterOff,
+    WindowOutage,
+)
+from transport.links.laws.radio import PathLossRadio
+from transport.links.laws.recorded_losses import (
+    EarlierRun,
+    EveryNth,
+    Listed,
+    NoLoss,
+    RecordedPattern,
+)
+from transport.links.laws.shared_channel import Collisions, TableRadio
 
 # fmt: off
 LossLaw = Annotated[

@@ -3,16 +3,22 @@
 from collections.abc import Callable
 from typing import Any, TypeVar, get_args
 
-from scenarios.definition.schema.plug_ins.guards import PlugInError, called
-from scenarios.definition.schema.plug_ins.point import PlugInPoint, dotted_name
-from transport.links.laws.delay.base import BaseDelay
-from transport.links.laws.effect import Draw, Effect, Position, TransmissionContext
-from transport.links.laws.link_law import LinkLaw, LinkSetting
-from transport.links.laws.loss.base import BaseLoss
-from transport.links.laws.moments import Delays, Losses
+from scenarios.definition.schema.plug_ins.point import PlugInError, PlugInPoint, called, dotted_name
+from transport.links.laws.burst_losses import BaseLoss
+from transport.links.laws.delays import BaseDelay
+from transport.links.laws.link_law import (
+    Delays,
+    Draw,
+    Effect,
+    LinkLaw,
+    LinkSetting,
+    Losses,
+    Position,
+    TransmissionContext,
+)
 from transport.links.laws.registry import DelayLaw, LossLaw
 from transport.links.link import keyed_draw
-from transport.reasons import REASONS, DropReason
+from transport.topics import REASONS, DropReason
 from vehicles.schedule import MILLISECOND
 
 T = TypeVar("T")

@@ -6,25 +6,94 @@ from typing import get_args
 
 import numpy as np
 
-from scenarios.definition.schema.plug_ins.guards import PlugInError, called, finite, own_name
-from scenarios.definition.schema.plug_ins.point import PlugInPoint
-from scenarios.definition.schema.plug_ins.steering import steering_command
-from vehicles.driver.degradation.modes import Modes
-from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.degradation.situation import Situation
-from vehicles.driver.degradation.sources import Sources
-from vehicles.driver.degradation.speed_guard import GuardedCar, SpeedOverride
-from vehicles.driver.ego.own_state import Pose
-from vehicles.driver.longitudinal.controller import VehiclesAhead
+from scenarios.definition.schema.plug_ins.point import (
+    PlugInError,
+    PlugInPoint,
+    called,
+    finite,
+    own_name,
+)
+from vehicles.car.parameters import Gains, VehicleParameters
+from vehicles.driver.controller import (
+    LongitudinalController,
+    LongitudinalSetup,
+    OwnMotion,
+    SourceMotion,
+    VehiclesAhead,
+)
+from vehicles.driver.modes import Modes
+from vehicles.driver.own_state import Pose
 from vehicles.driver.reactions import Extrapolate, ReactionPolicy
+from vehicles.driver.settings import DegradationSettings
+from vehicles.driver.situation import Situation
+from vehicles.driver.sources import Sources
 from vehicles.driver.speed import SpeedCommand, SpeedLaw
-from vehicles.driver.steering import SteeringCommand
+from vehicles.driver.speed_guard import GuardedCar, SpeedOverride
+from vehicles.driver.steering import LateralController, SteeringCommand
+from vehicles.driver.tracking import TrackingErrors
 from vehicles.messages import Mode
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.fusion import SourceFusion, Trajectories
-from vehicles.preview.received.samples import Window
-from vehicles.preview.source_window import LEAD, PREDECESSOR, SourceWindow
-from vehicles.preview.trajectory import Fit
+from vehicles.preview.samples import Window
+from vehicles.preview.trajectory import LEAD, PREDECESSOR, Fit, SourceWindow
+
+# ---- Lateral controllers as plug-ins
+
+
+class GuardedSteering:
+    """Wraps a user's controller (Section III-C), and converts its faults to PlugInError."""
+
+    def __init__(self, controller: LateralController, name: str) -> None:
+        self._controller = controller
+        self._what = f"controller {name!r}: steer()"
+
+    def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
+        command = called(lambda: self._controller.steer(errors, speed), self._what)
+        return steering_command(command, self._what)
+
+
+def steering_command(command: object, what: str) -> SteeringCommand:
+    """Return a finite command; raises PlugInError, beginning with `what`."""
+    if not isinstance(command, SteeringCommand):
+        given = type(command).__name__
+        raise PlugInError(f"{what} returned {given}, expected a SteeringCommand")
+    parts = [
+        finite(getattr(command, part), f"{what} returned {part}", "number of radians")
+        for part in ("steering", "feedforward", "feedback")
+    ]
+    return SteeringCommand(*parts)
+
+
+def try_steering(controller: LateralController) -> list[SteeringCommand]:
+    """Call `steer` at 10 m/s, on a straight without errors and 0.1 m to the left."""
+    return [
+        controller.steer(TrackingErrors(lateral, heading=0.0, yaw_rate=0.0, curvature=0.0), 10.0)
+        for lateral in (0.0, 0.1)
+    ]
+
+
+LATERAL = PlugInPoint(
+    name="controller",
+    title="lateral controller",
+    key="control.controller",
+    shipped={
+        "slip_compensated": "vehicles.driver.steering.SlipCompensated",
+        "feedforward_feedback": "vehicles.driver.steering.FeedforwardFeedback",
+        "stanley": "vehicles.driver.steering.Stanley",
+        "pure_pursuit": "vehicles.driver.steering.PurePursuit",
+    },
+    contract=LateralController,
+    methods={"steer": "errors, speed"},
+    types=(TrackingErrors, SteeringCommand, VehicleParameters, Gains),
+    arguments="parameters, gains",
+    draws=True,
+    guard=GuardedSteering,
+    trial=try_steering,
+)
+
+
+# ---- Path
+
 
 BASELINE = Extrapolate()
 MODES: tuple[Mode, ...] = tuple(mode for mode in get_args(Mode) if mode != "path")
@@ -208,4 +277,63 @@ REACTION = PlugInPoint(
     draws=True,
     guard=GuardedReaction,
     trial=try_reaction,
+)
+
+
+# ---- Longitudinal controllers as plug-ins
+
+
+class GuardedFollowing:
+    """Wraps a user's longitudinal controller, and converts its faults to PlugInError."""
+
+    def __init__(self, controller: LongitudinalController, name: str) -> None:
+        self._controller = controller
+        self._what = f"controller {name!r}: acceleration()"
+
+    def acceleration(self, speed: float, ahead: VehiclesAhead) -> float:
+        value = called(lambda: self._controller.acceleration(speed, ahead), self._what)
+        return finite(value, f"{self._what} returned", "acceleration (m/s²)")
+
+
+def try_following(controller: LongitudinalController, setup: LongitudinalSetup) -> list[float]:
+    """Call `acceleration` at 20 m/s, 1 m too far behind sources of that speed, and at 18 m/s."""
+    accelerations = []
+    for speed in (20.0, 18.0):
+        ahead = VehiclesAhead(
+            own=OwnMotion(setup.period, 0.0, 100.0),
+            sources={
+                name: SourceMotion(policy.desired(speed) + 1.0, 20.0, 0.0, 0.1)
+                for name, policy in setup.policies.items()
+            },
+        )
+        if setup.predecessor in setup.policies:
+            ahead.spacing, ahead.predecessor_speed = setup.policy.desired(speed) + 1.0, 20.0
+        if setup.lead in setup.policies:
+            ahead.lead_speed, ahead.lead_acceleration = 20.0, 0.0
+        accelerations.append(controller.acceleration(speed, ahead))
+    return accelerations
+
+
+LONGITUDINAL = PlugInPoint(
+    name="controller",
+    title="longitudinal controller",
+    key="control.longitudinal",
+    shipped={
+        name: f"vehicles.driver.longitudinal_laws.{law}"
+        for name, law in (
+            ("gap", "GapLaw"),
+            ("acc", "Acc"),
+            ("cacc", "Cacc"),
+            ("ploeg", "Ploeg"),
+            ("flatbed", "Flatbed"),
+            ("consensus", "Consensus"),
+        )
+    },
+    contract=LongitudinalController,
+    methods={"acceleration": "speed, ahead"},
+    types=(LongitudinalSetup, VehiclesAhead, OwnMotion, SourceMotion),
+    arguments="setup",
+    draws=True,
+    guard=GuardedFollowing,
+    trial=try_following,
 )

@@ -8,14 +8,60 @@ from dataclasses import dataclass, is_dataclass
 from functools import cached_property
 from importlib import import_module
 from inspect import signature
+from math import isfinite
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 from pydantic import BaseModel
 
-from scenarios.definition.schema.plug_ins.guards import PlugInError, called, described
 from transport.links.link import keyed_draw
-from vehicles.driver.instant_draw import InstantDraw
+from transport.texts import ConvoyError
+from vehicles.driver.settings import InstantDraw
+
+# ---- Calls of user-defined classes, with faults in one line
+
+
+T = TypeVar("T")
+
+
+class PlugInError(ConvoyError, ValueError):
+    """A class violates the contract of its plug-in point; the message is one line."""
+
+
+def described(error: BaseException) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())
+
+
+def called(call: Callable[[], T], what: str, verb: str = " raised ") -> T:
+    """Return the result of `call`; raises PlugInError, beginning with `what`, for any fault."""
+    try:
+        return call()
+    except PlugInError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise PlugInError(f"{what}{verb}{described(error)}") from error
+
+
+OWN_PACKAGES = {"vehicles", "transport", "scenarios"}
+
+
+def own_name(value: object) -> str:
+    """Dotted name of the class of a value if it is the user's, else empty."""
+    kind = type(value)
+    shipped = kind.__module__.partition(".")[0] in OWN_PACKAGES
+    return "" if shipped else f"{kind.__module__}.{kind.__qualname__}"
+
+
+def finite(value: object, what: str, wanted: str) -> float:
+    """Return a finite number, which may be a NumPy scalar, as a float; raises PlugInError."""
+    if isinstance(value, int | float) and isfinite(value):
+        return float(value)
+    sign = "" if what.endswith("returned") else "= "
+    raise PlugInError(f"{what} {sign}{value!r}, expected a finite {wanted}")
+
+
+# ---- Point
+
 
 _CLASS = re.compile(r"^class (\w+)", re.MULTILINE)
 

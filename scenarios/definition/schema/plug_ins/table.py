@@ -17,13 +17,16 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from scenarios.definition.schema.base_table import Table
-from scenarios.definition.schema.plug_ins.guards import PlugInError, called
-from scenarios.definition.schema.plug_ins.point import PlugInPoint, settings_class
-from scenarios.definition.schema.settings_table import SettingsTable, generated
-from transport.links.laws.delay.base import BaseDelay
+from scenarios.definition.schema.plug_ins.point import (
+    PlugInError,
+    PlugInPoint,
+    called,
+    settings_class,
+)
+from scenarios.definition.schema.settings_table import SettingsTable, Table, generated
+from transport.links.laws.delays import BaseDelay
 from transport.links.laws.link_law import LinkLaw
-from vehicles.driver.instant_draw import InstantDraw
+from vehicles.driver.settings import InstantDraw
 
 AS_ANY = cast("Any", SerializeAsAny)()
 ERROR_TYPE = "plug_in"

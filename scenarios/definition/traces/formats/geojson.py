@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from itertools import zip_longest
 from typing import Any, Final
 
-from scenarios.definition.traces.formats.point_columns import PointColumns
+from scenarios.definition.traces.formats.cells import PointColumns
 from scenarios.definition.traces.recorded_drive import RecordedDrive, TraceError
 
 LINE_TIMES: Final = ("coordTimes", "times", "coordinateTimes")

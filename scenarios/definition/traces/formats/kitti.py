@@ -8,8 +8,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Final
 
-from scenarios.definition.traces.formats.point_columns import PointColumns
-from scenarios.definition.traces.formats.time_cells import as_number
+from scenarios.definition.traces.formats.cells import PointColumns, as_number
 from scenarios.definition.traces.recorded_drive import NO_TIMES, RecordedDrive, TraceError
 
 PACKET: Final = 30

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from scenarios.definition.traces.formats.time_cells import as_number
+from scenarios.definition.traces.formats.cells import as_number
 from scenarios.definition.traces.recorded_drive import (
     NO_FIX,
     NOT_A_POSITION,

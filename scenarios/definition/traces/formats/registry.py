@@ -9,10 +9,15 @@ from typing import Final
 from scenarios.definition.traces.formats.geojson import read_geojson
 from scenarios.definition.traces.formats.kitti import is_oxts, read_oxts, read_oxts_folder
 from scenarios.definition.traces.formats.logs import MCAP_MAGIC, read_mcap
-from scenarios.definition.traces.formats.markup import read_gpx, read_kml
+from scenarios.definition.traces.formats.markup import (
+    FORMATS,
+    SENTENCE,
+    decoded,
+    read_gpx,
+    read_kml,
+)
 from scenarios.definition.traces.formats.nmea import read_nmea
 from scenarios.definition.traces.formats.table import read_table
-from scenarios.definition.traces.formats.text import FORMATS, SENTENCE, decoded
 from scenarios.definition.traces.recorded_drive import RecordedDrive, TraceError
 
 MAX_BYTES: Final = 200_000_000

@@ -1,34 +1,349 @@
 """Recorded drives as tables: CSV and its relatives, RTKLIB's .pos, exports of ROS topics."""
 
+import csv
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 from typing import Final
 
 import numpy as np
 
-from scenarios.definition.traces.formats.columns.column_names import (
+from scenarios.definition.traces.formats.cells import (
+    UNITS,
+    UNIX_RANGE,
+    TimeColumn,
+    as_numbers,
+    first_usual,
+    read_times,
+    utc_from_gps,
+)
+from scenarios.definition.traces.formats.column_names import (
+    ANGLES,
+    LENGTHS,
+    SPEEDS,
+    UNIT_NAMES,
     NamedColumn,
     TableColumns,
+    TimeSource,
+    usable_columns,
 )
-from scenarios.definition.traces.formats.columns.table_layout import (
-    UNUSUAL,
-    TableLayout,
-    cells_of,
-    is_row,
-    layout_of,
-    padded,
-)
-from scenarios.definition.traces.formats.columns.table_times import in_likely_unit, times_of
-from scenarios.definition.traces.formats.columns.units import ANGLES, LENGTHS, SPEEDS
-from scenarios.definition.traces.formats.time_cells import TimeColumn, as_numbers
 from scenarios.definition.traces.recorded_drive import (
     ALTITUDES_M,
     FASTEST,
+    METRES_PER_DEGREE,
     Floats,
     LeftOut,
     LeftOutRecords,
     RecordedDrive,
+    TraceError,
 )
+
+# ---- Times of a table: which columns hold them, and their likely unit
+
+
+USUAL_SPEEDS: Final = (0.5, 70.0)
+"""Median speeds (m/s) of a car that confirm a unit of time."""
+
+DOUBTFUL_SPEEDS: Final = (0.1, 150.0)
+"""Median speeds (m/s) beyond which another unit of time is considered."""
+
+LEAST_INTERVAL: Final = 0.005
+"""Shortest median interval (s) between points in the unit considered."""
+
+
+def preferred_source(
+    sources: Sequence[TimeSource], rows: Sequence[Sequence[str]]
+) -> TimeSource | None:
+    """Return the first source whose cells fit and change in a sample of rows."""
+    fitting = [source for source in sources if _fits(source, rows)]
+    for source in fitting:
+        places = [column.place for column in source.columns]
+        values = {tuple(row[k].strip() for k in places) for row in rows}
+        if len({value for value in values if any(value)}) > 1:
+            return source
+    return fitting[0] if fitting else None
+
+
+def _fits(source: TimeSource, rows: Sequence[Sequence[str]]) -> bool:
+    """Whether most dates are dates without a time, where the time is in another column."""
+    if source.kind != "date":
+        return True
+    date, time = (column.place for column in source.columns)
+    fitting = [
+        bool(re.search(r"\d", row[date]))
+        and ":" not in row[date]
+        and ":" in row[time]
+        and not re.search(r"[-/]", row[time].strip(" -"))
+        for row in rows
+    ]
+    return 2 * sum(fitting) > len(fitting)
+
+
+def times_of(source: TimeSource, columns: Sequence[Sequence[str]]) -> TimeColumn:
+    """Read the times of a source from the cells of its columns."""
+    if source.kind == "stamp":
+        return _stamped(*map(as_numbers, columns))
+    if source.kind == "date":
+        column = read_times([f"{a.strip()} {b}" for a, b in zip(*columns, strict=True)])
+    else:
+        column = read_times(columns[0], source.unit)
+    return _in_utc(column) if source.gps and column.clock == "unix" else column
+
+
+def _stamped(seconds: Floats, nanos: Floats) -> TimeColumn:
+    known = seconds[np.isfinite(seconds)]
+    unix = known.size > 0 and UNIX_RANGE[0] <= np.median(known) <= UNIX_RANGE[1]
+    zero = first_usual(known) if unix else 0.0
+    return TimeColumn(seconds - zero + nanos / 1e9, "unix" if unix else None, zero, ())
+
+
+def _in_utc(column: TimeColumn) -> TimeColumn:
+    zero = float(utc_from_gps(np.array(column.zero_s)))
+    ahead = f"times of GPS are converted to UTC: {column.zero_s - zero:.0f} s less"
+    remarks = [remark for remark in column.remarks if "zone" not in remark]
+    return replace(column, zero_s=zero, remarks=(*remarks, ahead))
+
+
+def in_likely_unit(
+    column: TimeColumn, source: TimeSource, position: Floats, *, geodetic: bool
+) -> TimeColumn:
+    """Change the unit of the times if the drive would be absurdly slow or fast in it.
+
+    Times whose column names the unit keep it, with a remark. `position` is that of the rows.
+    """
+    named = source.unit
+    if source.kind != "single" or column.clock == "day" or column.remarks:
+        return column
+    speed, interval = _median_speed(column.seconds, position, geodetic=geodetic)
+    if DOUBTFUL_SPEEDS[0] <= speed <= DOUBTFUL_SPEEDS[1] or not speed > 0.0:
+        return column
+    factors = {unit: UNITS[named or "s"] / per for unit, per in UNITS.items()}
+    likely = [
+        unit
+        for unit, factor in factors.items()
+        if USUAL_SPEEDS[0] <= speed / factor <= USUAL_SPEEDS[1]
+        and interval * factor >= LEAST_INTERVAL
+    ]
+    name = source.columns[-1].name
+    if not likely:
+        doubt = (
+            f"the median speed by {name} is {speed:.2g} m/s: check the units of times and positions"
+        )
+        return replace(column, remarks=(doubt,) if speed > DOUBTFUL_SPEEDS[1] else ())
+    if named:
+        advice = (
+            f"the median speed by {name} is {speed:.2g} m/s: its times are probably in "
+            f"{likely[0]}. Rename the column to t_{likely[0]} if they are"
+        )
+        return replace(column, remarks=(advice,))
+    seconds = (column.seconds + column.zero_s) * factors[likely[0]]
+    reason = f"{name} is read in {likely[0]}: in s the median speed would be {speed:.2g} m/s"
+    return TimeColumn(seconds, None, 0.0, (reason,))
+
+
+def _median_speed(seconds: Floats, position: Floats, *, geodetic: bool) -> tuple[float, float]:
+    """Return the median speed between different points and the median interval; 0 if unknown."""
+    known = np.isfinite(seconds) & np.isfinite(position).all(axis=0)
+    first, second = position[:, known]
+    if geodetic:
+        north = first * METRES_PER_DEGREE
+        east = second * METRES_PER_DEGREE * np.cos(np.radians(first))
+    else:
+        east, north = first, second
+    moved = np.flatnonzero(np.hypot(np.diff(east), np.diff(north)) > 0.0)
+    places = np.append(moved[:1], moved + 1)
+    lengths = np.hypot(np.diff(east[places]), np.diff(north[places]))
+    spans = np.diff(seconds[known][places])
+    usable = spans > 0.0
+    if not usable.any():
+        return 0.0, 0.0
+    speed = float(np.median(lengths[usable] / spans[usable]))
+    return speed, float(np.median(spans[usable]))
+
+
+# ---- Separator, header and used columns of a table
+
+
+SEPARATORS: Final = (",", ";", "\t", "|", None)
+"""Separators of cells; None is any number of spaces."""
+
+SEPARATOR: Final = re.compile(r"\W*sep=.?\W*")
+"""A line with which Excel names the separator."""
+
+COMMENTS: Final = ("#", "%")
+BLANK: Final = " ,;\t|"
+UNUSUAL: Final = f"{BLANK}#%"
+"""First characters of lines that may be no rows."""
+
+LONGEST_HEADER: Final = 100_000
+"""Number of characters above which a line is no header."""
+
+MOST_BEFORE: Final = 200
+"""Number of lines in which the column names are searched."""
+
+SAMPLE: Final = 2000
+"""Number of lines from which the form of the cells is guessed."""
+
+READ: Final = "latitude and longitude, x and y, or east and north"
+EXAMPLE: Final = "t_s,latitude_deg,longitude_deg or t_s,x_m,y_m"
+
+
+@dataclass(frozen=True, slots=True)
+class TableLayout:
+    """How the rows of a table are read, from line index `first` on.
+
+    Rows of more than `most` cells are spoiled.
+    """
+
+    separator: str | None
+    columns: TableColumns
+    source: TimeSource | None
+    most: int
+    first: int
+
+    @property
+    def time_places(self) -> list[int]:
+        return [column.place for column in self.source.columns] if self.source else []
+
+
+def layout_of(lines: Sequence[str]) -> TableLayout:
+    """Find the header and the form of the rows. Raises TraceError without usable names."""
+    columns, separator, first = _header(lines)
+    sample = [cells_of(line, separator) for line in lines[first : first + SAMPLE] if is_row(line)]
+    if sample:
+        separator, sample = _separator_of_rows(lines, first, separator, columns, sample)
+        columns = _with_divided_time(columns, sample)
+        if units := _units(columns, sample[0]):
+            columns, first, sample = units, first + 1, sample[1:]
+    if any("d'" in column.name for column in columns.position):
+        raise TraceError(
+            "degrees, minutes and seconds in separate cells: "
+            "export decimal degrees (RTKLIB: out-outdegform = deg)"
+        )
+    width = len(columns.names)
+    usual = int(np.median([len(row) for row in sample])) if sample else width
+    if separator == "," and usual >= 2 * width:
+        raise TraceError(
+            f"the rows have {usual} cells, but the header names {width}: "
+            "separate the cells of decimal commas by ; instead"
+        )
+    source = preferred_source(columns.times, [padded(row, width) for row in sample])
+    return TableLayout(separator, columns, source, max(width, usual), first)
+
+
+def is_row(line: str) -> bool:
+    text = line.strip(BLANK)
+    return bool(text) and not text.startswith(COMMENTS)
+
+
+def cells_of(line: str, separator: str | None) -> list[str]:
+    """Split a single line, so that an open quote affects no other line."""
+    if '"' not in line or separator is None:
+        return line.split(separator)
+    try:
+        return next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    except csv.Error:
+        return []
+
+
+def padded(row: list[str], width: int) -> list[str]:
+    return row if len(row) >= width else [*row, *[""] * (width - len(row))]
+
+
+def _header(lines: Sequence[str]) -> tuple[TableColumns, str | None, int]:
+    """Return the usable columns, the separator of their names, and the first line of rows.
+
+    Of several comment lines with usable names, the last one counts.
+    """
+    header: tuple[TableColumns, str | None, int] | None = None
+    given = ""
+    for number, line in enumerate(lines[:MOST_BEFORE], 1):
+        text = line.strip()
+        if not text.strip(BLANK):
+            continue
+        comment = text.startswith(COMMENTS)
+        if named := _named(text.lstrip("#% ")):
+            header = (*named, number)
+        if header and not comment:
+            return header if named else (header[0], header[1], number - 1)
+        given = given or ("" if comment or SEPARATOR.fullmatch(text) else text)
+    if header is None:
+        raise TraceError(_without_names(given or (lines[0] if lines else "")))
+    return header
+
+
+def _named(line: str) -> tuple[TableColumns, str | None] | None:
+    """Return the usable columns that the line names, with the separator that finds most."""
+    best: tuple[TableColumns, str | None] | None = None
+    if len(line) > LONGEST_HEADER:
+        return None
+    for separator in SEPARATORS:
+        names = cells_of(line, separator)
+        if separator is None:
+            names = line.replace(" (", "(").replace(" [", "[").split()
+        columns = usable_columns(names)
+        if columns and (best is None or columns.rank > best[0].rank):
+            best = columns, separator
+    return best
+
+
+def _without_names(line: str) -> str:
+    shown = ", ".join(cell.strip() for cell in cells_of(line, _most_frequent(line)))
+    given = shown[:60].encode("unicode_escape").decode() or "none"
+    numeric = not any(letter.isalpha() for letter in line)
+    remedy = f"name them in the first line, such as {EXAMPLE}" if numeric else f"allowed {READ}, "
+    return f"no usable columns: given {given}; {remedy}" + ("" if numeric else f"such as {EXAMPLE}")
+
+
+def _most_frequent(line: str) -> str:
+    return max(",;\t", key=line.count)
+
+
+def _separator_of_rows(
+    lines: Sequence[str],
+    first: int,
+    separator: str | None,
+    columns: TableColumns,
+    sample: list[list[str]],
+) -> tuple[str | None, list[list[str]]]:
+    """Return the separator of the rows, which may be another than that of the names."""
+    needed = max(column.place for column in columns.position)
+    if 2 * sum(len(row) > needed for row in sample) >= len(sample):
+        return separator, sample
+    rows = [line for line in lines[first : first + SAMPLE] if is_row(line)]
+    for other in SEPARATORS:
+        split = [cells_of(line, other) for line in rows]
+        if 2 * sum(len(row) == len(columns.names) for row in split) > len(split):
+            return other, split
+    return separator, sample
+
+
+def _units(columns: TableColumns, row: list[str]) -> TableColumns | None:
+    """Return the columns with the units of the row, if it is a row of units."""
+    cells = [cell.strip(" \"'[]()").lower() for cell in row]
+    if sum(cell in UNIT_NAMES for cell in cells) < 2 or any(map(str.isdigit, "".join(cells))):
+        return None
+    pairs = zip_longest(columns.names, cells[: len(columns.names)], fillvalue="")
+    return usable_columns([f"{name} ({unit})" if unit else name for name, unit in pairs])
+
+
+def _with_divided_time(columns: TableColumns, sample: list[list[str]]) -> TableColumns:
+    """Name date and time apart if the rows have a cell more than the header, as in RTKLIB's."""
+    longer = [row for row in sample if len(row) == len(columns.names) + 1]
+    if not columns.times or 2 * len(longer) <= len(sample):
+        return columns
+    source = columns.times[0]
+    place = source.columns[-1].place
+    row = longer[len(longer) // 2]
+    names = list(columns.names)
+    if sum(row[place].count(sign) for sign in "-/.") == 2:
+        names.insert(place, "date")
+    return usable_columns(names) or columns
+
+
+# ---- Table
+
 
 BLOCK: Final = 4_000
 """Number of lines that are split at a time, to bound the memory."""

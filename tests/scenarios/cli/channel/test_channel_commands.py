@@ -11,13 +11,13 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
-from scenarios.cli.channel.comparison_tables import bar
+from scenarios.cli.comparison_tables import bar
 from scenarios.cli.main import cli
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
-from transport.links.laws.loss.bursts import GilbertElliott
+from scenarios.runs.virtual import run_virtual
+from transport.links.laws.burst_losses import GilbertElliott
 
 QUICK = ("--messages", "1000")
 

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from scenarios.cli.live import change_requests
-from scenarios.cli.live.change_requests import VehicleAnswer
+from scenarios.cli import change_requests
+from scenarios.cli.change_requests import VehicleAnswer
 from scenarios.cli.main import cli
-from scenarios.runs.control.live_control import Confirmation
-from scenarios.runs.control.open_runs import OpenRun
+from scenarios.runs.live_control import Confirmation
+from scenarios.runs.open_runs import OpenRun
 
 ONLY = OpenRun("only-1", "tcp/127.0.0.1:1", "/data/runs/only")
 

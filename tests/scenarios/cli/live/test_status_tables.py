@@ -9,12 +9,11 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from scenarios.cli.live.change_requests import run_to_join
-from scenarios.cli.live.status_tables import show, tables
+from scenarios.cli.change_requests import run_to_join, show, tables
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.metrics import Metrics
-from scenarios.runs.control.open_runs import OpenRun
-from scenarios.runs.control.run_status import RunStatus, StatusBoard
+from scenarios.runs.open_runs import OpenRun
+from scenarios.runs.run_status import RunStatus, StatusBoard
 from scenarios.runs.stop import Stop
 from tests.made.transport import drive
 from transport.bus.bus import BusError

@@ -11,11 +11,11 @@ from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
 from scenarios.definition.scenario import drills, load_scenario
-from scenarios.results.limits.evaluation import limit_figures
+from scenarios.results.limits import limit_figures
 from scenarios.results.log_summary import scenario_in, summary_of
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import to_json
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged
 from transport.log.reader import LogReader
 from vehicles.schedule import SECOND
 

@@ -16,10 +16,10 @@ from click.testing import CliRunner
 
 from scenarios.cli.main import cli
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
-from scenarios.studies.engine import workers as pool
-from scenarios.studies.engine.journal import JOURNAL, Entry, RunJournal
-from scenarios.studies.engine.workers import WorkerPool
+from scenarios.runs.virtual import run_virtual
+from scenarios.studies import workers as pool
+from scenarios.studies.engine import JOURNAL, Entry, RunJournal
+from scenarios.studies.workers import WorkerPool
 from tests.made.ended import has_ended
 from tests.made.many.planted_losses import TINY, planted
 from tests.made.many.small_convoy import SETTINGS

@@ -18,7 +18,7 @@ from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
 from scenarios.results.summary import to_json
-from scenarios.studies.engine.journal import JOURNAL
+from scenarios.studies.engine import JOURNAL
 from tests.made.ended import has_ended
 from tests.made.many.small_sweeps import (
     LIMITS,

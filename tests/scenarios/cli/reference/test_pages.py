@@ -11,12 +11,11 @@ from click.testing import CliRunner
 from pydantic import BaseModel
 
 from scenarios.cli.main import cli
-from scenarios.cli.reference.message_pages import DEVIATION_ROW
-from scenarios.cli.reference.plug_in_examples import EXAMPLES
-from scenarios.cli.reference.plug_in_page import shipped_texts
-from scenarios.cli.reference.reference_command import PAGES, printers
-from scenarios.cli.reference.scenario_pages import limit_texts
-from scenarios.cli.reference.table_keys import models_at, scenario_tables, split_doc, tables_at
+from scenarios.cli.pages import DEVIATION_ROW
+from scenarios.cli.plug_in_page import EXAMPLES, shipped_texts
+from scenarios.cli.scenario_commands import PAGES, printers
+from scenarios.cli.scenario_pages import limit_texts
+from scenarios.cli.table_keys import models_at, scenario_tables, split_doc, tables_at
 from scenarios.definition.channel.presets import presets, read_preset
 from scenarios.definition.schema.limit_rows import LIMITS, WORDS
 from scenarios.definition.schema.plug_ins.points import POINTS
@@ -25,8 +24,7 @@ from scenarios.results.summary import documented_fields
 from scenarios.runs.stop import EXIT_BAD_INPUT, EXIT_CODES, EXIT_DONE, EXIT_FAILED
 from transport.links.laws.registry import LAWS
 from transport.log.foxglove import standard_messages
-from transport.reasons import REASONS
-from transport.topics import RUN_SENDER, TOPICS, alive_key, clock_key, control_key, end_key
+from transport.topics import REASONS, RUN_SENDER, TOPICS, alive_key, clock_key, control_key, end_key
 from vehicles.messages import MODES, Message, Mode
 
 

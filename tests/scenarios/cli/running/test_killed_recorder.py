@@ -4,14 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.cli.display_options import DisplayOptions
-from scenarios.cli.running import wall_clock_run
+from scenarios.cli import launching
+from scenarios.cli.common_options import DisplayOptions
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.files import SUMMARY_NAME
-from scenarios.runs.processes.launcher import LaunchPlan, RunOutcome
-from scenarios.runs.processes.supervisor import Supervisor
+from scenarios.runs.processes.supervisor import LaunchPlan, RunOutcome, Supervisor
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 
 
 @pytest.mark.parametrize(
@@ -36,14 +35,14 @@ def test_a_recorder_killed_after_its_log_was_complete_fails_nothing(
         log.write_bytes(log.read_bytes()[:-2000])
 
     def launch(*_arguments: object, **_options: object) -> RunOutcome:
-        repaired = wall_clock_run._complete(log)
+        repaired = launching._complete(log)
         reason = "recorder was killed by signal 9"
         return RunOutcome(1, reason, repaired=repaired, recorder_killed=True)
 
-    monkeypatch.setattr(wall_clock_run, "launch", launch)
+    monkeypatch.setattr(launching, "launch", launch)
     plan = LaunchPlan(scenario, (), tmp_path, (), "mine")
     display = DisplayOptions(quiet=True)
-    code = wall_clock_run.launch_and_report(plan, Stop(), Supervisor(lambda _: None), display)
+    code = launching.launch_and_report(plan, Stop(), Supervisor(lambda _: None), display)
     assert code == exit_code
     completed = '"outcome": "completed"'
     if exit_code == 0 or cut:

@@ -4,14 +4,13 @@ from contextlib import contextmanager
 
 import pytest
 
-from scenarios.cli.running.progress import REDRAW_S, Progress
+from scenarios.cli.display import REDRAW_S, Progress
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.events.bodies import BodySize
+from scenarios.results.encounters import BodySize
 from scenarios.results.metrics import Metrics
 from scenarios.results.stream import FigureStream
-from scenarios.runs import progress_lines
-from scenarios.runs.observer import ThrottledObservers
-from scenarios.runs.progress_lines import LINE_EVERY_S
+from scenarios.runs import observer
+from scenarios.runs.observer import LINE_EVERY_S, ThrottledObservers
 from tests.made.scenarios.messages import START, gps, health, start, text, tracking, truth, verdict
 from vehicles.messages import Message
 from vehicles.schedule import SECOND
@@ -48,7 +47,7 @@ class FakeTime:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> FakeTime:
     fake = FakeTime()
-    monkeypatch.setattr(progress_lines, "time", fake)
+    monkeypatch.setattr(observer, "time", fake)
     return fake
 
 

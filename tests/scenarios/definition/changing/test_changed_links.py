@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.changing.link_changes import LinkChange, course, links_of
+from scenarios.definition.changes import LinkChange, course, links_of
 from scenarios.definition.channel.build import link_effects, link_stages
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.definition.schema.change_tables import CutTable, HealTable, LinkChangeTable
 from scenarios.definition.schema.link_tables import LinkTable
 from tests.made.examples import examples
-from transport.links.laws.effect import TransmissionContext
+from transport.links.laws.link_law import TransmissionContext
 from transport.links.link import Link, Verdict
 from vehicles.schedule import SECOND
 

@@ -11,18 +11,17 @@ from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.definition.schema.link_tables import LinkTable
 from tests.made.scenarios.messages import STRAIGHT
 from tests.made.transport.links import link
-from transport.links.laws.delay.base import RandomDelay
-from transport.links.laws.delay.distributions import (
+from transport.links.laws.basic import Queue
+from transport.links.laws.delays import (
     ConstantDelay,
     EmpiricalDelay,
     GammaDelay,
     LognormalDelay,
     NormalDelay,
+    RandomDelay,
     UniformDelay,
 )
-from transport.links.laws.effect import Effect, TransmissionContext
-from transport.links.laws.queue import Queue
-from transport.links.laws.stage import InOrder
+from transport.links.laws.link_law import Effect, InOrder, TransmissionContext
 
 MS = 1_000_000
 TWO = {"mean_ms": 20.0, "deviation_ms": 10.0}

@@ -8,18 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from scenarios.definition.channel.build import link_effects
-from scenarios.definition.channel.expected import (
+from scenarios.definition.channel.build import (
     USUAL_MESSAGE_BYTES,
     expected_age_ms,
     expected_channel,
+    link_effects,
 )
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.channel.estimates import bursts
-from scenarios.results.channel.link_summary import request_deviations
-from scenarios.results.channel.link_tally import LinkTally
+from scenarios.results.link_summary import bursts, request_deviations
+from scenarios.results.link_tally import LinkTally
 from tests.made.scenarios.messages import verdict
-from transport.links.laws.effect import TransmissionContext
+from transport.links.laws.link_law import TransmissionContext
 from transport.links.link import Link
 from vehicles.schedule import MILLISECOND
 

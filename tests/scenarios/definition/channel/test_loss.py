@@ -8,12 +8,16 @@ from scenarios.definition.scenario import scenario_from_text
 from tests.made.channels.laws import collisions, four_state, gilbert, gilbert_elliott, long_run
 from tests.made.scenarios.messages import STRAIGHT
 from transport.links.laws.basic import Decimation, Jitter, Latency, Loss
-from transport.links.laws.effect import Effect, TransmissionContext
-from transport.links.laws.loss.bursts import GilbertElliott
-from transport.links.laws.loss.by_number import EveryNth, Listed, RecordedPattern
-from transport.links.laws.loss.collisions import Collisions
-from transport.links.laws.loss.earlier_run import EarlierRun
-from transport.links.laws.loss.number_sets import NumberSet
+from transport.links.laws.burst_losses import GilbertElliott
+from transport.links.laws.link_law import Effect, TransmissionContext
+from transport.links.laws.recorded_losses import (
+    EarlierRun,
+    EveryNth,
+    Listed,
+    NumberSet,
+    RecordedPattern,
+)
+from transport.links.laws.shared_channel import Collisions
 from transport.links.link import Link, Verdict
 
 ASKED: dict[str, tuple[str, Effect]] = {

@@ -6,10 +6,8 @@ from scenarios.definition.channel.build import link_effects
 from scenarios.definition.scenario import Scenario, load_scenario
 from tests.made.channels.laws import circle, random_outage, stretch, window
 from transport.links.laws.basic import Latency
-from transport.links.laws.effect import Effect
-from transport.links.laws.link_law import LinkLaw
-from transport.links.laws.outages.by_place import CircleOutage
-from transport.links.laws.outages.by_time import ReceiverOff, TransmitterOff
+from transport.links.laws.link_law import Effect, LinkLaw
+from transport.links.laws.outages import CircleOutage, ReceiverOff, TransmitterOff
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.schedule import SECOND
 

@@ -15,10 +15,9 @@ from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.summary import from_json
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from tests.made.scenarios.messages import STRAIGHT
-from transport.links.laws.radio.obstruction import LossPerVehicle
-from transport.links.laws.radio.path_loss import PathLossRadio
+from transport.links.laws.radio import LossPerVehicle, PathLossRadio
 
 SHIPPED = {
     "clear", "lossy", "bursty", "tunnel", "lead_lost", "congested",

@@ -7,8 +7,8 @@ import pytest
 
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.scenario import load_scenario
-from transport.links.laws.effect import Position, TransmissionContext
-from transport.links.laws.radio.table_radio import TableRadio
+from transport.links.laws.link_law import Position, TransmissionContext
+from transport.links.laws.shared_channel import TableRadio
 from transport.links.link import Link
 
 METRES_80211P = (0, 25, 50, 75, 100, 125, 150, 175, 200, 250, 300, 350, 400)

@@ -7,8 +7,7 @@ import pytest
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.scenario import load_scenario
-from transport.links.laws.effect import Position, TransmissionContext
-from transport.links.laws.vehicles_between import Road, VehiclesBetween
+from transport.links.laws.link_law import Position, Road, TransmissionContext, VehiclesBetween
 from transport.links.link import Link
 
 FAR_APART_M = 1000.0

@@ -8,11 +8,10 @@ from scenarios.definition.channel.build import link_effects
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from tests.made.scenarios.messages import STRAIGHT
-from transport.links.laws.effect import TransmissionContext
-from transport.links.laws.loss.by_number import RecordedPattern
-from transport.links.laws.loss.earlier_run import EarlierRun
+from transport.links.laws.link_law import TransmissionContext
+from transport.links.laws.recorded_losses import EarlierRun, RecordedPattern
 from transport.links.link import Link
 from transport.log.reader import LogReader
 from vehicles.messages import LinkVerdict

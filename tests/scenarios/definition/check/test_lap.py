@@ -5,10 +5,10 @@ from math import pi
 
 import pytest
 
+from scenarios.definition.check.confirmation import lap_warnings
 from scenarios.definition.check.findings import warnings
-from scenarios.definition.check.lap import lap_warnings
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged
 from vehicles.car.parameters import least_spacing
 
 RADIUS_M, FASTEST_MPS, STANDSTILL_M = 30.0, 7.0, 2.0

@@ -3,11 +3,7 @@
 import pytest
 
 from scenarios.definition.channel.presets import presets, read_preset
-from scenarios.definition.check.link_forecast import (
-    LinkForecast,
-    link_forecast,
-    link_forecasts,
-)
+from scenarios.definition.check.link_forecast import LinkForecast, link_forecast, link_forecasts
 from scenarios.definition.scenario import Scenario, library, load_scenario
 
 

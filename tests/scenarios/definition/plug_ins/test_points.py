@@ -10,15 +10,15 @@ import pytest
 from click.testing import CliRunner
 
 from scenarios.cli.main import cli
-from scenarios.cli.reference.plug_in_examples import EXAMPLES
+from scenarios.cli.plug_in_page import EXAMPLES
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.definition.schema.plug_ins import table
 from scenarios.results.summary import from_json
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
-from transport.links.laws.effect import TransmissionContext
+from scenarios.runs.virtual import run_virtual
+from transport.links.laws.link_law import TransmissionContext
 from transport.links.link import Link
 from vehicles.driver.tracking import TrackingErrors
 
@@ -155,8 +155,8 @@ def test_parameters_reach_the_class_also_by_vehicle_and_model(module: Module) ->
 
 CHANNEL = """
 import random
-from transport.links.laws.delay.base import BaseDelay
-from transport.links.laws.loss.base import BaseLoss
+from transport.links.laws.delays import BaseDelay
+from transport.links.laws.burst_losses import BaseLoss
 
 class Half(BaseLoss):
     ratio: float
@@ -186,8 +186,8 @@ class Late(BaseDelay):
 """
 EMISSION = """
 from dataclasses import dataclass
-from vehicles.car.positioning.error_term import ErrorTerm
-from vehicles.car.sending.rule import SendingRule
+from vehicles.car.gnss_error_terms import ErrorTerm
+from vehicles.car.sending_rules import SendingRule
 
 @dataclass(frozen=True, kw_only=True)
 class Truthy(SendingRule):

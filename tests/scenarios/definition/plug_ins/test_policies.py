@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged
 from vehicles.messages import Message, Tracking
 from vehicles.schedule import SECOND
 

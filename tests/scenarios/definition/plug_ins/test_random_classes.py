@@ -9,7 +9,7 @@ import scenarios.api as convoy
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.plug_ins.point import instant_draw
 from scenarios.runs.node.sink import BusSink
-from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
+from scenarios.runs.virtual import VirtualConvoy
 from tests.made.scenarios.random_classes import CODE, random_settings
 from vehicles.messages import Command, Message
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.road.set_speed import approached
+from scenarios.definition.road.lead_speed import approached
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.definition.schema.change_tables import SpeedChangeTable
 from vehicles.driver.speed import SpeedProfile

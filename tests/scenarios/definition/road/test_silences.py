@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from scenarios.definition.road.lead_speed import recorded
-from scenarios.definition.road.silences import SILENT_ACCELERATION, SILENT_BRAKING
+from scenarios.definition.road.lead_speed import SILENT_ACCELERATION, SILENT_BRAKING, recorded
 
 SPEED, STOP = 15.0, 300.0
 

@@ -9,7 +9,7 @@ from scenarios.definition.check.findings import report_of
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.definition.schema.path_tables import PointsPath
-from scenarios.studies.many.sweeps.plan import planned
+from scenarios.studies.many.plan import planned
 from scenarios.studies.many.variant import variant_of
 from tests.made.scenarios.recorded_drives import (
     CSV,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from scenarios.definition.traces.holds import without_repeats
+from scenarios.definition.traces.positions import without_repeats
 from scenarios.definition.traces.recorded_drive import RecordedDrive
 
 SPAN = 60.0

@@ -10,17 +10,16 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import drills, library
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.channel.link_summary import LinkSummary, request_deviations
-from scenarios.results.channel.link_tally import LinkTally
+from scenarios.results.link_summary import LinkSummary, request_deviations
+from scenarios.results.link_tally import LinkTally
+from scenarios.results.log_summary import late_lines, transport_lines
 from scenarios.results.metrics import Metrics
-from scenarios.results.summarise import late_lines, transport_lines
 from scenarios.runs.observer import listeners_by_kind
-from scenarios.runs.virtual.drive import ObservedSink
-from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
+from scenarios.runs.virtual import ObservedSink, VirtualConvoy
 from tests.made.scenarios.messages import MS, STRAIGHT, at, gps, health, start, tracking, verdict
 from transport.links.content_stage import Transmission
-from transport.links.gate import GPS
 from transport.links.inbox import Inbox
+from transport.links.link import GPS
 from transport.topics import key
 from vehicles.messages import Health, LinkVerdict, Message, RunStart
 from vehicles.schedule import SECOND

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from scenarios.results.channel.estimates import (
+from scenarios.results.link_summary import (
     bursts,
     inflation,
     mean_length,

@@ -9,14 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.channel.account import LinkAccount
-from scenarios.results.channel.link_summary import (
+from scenarios.results.account import LinkAccount
+from scenarios.results.link_summary import (
     LinkSummary,
     describe_link,
     link_summary,
     request_deviations,
 )
-from scenarios.results.channel.link_tally import LinkTally
+from scenarios.results.link_tally import LinkTally
 from tests.made.scenarios.messages import verdict
 from vehicles.messages import LinkVerdict
 

@@ -10,14 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from scenarios.results.events.bodies import (
-    BodySize,
-    CarBody,
-    body_of,
-    corners,
-    overlap,
-    separation,
-)
+from scenarios.results.encounters import BodySize, CarBody, body_of, corners, overlap, separation
 from tests.made.examples import examples
 from tests.made.scenarios.messages import truth
 from tests.made.scenarios.polygons import common_area

@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.scenario_tables import EventsTable
-from scenarios.results.events.bodies import BodySize, body_of, separation
-from scenarios.results.events.encounters import PARTED_M, QUIET_NS
-from scenarios.results.events.run_event import EventLog, RunEvent
+from scenarios.results.encounters import PARTED_M, QUIET_NS, BodySize, body_of, separation
+from scenarios.results.run_event import EventLog, RunEvent
 from scenarios.results.stream import FigureStream
 from tests.made.examples import examples
 from tests.made.scenarios.messages import start, tracking, truth

@@ -11,7 +11,7 @@ from scenarios.definition.schema.limit_tables import (
     RecoveryLimit,
     SourceLimit,
 )
-from scenarios.results.limits.deadlines import DeadlineFigure, Deadlines
+from scenarios.results.deadlines import DeadlineFigure, Deadlines
 from tests.made.scenarios.messages import START, at, tracking
 from vehicles.messages import Tracking
 from vehicles.schedule import SECOND

@@ -5,18 +5,18 @@ import pytest
 
 from scenarios.definition.schema.limit_tables import LimitsTable
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.events.run_event import RunEvent
-from scenarios.results.limits.deadlines import DeadlineFigure
-from scenarios.results.limits.evaluation import (
+from scenarios.results.deadlines import DeadlineFigure
+from scenarios.results.limits import (
     broken_limits,
     collision_ends_run,
     failure_reason,
     limit_figures,
 )
 from scenarios.results.metrics import Metrics
+from scenarios.results.reaction import ReactionSummary
+from scenarios.results.run_event import RunEvent
 from scenarios.results.summary import LimitFigure
-from scenarios.results.vehicles.reaction import ReactionSummary
-from scenarios.results.vehicles.vehicle_figures import VehicleSummary
+from scenarios.results.vehicle_figures import VehicleSummary
 from tests.made.scenarios.messages import start, truth
 
 EVENTS = (

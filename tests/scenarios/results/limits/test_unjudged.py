@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.results.log_summary import summarise
 from scenarios.results.metrics import Metrics
-from scenarios.results.summarise import summarise
 from scenarios.results.summary import RunIdentity, RunSummary, from_json, to_json
-from scenarios.runs.limit_watch import LimitWatch
+from scenarios.runs.run_log import LimitWatch
 from tests.made.scenarios.messages import STRAIGHT, gps, health, start, tracking, truth
 from vehicles.messages import GpsPose, Message, Tracking, TruePose
 from vehicles.schedule import SECOND

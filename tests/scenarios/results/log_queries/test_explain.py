@@ -17,7 +17,7 @@ from mcap.reader import make_reader
 
 from scenarios.cli.log_commands import explain as explain_command
 from scenarios.definition.scenario import load_scenario
-from scenarios.results.log_queries.explain import (
+from scenarios.results.explain import (
     IN_TRANSIT,
     NOT_ARRIVED,
     Explanation,
@@ -27,7 +27,7 @@ from scenarios.results.log_queries.explain import (
     remaining_path_length,
 )
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from transport import convoy_pb2
 from transport.log.reader import LogReader
 from vehicles.geometry.geodesy import LocalPlane

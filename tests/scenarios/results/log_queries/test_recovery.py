@@ -7,10 +7,9 @@ import pytest
 from mcap.reader import make_reader
 
 from scenarios.definition.scenario import scenario_from_text
-from scenarios.results.log_queries.log_info import info_of
-from scenarios.results.log_queries.recovery import recover_log
+from scenarios.results.log_info import info_of, recover_log
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from tests.made.transport.logs import rerun_accepts, rows
 from transport.log.reader import LogReader
 from transport.topics import TOPICS

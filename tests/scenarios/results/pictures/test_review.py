@@ -9,14 +9,14 @@ import pytest
 from mcap.reader import make_reader
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.results.events.bodies import BodySize
+from scenarios.results.encounters import BodySize
 from scenarios.results.metrics import Metrics
-from scenarios.results.pictures.review import Excerpt, review
-from scenarios.results.pictures.run_drawing import open_drawing
+from scenarios.results.review import Excerpt, review
+from scenarios.results.run_drawing import open_drawing
 from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from tests.made.transport import drive
 from tests.made.transport.recording import Table, columns
 from transport.convoy_pb2 import Deviation

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.signal import freqs, lsim
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.recorded.data_table import DataTable
-from scenarios.results.recorded.frequency_gains import estimated, frequency_gains
-from scenarios.results.recorded.run_record import RunRecord
+from scenarios.results.data_table import DataTable
+from scenarios.results.frequency_gains import estimated, frequency_gains
+from scenarios.results.run_record import RunRecord
 
 Floats = NDArray[np.float64]
 STEP = 0.02

@@ -14,15 +14,15 @@ from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
 from scenarios.definition.scenario import load_scenario
-from scenarios.results.recorded.data_table import DataTable
-from scenarios.results.recorded.frequency_gains import frequency_gains
-from scenarios.results.recorded.run_record import RunRecord
-from scenarios.results.report.axes import thinned
-from scenarios.results.report.markup import element
+from scenarios.results.data_table import DataTable
+from scenarios.results.frequency_gains import frequency_gains
 from scenarios.results.report.page import MOST_BYTES, report_page
+from scenarios.results.report.plots import thinned
+from scenarios.results.report.tables import element
+from scenarios.results.run_record import RunRecord
 from scenarios.results.summary import RunSummary
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 
 
 @pytest.fixture(scope="module")

@@ -7,11 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.results.vehicles.reaction import (
-    MOST_BEHIND,
-    Reaction,
-    ReactionSummary,
-)
+from scenarios.results.reaction import MOST_BEHIND, Reaction, ReactionSummary
 from tests.made.scenarios.messages import tracking, truth
 from vehicles.messages import Tracking, TruePose
 

@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.signal import freqs, lsim
 
-from scenarios.results.vehicles.string_figures import StringFigures, string_figures
-from scenarios.results.vehicles.string_norms import StringNorms
+from scenarios.results.string_figures import StringFigures, StringNorms, string_figures
 from tests.made.scenarios.messages import truth
-from vehicles.driver.longitudinal.spacing import SpacingPolicy
+from vehicles.driver.controller import SpacingPolicy
 from vehicles.geometry.driven_path import CrossTrack
 
 Floats = NDArray[np.float64]

@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.cli.live import change_requests
-from scenarios.definition.changing.live_change import ChangeRequest
+from scenarios.cli import change_requests
+from scenarios.definition.changes import ChangeRequest
 from scenarios.definition.scenario import load_scenario
-from scenarios.runs.control.live_control import Confirmation, LiveControl, first_instant
-from scenarios.runs.control.run_id import addressed
-from scenarios.runs.node.pending_changes import PendingChanges
+from scenarios.runs.end_confirmation import addressed
+from scenarios.runs.live_control import Confirmation, LiveControl, first_instant
+from scenarios.runs.node.outbox import PendingChanges
 from scenarios.runs.processes.membership import RECORDER, VEHICLE, Fingerprint
-from transport.bus.memory_bus import MemoryBus, MemoryNetwork
+from transport.bus.bus import MemoryBus, MemoryNetwork
 from transport.clock import SystemTime
 from transport.topics import control_key
 from vehicles.schedule import SECOND, nanoseconds

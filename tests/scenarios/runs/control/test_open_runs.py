@@ -6,7 +6,7 @@ import sys
 import textwrap
 from pathlib import Path
 
-from scenarios.runs.control.open_runs import OpenRun, announced, open_runs
+from scenarios.runs.open_runs import OpenRun, announced, open_runs
 
 ONE = OpenRun("one", "tcp/127.0.0.1:7001", "/runs/one")
 TWO = OpenRun("two", "tcp/127.0.0.1:7002", "/runs/two")
@@ -27,7 +27,7 @@ def test_files_of_a_killed_run_are_removed(tmp_path: Path) -> None:
     program = textwrap.dedent(f"""
         import time
         from pathlib import Path
-        from scenarios.runs.control.open_runs import OpenRun, announced
+        from scenarios.runs.open_runs import OpenRun, announced
         with announced(OpenRun("one", "tcp/127.0.0.1:7001", "/runs/one"), Path({str(tmp_path)!r})):
             print("there", flush=True)
             time.sleep(60)

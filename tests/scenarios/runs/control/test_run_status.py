@@ -4,10 +4,10 @@ import pytest
 
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.metrics import Metrics
-from scenarios.runs.control import run_status
-from scenarios.runs.control.run_status import OFTEN_NS, RunStatus, StatusBoard
+from scenarios.runs import run_status
+from scenarios.runs.run_status import OFTEN_NS, RunStatus, StatusBoard
 from tests.made.scenarios.messages import START, start
-from transport.bus.memory_bus import MemoryBus
+from transport.bus.bus import MemoryBus
 from transport.topics import RUN_SENDER, control_key
 from vehicles.schedule import SECOND
 

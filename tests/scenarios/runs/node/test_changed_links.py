@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.changing.link_changes import LinkChange, course
+from scenarios.definition.changes import LinkChange, course
 from scenarios.definition.channel.build import link_effects
 from scenarios.definition.schema.change_tables import (
     CutTable,
@@ -12,10 +12,10 @@ from scenarios.definition.schema.change_tables import (
     LinkChangeTable,
 )
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.runs.node.changed_links import ChangedLinks, ChangingLink
-from scenarios.runs.node.pending_changes import DueChange
+from scenarios.runs.node.outbox import DueChange
+from scenarios.runs.node.phases import ChangedLinks, ChangingLink
 from tests.made.examples import examples
-from transport.links.laws.effect import TransmissionContext
+from transport.links.laws.link_law import TransmissionContext
 from transport.links.link import Link
 from vehicles.schedule import SECOND
 

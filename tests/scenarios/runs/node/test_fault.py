@@ -8,7 +8,7 @@ import pytest
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.stop import EXIT_FAILED, Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.driver.steering import FeedforwardFeedback, SteeringCommand
 from vehicles.driver.tracking import TrackingErrors

@@ -4,13 +4,12 @@ from dataclasses import replace
 import numpy as np
 
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.runs.node.outbox import Outbox
-from scenarios.runs.node.probe import NoProbe, Probe, Usage
+from scenarios.runs.node.outbox import NoProbe, Outbox, Probe, Usage
 from scenarios.runs.node.sink import BusSink, Sink
 from tests.made.scenarios.messages import START, at, gps, truth
 from tests.made.transport.links import inbox as inbox_of
 from tests.made.vehicles.decision_messages import log_messages
-from transport.bus.memory_bus import MemoryBus
+from transport.bus.bus import MemoryBus
 from transport.clock import ticks
 from transport.codec import decode, encode
 from transport.links.inbox import Inbox
@@ -21,7 +20,7 @@ from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.tyres import tyre_use
 from vehicles.driver.decision import Decision
-from vehicles.driver.degradation.situation import Situation, SourceFreshness
+from vehicles.driver.situation import Situation, SourceFreshness
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.geometry.arc_spline import ArcSpline, Piece

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.change_tables import LeaveTable, StallTable
-from scenarios.runs.node.pending_changes import DueChange, PendingChanges, scheduled_changes
+from scenarios.runs.node.outbox import DueChange, PendingChanges, scheduled_changes
 from vehicles.schedule import SECOND
 
 

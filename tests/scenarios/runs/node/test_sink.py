@@ -5,11 +5,11 @@ from itertools import pairwise
 
 from scenarios.runs.node.sink import BATCH_NS, BatchingSink
 from scenarios.runs.observer import OnMessage, listeners_by_kind
-from scenarios.runs.virtual.drive import ObservedSink
+from scenarios.runs.virtual import ObservedSink
 from tests.made.scenarios.messages import gps, health, tracking, truth
 from tests.made.transport import drive
 from tests.made.transport.bus import ReceivedMessages
-from transport.bus.memory_bus import MemoryBus
+from transport.bus.bus import MemoryBus
 from transport.bus.telemetry import unpacked
 from transport.codec import encode
 from vehicles.messages import (

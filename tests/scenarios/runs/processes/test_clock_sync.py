@@ -6,14 +6,9 @@ from itertools import pairwise
 
 import pytest
 
-from scenarios.runs.control.run_id import addressed
-from scenarios.runs.processes.clock_sync import (
-    PERIOD_NS,
-    ClockOffset,
-    ClockServer,
-    ClockSync,
-)
-from transport.bus.memory_bus import MemoryBus
+from scenarios.runs.end_confirmation import addressed
+from scenarios.runs.processes.membership import PERIOD_NS, ClockOffset, ClockServer, ClockSync
+from transport.bus.bus import MemoryBus
 from transport.clock import SystemTime, WallClock
 from vehicles.schedule import MILLISECOND, SECOND
 

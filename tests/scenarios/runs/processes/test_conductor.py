@@ -16,7 +16,7 @@ from scenarios.runs.processes.conductor import (
     Conductor,
     Phase,
 )
-from scenarios.runs.processes.router_watch import ROUTER_LOST_AFTER_NS
+from scenarios.runs.processes.membership import ROUTER_LOST_AFTER_NS
 from tests.made.examples import examples
 from tests.made.scenarios.messages import START, at, health, tracking
 from vehicles.messages import Change

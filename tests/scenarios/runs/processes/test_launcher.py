@@ -10,15 +10,15 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.files import LOG_NAME
-from scenarios.runs.processes.launcher import (
+from scenarios.runs.processes.supervisor import (
     NOTICED_S,
     RECORDER_FAILED,
     WATCH_PERIOD_S,
     LaunchPlan,
     RunOutcome,
+    Supervisor,
     launch,
 )
-from scenarios.runs.processes.supervisor import Supervisor
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import Stop
 from tests.made.scenarios.messages import START

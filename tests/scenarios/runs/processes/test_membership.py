@@ -22,8 +22,7 @@ from scenarios.runs.processes.membership import (
 from tests.made.scenarios.messages import at
 from tests.made.scenarios.recorded_drives import as_plane_csv
 from tests.made.scenarios.recorded_drives import drive as recorded_drive
-from transport.bus.bus import BusError
-from transport.bus.memory_bus import MemoryBus, MemoryNetwork
+from transport.bus.bus import BusError, MemoryBus, MemoryNetwork
 from vehicles.schedule import SECOND
 
 Sleep = Callable[[float], object]

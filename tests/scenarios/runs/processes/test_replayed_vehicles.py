@@ -5,7 +5,7 @@ from pathlib import Path
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.files import LOG_NAME
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from tests.scenarios.runs.simulation.plan import Plan
 from tests.scenarios.runs.simulation.world import BASE, World
 from transport.log.reader import LogReader

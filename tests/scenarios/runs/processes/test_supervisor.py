@@ -14,9 +14,8 @@ from pathlib import Path
 import psutil
 import pytest
 
-from scenarios.cli.running.commands import run_part
-from scenarios.runs.processes.router import LISTENING
-from scenarios.runs.processes.supervisor import Child, Supervisor, describe
+from scenarios.cli.run_commands import run_part
+from scenarios.runs.processes.supervisor import LISTENING, Child, Supervisor, describe
 from tests.made.ended import has_ended
 from transport.bus.bus import BusError
 
@@ -25,7 +24,7 @@ PIPE_BYTES = 65536
 ROUTER = ("router", "--parent-watch", "-l", "tcp/127.0.0.1:0")
 LAUNCHER = """
 import time
-from scenarios.cli.running.commands import run_part
+from scenarios.cli.run_commands import run_part
 from scenarios.runs.processes.supervisor import Supervisor
 supervisor = Supervisor(run_part)
 endpoint = supervisor.start_router()

@@ -6,15 +6,20 @@ from threading import Event, Thread
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
 from scenarios.runs.node.process_probe import Lateness, ProcessProbe
+from scenarios.runs.node.vehicle_builder import VehicleBuilder
 from scenarios.runs.processes import vehicle_process as process
-from scenarios.runs.processes.clock_sync import ClockServer
-from scenarios.runs.processes.membership import RECORDER, VEHICLE, Fingerprint, Membership
+from scenarios.runs.processes.membership import (
+    RECORDER,
+    VEHICLE,
+    ClockServer,
+    Fingerprint,
+    Membership,
+)
 from scenarios.runs.processes.vehicle_process import RunCancelledError, VehicleProcess, paced_ticks
 from scenarios.runs.stop import Stop
 from tests.made.interpreted import interpreted_only
-from transport.bus.memory_bus import MemoryBus, MemoryNetwork
+from transport.bus.bus import MemoryBus, MemoryNetwork
 from transport.clock import VirtualClock, late_threshold, ticks
 from transport.codec import encode
 from transport.topics import RUN_SENDER, TOPICS, key

@@ -7,10 +7,10 @@ from typing import TypeVar
 from scenarios.definition.scenario import Scenario
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.summary import RunSummary, from_json
-from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
 from scenarios.runs.node.sink import BatchingSink
+from scenarios.runs.node.vehicle_builder import VehicleBuilder
 from scenarios.runs.stop import EXIT_BAD_INPUT, EXIT_DONE
-from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
+from scenarios.runs.virtual import VirtualConvoy
 from tests.scenarios.runs.simulation.network import NetworkSettings
 from tests.scenarios.runs.simulation.plan import FOREVER, LAUNCHER, RECORDER, ROUTER
 from tests.scenarios.runs.simulation.world import Process, World, scenario_of

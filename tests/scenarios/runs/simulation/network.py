@@ -13,8 +13,16 @@ from functools import partial
 from threading import Event
 
 from tests.scenarios.runs.simulation.scheduler import Action, Role, Scheduler
-from transport.bus.bus import AliveHandler, Answer, ArrivalHandler, BusError, Fetch, Handler, Member
-from transport.bus.memory_bus import MemoryNetwork
+from transport.bus.bus import (
+    AliveHandler,
+    Answer,
+    ArrivalHandler,
+    BusError,
+    Fetch,
+    Handler,
+    Member,
+    MemoryNetwork,
+)
 from transport.bus.zenoh_options import ZenohOptions
 from transport.closing import Closing
 from vehicles.schedule import MILLISECOND, SECOND

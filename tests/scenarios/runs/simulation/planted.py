@@ -7,22 +7,19 @@ from typing import Any
 
 import pytest
 
-from scenarios.definition.changing.live_change import describe_change
-from scenarios.results.channel.account import Accounts
-from scenarios.results.limits import evaluation
-from scenarios.runs.control.live_control import Confirmation, LiveControl, first_instant
-from scenarios.runs.node.pending_changes import DueChange, PendingChanges
+from scenarios.definition.changes import describe_change
+from scenarios.results import limits
+from scenarios.results.account import Accounts
+from scenarios.runs.live_control import Confirmation, LiveControl, first_instant
+from scenarios.runs.node.outbox import DueChange, PendingChanges
 from scenarios.runs.processes import vehicle_process
 from scenarios.runs.processes.arrivals import SendingOrder
-from scenarios.runs.processes.clock_sync import ClockSync
 from scenarios.runs.processes.conductor import Conductor
-from scenarios.runs.processes.membership import Fingerprint, RecorderWatch
+from scenarios.runs.processes.membership import ClockSync, Fingerprint, RecorderWatch, RouterWatch
 from scenarios.runs.processes.recorder_process import RecorderProcess
-from scenarios.runs.processes.router_watch import RouterWatch
 from scenarios.runs.processes.vehicle_process import RunAnnouncements
-from transport.codec import RefusedMessageError, decode, encode
+from transport.codec import MessageNumbers, RefusedMessageError, decode, encode
 from transport.log.writer import LogWriter
-from transport.message_numbers import MessageNumbers
 from transport.topics import TOPICS
 from vehicles.messages import RunEnd
 from vehicles.schedule import SECOND
@@ -32,7 +29,7 @@ NEVER_NS = 10**9 * SECOND
 
 
 def limits_pass_over_holes(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(evaluation, "judged_by_record", lambda figures, *_: tuple(figures))
+    patch.setattr(limits, "judged_by_record", lambda figures, *_: tuple(figures))
 
 
 def other_seeds_join(patch: pytest.MonkeyPatch) -> None:

@@ -10,19 +10,17 @@ from random import Random
 from threading import Event
 from typing import Any, cast
 
-from scenarios.cli.display_options import DisplayOptions
-from scenarios.cli.live.change_requests import VehicleAnswer, request_change
-from scenarios.cli.running.recorder_run import record_run
-from scenarios.cli.running.wall_clock_run import launch_and_report
+from scenarios.cli.change_requests import VehicleAnswer, request_change
+from scenarios.cli.common_options import DisplayOptions
+from scenarios.cli.launching import launch_and_report
+from scenarios.cli.recorder_run import record_run
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.machine import Machine
-from scenarios.runs.node.process_probe import ProcessProbe, Resources, ThreadTimes
-from scenarios.runs.processes.launcher import LaunchPlan
+from scenarios.runs.node.process_probe import Machine, ProcessProbe, Resources, ThreadTimes
 from scenarios.runs.processes.membership import RECORDER as RECORDER_ROLE
 from scenarios.runs.processes.membership import VEHICLE, Fingerprint
 from scenarios.runs.processes.restart import RestartRequestedError
-from scenarios.runs.processes.supervisor import Child, Supervisor
+from scenarios.runs.processes.supervisor import Child, LaunchPlan, Supervisor
 from scenarios.runs.processes.vehicle_process import run_vehicle
 from scenarios.runs.stop import EXIT_BAD_INPUT, EXIT_FAILED, Stop, exit_code_of_signal
 from tests.scenarios.runs.simulation.disk import Disk, folder_of

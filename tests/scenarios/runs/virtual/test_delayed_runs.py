@@ -9,11 +9,11 @@ from tempfile import TemporaryDirectory
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.results.summary import RunSummary
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from tests.made.transport.links import link as link_of
 from transport.codec import encode
-from transport.links.laws.effect import Position, TransmissionContext
-from transport.links.staged_messages import judge_stream
+from transport.links.inbox import judge_stream
+from transport.links.laws.link_law import Position, TransmissionContext
 from transport.log.reader import LogReader
 from vehicles.messages import GpsPose, LinkVerdict
 from vehicles.schedule import SECOND

@@ -5,16 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.cli.live.status_tables import VEHICLE_COLUMNS
+from scenarios.cli.change_requests import VEHICLE_COLUMNS
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.log_queries.explain import RecordedKnowledge
+from scenarios.results.explain import RecordedKnowledge
 from scenarios.results.metrics import Metrics
-from scenarios.results.pictures.run_drawing import open_drawing
+from scenarios.results.run_drawing import open_drawing
 from scenarios.results.summary import RunSummary
-from scenarios.runs.control.run_status import RunStatus, StatusBoard
 from scenarios.runs.observer import Observer, OnMessage
+from scenarios.runs.run_status import RunStatus, StatusBoard
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from tests.made.transport.recording import Table, columns
 from transport.log.reader import LogReader
 from transport.picture.option import parse_rerun_option

@@ -9,7 +9,7 @@ import tomli_w
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from tests.made.channels.drawn_channels import drawn_channel, drawn_spans
 from transport.log.reader import LogReader
 from vehicles.messages import LinkVerdict

@@ -11,8 +11,7 @@ from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.drives import Trial
 from scenarios.results.files import LOG_NAME
-from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
-from scenarios.runs.node.probe import NoProbe
+from scenarios.runs.node.outbox import NoProbe
 from scenarios.runs.node.recorded_vehicle import (
     RecordedVehicle,
     Replay,
@@ -20,10 +19,10 @@ from scenarios.runs.node.recorded_vehicle import (
     read_recorded_vehicle,
 )
 from scenarios.runs.node.sink import BusSink
-from scenarios.runs.virtual.logged_run import record_trial
-from scenarios.runs.virtual.unlogged_run import drive_trial
+from scenarios.runs.node.vehicle_builder import VehicleBuilder
+from scenarios.runs.virtual import drive_trial, record_trial
 from tests.made.transport.links import inbox as inbox_of
-from transport.bus.memory_bus import MemoryBus
+from transport.bus.bus import MemoryBus
 from transport.codec import decode, encode
 from transport.log.errors import LogError
 from transport.log.reader import LogReader

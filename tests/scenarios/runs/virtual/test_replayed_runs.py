@@ -8,10 +8,10 @@ import pytest
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.files import LOG_NAME
-from scenarios.results.log_queries.session import replayed_session
+from scenarios.results.log_info import replayed_session
 from scenarios.results.log_summary import summary_of
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from tests.made.transport.changed_logs import changed_log
 from transport.log.reader import LogReader
 from vehicles.messages import GpsPose, Message, TruePose

@@ -4,7 +4,7 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.results.summary import RunSummary
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged
 
 BRAKE = """
 extends = "lane_change"

@@ -8,13 +8,13 @@ import pytest
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import load_scenario, scenario_from_text
-from scenarios.results.events.bodies import BodySize, body_of
+from scenarios.results.encounters import BodySize, body_of
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import summary_of
 from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary
 from scenarios.runs.stop import EXIT_FAILED, Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from tests.made.scenarios.polygons import common_area
 from tests.made.scenarios.shipped import whole_run
 from transport.log.reader import LogReader

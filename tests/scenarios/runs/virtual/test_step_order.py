@@ -5,7 +5,7 @@ from functools import partial
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.runs.virtual.virtual_convoy import Stepper, steps_in_order
+from scenarios.runs.virtual import Stepper, steps_in_order
 from transport.clock import Tick, ticks
 
 END = 200_000_000

@@ -7,7 +7,7 @@ import pytest
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 
 
 @pytest.fixture

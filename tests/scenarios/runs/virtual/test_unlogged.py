@@ -7,8 +7,7 @@ import pytest
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import to_json
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged, run_virtual
 
 SHORT, LONGER = "duration_s=4.0", "duration_s=8.0"
 CASES = {

@@ -14,12 +14,12 @@ import pytest
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
-from scenarios.results.channel.link_summary import LinkSummary
+from scenarios.results.link_summary import LinkSummary
 from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
 from vehicles.messages import (

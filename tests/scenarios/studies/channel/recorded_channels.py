@@ -7,10 +7,10 @@ import numpy as np
 
 from scenarios.definition.channel.build import link_effects, link_stages, vehicles_between
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.studies.channel.fitting.recorded import RecordedLink
-from transport.links.laws.effect import Position, TransmissionContext
+from scenarios.studies.channel.recorded import RecordedLink
+from transport.links.inbox import judge_stream
+from transport.links.laws.link_law import Position, TransmissionContext
 from transport.links.link import Link
-from transport.links.staged_messages import judge_stream
 from vehicles.schedule import MILLISECOND, SECOND
 
 RATE_HZ = 20.0

@@ -7,14 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.channel.build import link_effects
-from scenarios.definition.channel.expected import expected_channel
+from scenarios.definition.channel.build import expected_channel, link_effects
 from scenarios.definition.channel.presets import presets
-from scenarios.definition.check.link_sample import StraightDrive
+from scenarios.definition.check.link_forecast import StraightDrive
 from scenarios.definition.scenario import load_scenario
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.studies.channel.comparison import Comparison, compare
-from scenarios.studies.channel.predictions import burst_shares, delay_quantiles
+from scenarios.studies.channel.comparison import Comparison, burst_shares, compare, delay_quantiles
 from transport.links.link import Link
 
 RATIOS = st.floats(0.05, 0.95)

@@ -9,9 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from scenarios.definition.schema.link_tables import LinkEntry
-from scenarios.studies.channel.fitting.estimate import Estimate
-from scenarios.studies.channel.fitting.fit import FittedLink, as_toml, fit_link
-from scenarios.studies.channel.fitting.recorded import RecordedLink
+from scenarios.studies.channel.fit import FittedLink, as_toml, fit_link
+from scenarios.studies.channel.recorded import Estimate, RecordedLink
 
 Floats = NDArray[np.float64]
 PERIOD = 0.05

@@ -15,17 +15,16 @@ from numpy.typing import NDArray
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.channel.estimates import bursts
+from scenarios.results.link_summary import bursts
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
-from scenarios.studies.channel.fitting.fit import FittedLink, as_toml, fit_link, fit_log
-from scenarios.studies.channel.fitting.recorded import RecordedLink
+from scenarios.runs.virtual import run_virtual
+from scenarios.studies.channel.fit import FittedLink, as_toml, fit_link, fit_log
+from scenarios.studies.channel.recorded import RecordedLink
 from tests.scenarios.studies.channel.recorded_channels import long_drive, recorded_links_of
-from transport.links.laws.delay.distributions import GammaDelay
-from transport.links.laws.loss.bursts import GilbertElliott
-from transport.links.laws.radio.obstruction import LossPerVehicle, SingleLoss
-from transport.links.laws.radio.path_loss import PathLossRadio, highway_loss
-from transport.links.laws.radio.reservations import Reservations
+from transport.links.laws.burst_losses import GilbertElliott
+from transport.links.laws.delays import GammaDelay
+from transport.links.laws.radio import LossPerVehicle, PathLossRadio, SingleLoss, highway_loss
+from transport.links.laws.shared_channel import Reservations
 
 Counts = NDArray[np.float64]
 Measure = Callable[[Counts, Counts], Counts]

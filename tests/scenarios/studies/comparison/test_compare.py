@@ -13,9 +13,9 @@ from click.testing import CliRunner, Result
 from scenarios.cli.main import cli
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.log_summary import scenario_of, summary_of
-from scenarios.results.vehicles.string_errors import string_errors
+from scenarios.results.vehicle_figures import string_errors
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from scenarios.studies.comparison.run_comparison import compare_runs
 from tests.made.transport.changed_logs import changed_log
 from vehicles.geometry.path_offsets import driven_feet

@@ -12,10 +12,9 @@ from scenarios.definition.scenario import load_scenario
 from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
-from scenarios.studies.comparison.figure_diff import figure_differences
+from scenarios.runs.virtual import run_virtual
 from scenarios.studies.comparison.message_diff import compare_messages
-from scenarios.studies.comparison.run_diff import logs_of
+from scenarios.studies.comparison.run_diff import figure_differences, logs_of
 from tests.made.transport.changed_logs import changed_log
 from transport.log.errors import LogError
 from transport.log.mcap_file import McapFile

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
-from vehicles.driver.degradation.innovation_gate import InnovationGate
-from vehicles.driver.ego.own_state import Pose
 from vehicles.driver.follower import Follower
+from vehicles.driver.innovation_gate import InnovationGate
+from vehicles.driver.own_state import Pose
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.received_pose import ReceivedPose
@@ -48,31 +48,31 @@ WHEELS_STRAIGHT = Fault("vehicles.driver.follower.Follower._steer", _wheels_stra
 """A follower without data steers straight."""
 WHEELS_ASKEW = Fault("vehicles.driver.follower.Follower._steer", _wheels_askew)
 """A follower without data steers two degrees to the left of its command."""
-TRUSTS_ALL = Fault("vehicles.driver.degradation.innovation_gate.InnovationGate.judge", _trust)
+TRUSTS_ALL = Fault("vehicles.driver.innovation_gate.InnovationGate.judge", _trust)
 NO_LASTING_ERRORS = Fault(
-    "vehicles.driver.ego.joint_covariance.JointCovariance._active",
+    "vehicles.driver.joint_covariance.JointCovariance._active",
     lambda _joint, axis, _state: [axis],
 )
 """The own-state filter ignores the errors of fixes that last."""
 NEEDS_MANY = Fault(
-    "vehicles.driver.degradation.source.reaches_ahead",
+    "vehicles.driver.source.reaches_ahead",
     lambda window: len(window.station) >= 60,
 )
 """A trajectory needs three seconds of messages."""
 
-NO_STOP_ASSUMED = Fault("vehicles.driver.degradation.source.Source._assumed_stop", lambda *_: 0)
+NO_STOP_ASSUMED = Fault("vehicles.driver.source.Source._assumed_stop", lambda *_: 0)
 """A silent predecessor continues at its speed."""
-IGNORES_CONVOY = Fault("vehicles.driver.convoy.ahead.ConvoyAhead.acceleration", lambda *_: inf)
+IGNORES_CONVOY = Fault("vehicles.driver.ahead.ConvoyAhead.acceleration", lambda *_: inf)
 """The lead ignores its followers."""
 CONSTANT_SPEED = Fault(
-    "vehicles.driver.degradation.situation.SourceFreshness.predicted_motion",
+    "vehicles.driver.situation.SourceFreshness.predicted_motion",
     lambda source: (source.speed * source.age, source.speed, 0.0),
 )
 """Received accelerations are not used."""
 
-NO_HOLES = Fault("vehicles.driver.degradation.sources.SourcePair._find_hole", lambda *_: None)
+NO_HOLES = Fault("vehicles.driver.sources.SourcePair._find_hole", lambda *_: None)
 """A curve over a hole in the received positions counts as a known path."""
-NEVER_SLOW = Fault("vehicles.driver.degradation.source.SLOW_SPEED", 0.0)
+NEVER_SLOW = Fault("vehicles.driver.source.SLOW_SPEED", 0.0)
 """A slow car relies on a source as late as a fast one."""
 
 EXTRAPOLATE = "control.degradation.reaction=extrapolate"

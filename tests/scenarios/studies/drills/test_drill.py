@@ -8,17 +8,18 @@ import pytest
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.summary import LimitFigure
-from scenarios.studies.drills.drill import (
+from scenarios.studies.drill import (
     UNMEASURED,
     DrillResult,
     DrillRow,
+    as_xml,
     drill_rows,
     drill_variants,
+    machine_readable,
     rows_of_drill,
     run_drills,
 )
-from scenarios.studies.drills.drill_files import as_xml, machine_readable
-from scenarios.studies.engine.job import Job
+from scenarios.studies.job import Job
 from tests.made.many.engines import SyntheticEngine
 
 

@@ -8,7 +8,7 @@ import pytest
 from scenarios.definition.check.findings import check
 from scenarios.definition.library import DRILLS
 from scenarios.definition.scenario import drills, library, load_scenario, scenario_from_text
-from scenarios.studies.drills.drill import drill_variants, rows_of_drill, run_drill
+from scenarios.studies.drill import drill_variants, rows_of_drill, run_drill
 from scenarios.studies.many.variant import variant_of
 from tests.scenarios.studies.drills.planted_faults import PLANTS
 

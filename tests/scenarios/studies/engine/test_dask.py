@@ -16,11 +16,11 @@ import pytest
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.versions import current_stamp
-from scenarios.studies.engine import dispatcher
-from scenarios.studies.engine.job import Job
-from scenarios.studies.engine.journal import JOURNAL
-from scenarios.studies.engine.workers import open_workers
-from scenarios.studies.many.sweeps.sweep import run_sweep
+from scenarios.studies import engine
+from scenarios.studies.engine import JOURNAL
+from scenarios.studies.job import Job
+from scenarios.studies.many.files import run_sweep
+from scenarios.studies.workers import open_workers
 from tests.made.many.small_sweeps import run_sweep_here, small_plan, tables
 
 distributed = pytest.importorskip("distributed")
@@ -59,7 +59,7 @@ def test_tables_equal_those_of_this_process(cluster: Any, tmp_path: Path) -> Non
 def test_a_killed_worker_process_does_not_change_the_tables(
     case: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("scenarios.studies.engine.engine.REPORT_EVERY_S", 0.0)
+    monkeypatch.setattr("scenarios.studies.engine.REPORT_EVERY_S", 0.0)
     plan = small_plan(seeds=8)
     run_sweep_here(plan, tmp_path / "here")
     kill_after = 1 + 5 * case
@@ -80,7 +80,7 @@ def test_a_worker_with_other_versions_is_refused(
     cluster: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other = replace(current_stamp(), numpy="0.1")
-    monkeypatch.setattr(dispatcher, "current_stamp", lambda: other)
+    monkeypatch.setattr(engine, "current_stamp", lambda: other)
     with (
         open_workers(scheduler=cluster.scheduler_address) as workers,
         pytest.raises(
@@ -88,12 +88,12 @@ def test_a_worker_with_other_versions_is_refused(
             match=r"^a worker has other versions: numpy .* 0\.1 ",
         ) as error,
     ):
-        list(dispatcher.JobDispatcher([Job(key="1", work=os.getpid)], workers).outcomes())
+        list(engine.JobDispatcher([Job(key="1", work=os.getpid)], workers).outcomes())
     assert len(error.value.lines) == 1
 
 
 def test_a_missing_scheduler_is_one_error_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("scenarios.studies.engine.workers.CONNECT_TIMEOUT_S", 0.5)
+    monkeypatch.setattr("scenarios.studies.workers.CONNECT_TIMEOUT_S", 0.5)
     with (
         pytest.raises(ScenarioError, match=r"^--scheduler: tcp://127.0.0.1:9: ") as error,
         open_workers(scheduler="tcp://127.0.0.1:9"),

@@ -16,14 +16,9 @@ from hypothesis import strategies as st
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.versions import current_stamp, module_digests
-from scenarios.studies.engine.dispatcher import (
-    MAX_ATTEMPTS,
-    WORKER_DIED,
-    JobDispatcher,
-)
-from scenarios.studies.engine.engine import study_engine
-from scenarios.studies.engine.job import Job, Work, run_batch
-from scenarios.studies.engine.workers import InlineExecutor, WorkerGroup, open_workers
+from scenarios.studies.engine import MAX_ATTEMPTS, WORKER_DIED, JobDispatcher, study_engine
+from scenarios.studies.job import Job, Work, run_batch
+from scenarios.studies.workers import InlineExecutor, WorkerGroup, open_workers
 from tests.made.many.engines import engine_here
 
 

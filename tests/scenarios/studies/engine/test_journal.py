@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.studies.engine.journal import JOURNAL, RunJournal
-from scenarios.studies.engine.journal import open_journal as open_reporting
+from scenarios.studies.engine import JOURNAL, RunJournal
+from scenarios.studies.engine import open_journal as open_reporting
 
 IDENTITY = {"--seeds": 3, "--vary": ["a=1,2"]}
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)

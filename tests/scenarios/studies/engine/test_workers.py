@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.studies.engine.job import Job
+from scenarios.studies.job import Job
 from tests.made.many.engines import engine_here
 
 

@@ -4,8 +4,8 @@ import pytest
 
 from scenarios.definition.run_limits import parsed_limit
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.limits.evaluation import broken_by
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.results.limits import broken_by
+from scenarios.runs.virtual import run_unlogged
 from scenarios.studies.many.variant import Variant
 
 SHORT = ["duration_s=2.5", "convoy.vehicles=3"]

@@ -6,11 +6,11 @@ import pytest
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.run_limits import Limit, limits_of
-from scenarios.definition.schema.plug_ins.guards import PlugInError
-from scenarios.results.limits.evaluation import broken_by
+from scenarios.definition.schema.plug_ins.point import PlugInError
+from scenarios.results.limits import broken_by
 from scenarios.results.summary import RunSummary
-from scenarios.studies.comparison.figure_diff import figure_differences
-from scenarios.studies.many.sweeps.plan import figures_of, planned
+from scenarios.studies.comparison.run_diff import figure_differences
+from scenarios.studies.many.plan import figures_of, planned
 from scenarios.studies.many.variant import Variant, limited_variant
 
 CODE = """

@@ -8,11 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom, binomtest, ttest_1samp
 
-from scenarios.studies.many.statistics import (
-    agresti_coull,
-    geometric_mean_of,
-    mean_of,
-)
+from scenarios.studies.many.variant import agresti_coull, geometric_mean_of, mean_of
 
 CONFIDENCES = st.sampled_from([0.8, 0.95, 0.99])
 

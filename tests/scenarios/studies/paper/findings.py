@@ -7,41 +7,39 @@ import numpy as np
 from scenarios.results.drives import Drive, Trial
 from scenarios.studies.paper.experiments import (
     ALPHAS,
-    LATENCIES_MS,
-    LOSSES_PERCENT,
-    OTHER_LAWS,
-    PREVIEWS_S,
-    RADII,
-    at_alpha,
-    at_preview,
-)
-from scenarios.studies.paper.findings import Findings
-from scenarios.studies.paper.fitted_samples import SampleFigures
-from scenarios.studies.paper.frequency_response import (
-    FREQUENCIES,
-    PREVIEW_S,
-    SHORT_FREQUENCIES,
-    SHORT_PREVIEW_S,
-    SineResponse,
-)
-from scenarios.studies.paper.keys import (
     BASE,
     FIELD_NO_INITIAL_ERROR,
     FIELD_SLIP_COMPENSATED,
     FIELD_WITH,
     FIELD_WITHOUT,
+    LATENCIES_MS,
     LONG_WITH,
     LONG_WITHOUT,
+    LOSSES_PERCENT,
     NO_LEAD_DATA,
     NOISE_WITH,
     NOISE_WITHOUT,
+    OTHER_LAWS,
+    PREVIEWS_S,
+    RADII,
     VARIABLE_SPEED,
     A,
     B,
     C,
     D,
     RunKey,
+    at_alpha,
+    at_preview,
     at_radius,
+)
+from scenarios.studies.paper.findings import (
+    FREQUENCIES,
+    PREVIEW_S,
+    SHORT_FREQUENCIES,
+    SHORT_PREVIEW_S,
+    Findings,
+    SampleFigures,
+    SineResponse,
 )
 from vehicles.preview.curve_fit import Trajectory
 

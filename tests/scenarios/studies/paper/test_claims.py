@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from scenarios.results.drives import Trial
-from scenarios.studies.paper.claims import (
+from scenarios.studies.paper import (
     base_case,
     field_experiment,
     gains,
@@ -19,25 +19,9 @@ from scenarios.studies.paper.claims import (
     theory,
     trajectory,
 )
-from scenarios.studies.paper.claims.base_case import below, decreasing, levels_off
-from scenarios.studies.paper.claims.claim import Answer, Claim, groups, judge, verdict_of
-from scenarios.studies.paper.claims.field_experiment import settled_errors, share_farther_off
-from scenarios.studies.paper.claims.information import noise_rms
-from scenarios.studies.paper.claims.string_stability import (
-    MANY,
-    bounded_along_the_convoy,
-    definition_1_norms,
-    l2_norms,
-    largest_gains,
-)
-from scenarios.studies.paper.experiments import RADII, RUNS_OF_CASE, at_alpha
-from scenarios.studies.paper.findings import (
-    Findings,
-    Tally,
-    better_laws,
-    non_increasing,
-)
-from scenarios.studies.paper.keys import (
+from scenarios.studies.paper.base_case import below, decreasing, levels_off
+from scenarios.studies.paper.claim import Answer, Claim, groups, judge, verdict_of
+from scenarios.studies.paper.experiments import (
     BASE,
     FIELD_NO_INITIAL_ERROR,
     FIELD_WITH,
@@ -45,22 +29,34 @@ from scenarios.studies.paper.keys import (
     LONG_WITH,
     NO_LEAD_DATA,
     NOISE_WITH,
+    RADII,
+    RUNS_OF_CASE,
     VARIABLE_SPEED,
     A,
     B,
     C,
     D,
     RunKey,
+    at_alpha,
     at_radius,
 )
-from scenarios.studies.paper.linear_prediction import transfer
+from scenarios.studies.paper.field_experiment import settled_errors, share_farther_off
+from scenarios.studies.paper.findings import Findings, Tally, better_laws, non_increasing, transfer
+from scenarios.studies.paper.information import noise_rms
+from scenarios.studies.paper.string_stability import (
+    MANY,
+    bounded_along_the_convoy,
+    definition_1_norms,
+    l2_norms,
+    largest_gains,
+)
 from tests.scenarios.studies.paper.findings import (
     along_both_trajectories,
     findings_with_all_claims_true,
     trial_of,
 )
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS
-from vehicles.theory.propagation import Transfer, trace_propagation
+from vehicles.theory.linear_model import Transfer, trace_propagation
 from vehicles.theory.string_stability import peak
 
 SIMULATED = (

@@ -10,31 +10,37 @@ from scenarios.definition.scenario import load_scenario
 from scenarios.results.drives import Drive, Trial
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import scenario_in
-from scenarios.runs.virtual.logged_run import record_trial
-from scenarios.runs.virtual.unlogged_run import drive_trial
+from scenarios.runs.virtual import drive_trial, record_trial
 from scenarios.studies.paper.experiments import (
+    BASE,
     FIRST_CHANGE_S,
     LANE,
     RADII,
     ROADS,
     RUNS_OF_CASE,
+    A,
+    C,
     Experiment,
+    RunKey,
+    at_radius,
     at_the_same_times,
     lane_change_lengths,
     road,
 )
-from scenarios.studies.paper.field_runs import as_run, field_runs
-from scenarios.studies.paper.fitted_samples import SampleCounter
-from scenarios.studies.paper.frequency_response import PERIODS, amplitudes, sine_scenario
-from scenarios.studies.paper.keys import BASE, A, C, RunKey, at_radius
-from scenarios.studies.paper.linear_prediction import predict_errors
-from scenarios.studies.paper.reproduce import run_experiment
+from scenarios.studies.paper.findings import (
+    PERIODS,
+    SampleCounter,
+    amplitudes,
+    predict_errors,
+    sine_scenario,
+)
+from scenarios.studies.paper.reproduce import as_run, field_runs, run_experiment
 from tests.made.scenarios.messages import truth
 from transport.log.reader import LogReader
 from vehicles.car.parameters import NOMINAL_GAINS
 from vehicles.messages import CompositeTrajectory, RunStart
 from vehicles.preview.curve_fit import Trajectory
-from vehicles.theory.propagation import Transfer
+from vehicles.theory.linear_model import Transfer
 
 EXPERIMENTS = {key: run for case in RUNS_OF_CASE.values() for key, run in case.items()}
 

@@ -2,12 +2,12 @@
 
 import pytest
 
-from scenarios.studies.paper.experiments import RUNS_OF_CASE
-from scenarios.studies.paper.keys import (
+from scenarios.studies.paper.experiments import (
     BASE,
     FIELD_WITHOUT,
     LONG_WITH,
     NO_LEAD_DATA,
+    RUNS_OF_CASE,
     A,
     JobKey,
     Part,

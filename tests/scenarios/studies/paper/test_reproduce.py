@@ -12,24 +12,20 @@ import pytest
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.files import LOG_NAME
-from scenarios.studies.engine.job import Job
+from scenarios.studies.job import Job
 from scenarios.studies.paper import reproduce as reproduction
-from scenarios.studies.paper.claims.claim import JUDGEMENTS
-from scenarios.studies.paper.experiments import RUNS_OF_CASE, Experiment
-from scenarios.studies.paper.keys import (
+from scenarios.studies.paper.claim import JUDGEMENTS
+from scenarios.studies.paper.experiments import (
     BASE,
+    RUNS_OF_CASE,
     TRAJECTORIES,
     VARIABLE_SPEED,
+    Experiment,
     Part,
     WithTrajectory,
 )
-from scenarios.studies.paper.report.report import CLAIMS, all_pictures, write_report
-from scenarios.studies.paper.reproduce import (
-    chosen_cases,
-    jobs_of,
-    reproduce,
-    run_experiment,
-)
+from scenarios.studies.paper.report import CLAIMS, all_pictures, write_report
+from scenarios.studies.paper.reproduce import chosen_cases, jobs_of, reproduce, run_experiment
 from tests.made.many.engines import engine_here
 from tests.scenarios.studies.paper.findings import (
     along_both_trajectories,

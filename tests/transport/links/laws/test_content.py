@@ -17,7 +17,7 @@ from transport.links.laws.content import (
     copy_draw,
     flip_bits,
 )
-from transport.links.laws.effect import TransmissionContext
+from transport.links.laws.link_law import TransmissionContext
 from transport.links.link import combine, keyed_draw
 
 DRAW = keyed_draw(1, "v1", "v2")

@@ -10,7 +10,7 @@ from pyproj import Geod
 
 from tests.made.channels.false_content import drift, frozen, ghost, offset, replayed
 from tests.made.scenarios.messages import START, gps
-from transport.links.laws.false_content import FalseInterval, Recall, Shift
+from transport.links.laws.content import FalseInterval, Recall, Shift
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.messages import GpsPose
 from vehicles.schedule import SECOND

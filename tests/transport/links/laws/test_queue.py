@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 
 from scenarios.definition.schema.link_tables import LinkTable
 from tests.made.transport.links import link
-from transport.links.laws.effect import TransmissionContext
-from transport.links.laws.queue import Queue
-from transport.links.laws.stage import InOrder, StagedMessage, StageLaw
-from transport.links.staged_messages import judge_stream
+from transport.links.inbox import judge_stream
+from transport.links.laws.basic import Queue
+from transport.links.laws.link_law import InOrder, StagedMessage, StageLaw, TransmissionContext
 from vehicles.schedule import SECOND
 
 MS = SECOND // 1000

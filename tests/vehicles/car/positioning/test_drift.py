@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from vehicles.car.positioning.drift import GRID, GaussMarkov, draw_truncated, restarted
+from vehicles.car.gnss_error_terms import GRID, GaussMarkov, draw_truncated, restarted
 from vehicles.schedule import SECOND, instants
 
 START = 1_700_000_000_123_456_789

@@ -5,9 +5,16 @@ import pytest
 from scipy import stats
 
 from vehicles.car.dynamics import Body
-from vehicles.car.positioning.error_term import ReceiverContext
-from vehicles.car.positioning.fix_states import FixStates, ReceiverState, StateChain, StateSchedule
-from vehicles.car.positioning.outages import FixOutageCircle, FixOutageStretch, FixOutageWindow
+from vehicles.car.gnss_error_terms import (
+    FixOutageCircle,
+    FixOutageStretch,
+    FixOutageWindow,
+    FixStates,
+    ReceiverContext,
+    ReceiverState,
+    StateChain,
+    StateSchedule,
+)
 from vehicles.schedule import SECOND
 
 START = 1_700_000_000_000_000_000

@@ -11,15 +11,20 @@ from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix, GnssReceiver
-from vehicles.car.positioning.bias import Bias
-from vehicles.car.positioning.common_drift import CommonDrift
-from vehicles.car.positioning.drift import Drift
-from vehicles.car.positioning.error_term import ReceiverContext, Streams
-from vehicles.car.positioning.fix_states import ReceiverState, ScheduledStates, StateEntry
-from vehicles.car.positioning.gnss_errors import ReceiverErrors
-from vehicles.car.positioning.gnss_settings import GnssSettings, StateErrors
-from vehicles.car.positioning.noise import GnssNoise
-from vehicles.car.positioning.outages import FixOutageWindow
+from vehicles.car.gnss_error_terms import (
+    Bias,
+    CommonDrift,
+    Drift,
+    FixOutageWindow,
+    ReceiverContext,
+    ReceiverState,
+    ScheduledStates,
+    StateEntry,
+    Streams,
+)
+from vehicles.car.gnss_errors import ReceiverErrors
+from vehicles.car.gnss_settings import GnssSettings, StateErrors
+from vehicles.car.noise import GnssNoise
 from vehicles.schedule import MILLISECOND, SECOND, instants
 
 START = 1_700_000_000_000_000_000

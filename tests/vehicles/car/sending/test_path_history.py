@@ -13,8 +13,8 @@ from tests.made.examples import examples
 from tests.made.vehicles.sent_paths import PLANE, fixes, message, sent
 from transport.codec import encode
 from vehicles.car.gnss import Fix
-from vehicles.car.sending.path_history import PathHistory
-from vehicles.car.sending.sender import Sender
+from vehicles.car.path_history import PathHistory
+from vehicles.car.sending_rules import Sender
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.received_pose import ReceivedPose, receive
 

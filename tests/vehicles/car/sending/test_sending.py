@@ -9,19 +9,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicles.car.gnss import Fix
-from vehicles.car.sending.awareness import CamTrigger, cam_interval
-from vehicles.car.sending.congestion import ReactiveControl, min_interval_at
-from vehicles.car.sending.every_fix import EveryFix
-from vehicles.car.sending.fixed_rate import PeriodicTrigger
-from vehicles.car.sending.intervals import (
+from vehicles.car.sending_rules import (
     CAM_INTERVALS,
     CAM_SHARES,
+    CamTrigger,
     DrawnIntervalTrigger,
+    EveryFix,
     IntervalDistribution,
+    PeriodicTrigger,
+    ProfileTrigger,
+    ReactiveControl,
+    Sender,
+    SendingTrigger,
+    cam_interval,
+    min_interval_at,
+    profile_instants,
 )
-from vehicles.car.sending.profile import ProfileTrigger, profile_instants
-from vehicles.car.sending.rule import SendingTrigger
-from vehicles.car.sending.sender import Sender
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, instants
 
 START = 1_700_000_000_000_000_000

@@ -10,7 +10,7 @@ import pytest
 from tests.made.scenarios.messages import truth
 from vehicles.car.dynamics import Body
 from vehicles.car.parameters import LINCOLN_MKZ
-from vehicles.car.sensors.gap_sensor import GapMeasurement, GapSensor, GapSensorSettings
+from vehicles.car.sensors import GapMeasurement, GapSensor, GapSensorSettings
 from vehicles.messages import TruePose
 from vehicles.schedule import MILLISECOND, SECOND, Cadence
 

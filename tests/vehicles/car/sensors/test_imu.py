@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from vehicles.car.dynamics import Body
-from vehicles.car.sensors.imu import ExactSensor, InertialNoise, InertialSensor, Motion
+from vehicles.car.imu import ExactSensor, InertialNoise, InertialSensor, Motion
 from vehicles.schedule import SECOND
 
 TICK = SECOND // 50
@@ -63,5 +63,5 @@ def test_readings_do_not_depend_on_how_many_are_drawn_at_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     drawn = readings(InertialNoise(), 200)
-    monkeypatch.setattr("vehicles.car.sensors.imu.BLOCK", 1)
+    monkeypatch.setattr("vehicles.car.imu.BLOCK", 1)
     assert readings(InertialNoise(), 200) == drawn

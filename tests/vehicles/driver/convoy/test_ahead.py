@@ -6,14 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.results.events.bodies import overlap
+from scenarios.results.encounters import overlap
 from tests.made.transport.received_poses import received
-from vehicles.car.outline import Outline, outline_of
-from vehicles.car.parameters import LINCOLN_MKZ
-from vehicles.driver.convoy.ahead import ConvoyAhead, ConvoyMember
-from vehicles.driver.convoy.lane import Lane
-from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
+from vehicles.car.parameters import LINCOLN_MKZ, Outline, outline_of
+from vehicles.driver.ahead import ConvoyAhead, ConvoyMember, Lane
+from vehicles.driver.controller import GapLimits, SpacingPolicy
+from vehicles.driver.settings import DegradationSettings
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.messages import Announcement
 from vehicles.received_pose import ReceivedPose

@@ -5,12 +5,12 @@ from itertools import pairwise
 import pytest
 
 from tests.made.transport.received_poses import received
-from vehicles.driver.convoy.watch import ConvoyWatch
-from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.ego.own_state import Pose
+from vehicles.driver.controller import VehiclesAhead
 from vehicles.driver.leader import WAITING_SHARE, WaitingProfile
-from vehicles.driver.longitudinal.controller import VehiclesAhead
+from vehicles.driver.own_state import Pose
+from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.speed import SpeedProfile
+from vehicles.driver.watch import ConvoyWatch
 from vehicles.messages import Announcement, Mode
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import MILLISECOND, SECOND

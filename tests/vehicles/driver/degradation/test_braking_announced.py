@@ -4,8 +4,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.made.vehicles.two_cars import LATENCY, LENGTH, PERIOD, TICK, Road, profile
-from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.longitudinal.spacing import SpacingPolicy
+from vehicles.driver.controller import SpacingPolicy
+from vehicles.driver.settings import DegradationSettings
 from vehicles.schedule import SECOND
 
 SILENT_AT = 3 * SECOND

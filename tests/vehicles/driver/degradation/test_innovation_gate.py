@@ -22,10 +22,10 @@ from tests.made.vehicles.measured_drives import (
     refused,
     thinned,
 )
-from transport.links.laws.false_content import FalseContent, FalseInterval, Shift
+from transport.links.laws.content import FalseContent, FalseInterval, Shift
 from vehicles.car.gnss import Fix
-from vehicles.car.positioning.noise import GnssNoise
-from vehicles.driver.degradation.innovation_gate import REFUSED, InnovationGate
+from vehicles.car.noise import GnssNoise
+from vehicles.driver.innovation_gate import REFUSED, InnovationGate
 from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
 
 BEGIN, END = 4.0, 7.0

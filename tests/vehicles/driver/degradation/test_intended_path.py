@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.made.transport.received_poses import received_fix
 from tests.made.vehicles.fusions import fit_two
 from vehicles.car.gnss import Fix
-from vehicles.driver.degradation.intended_path import (
+from vehicles.driver.intended_path import (
     DEVIATIONS,
     MAX_ADDED,
     MAX_OFFSET,
@@ -21,7 +21,7 @@ from vehicles.driver.degradation.intended_path import (
 )
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.preview.curve_fit import FitSettings
-from vehicles.preview.received.samples import Window
+from vehicles.preview.samples import Window
 from vehicles.preview.trajectory import Fit
 from vehicles.schedule import MILLISECOND
 

@@ -18,11 +18,10 @@ from tests.made.vehicles.two_cars import (
     keeping,
     profile,
 )
-from vehicles.driver.degradation.settings import DegradationSettings, Reaction
-from vehicles.driver.degradation.stopping import friction_left
-from vehicles.driver.longitudinal.controller import LongitudinalSetup
-from vehicles.driver.longitudinal.laws import Acc, AccSettings
-from vehicles.driver.longitudinal.spacing import SpacingPolicy
+from vehicles.driver.controller import LongitudinalSetup, SpacingPolicy
+from vehicles.driver.longitudinal_laws import Acc, AccSettings
+from vehicles.driver.settings import DegradationSettings, Reaction
+from vehicles.driver.situation import friction_left
 from vehicles.driver.speed import GapKeeping, SpeedLaw
 from vehicles.schedule import SECOND
 

@@ -18,9 +18,9 @@ from tests.made.vehicles.followers import (
     modes,
     predecessor_of,
 )
-from vehicles.car.sending.path_history import PathHistory
-from vehicles.driver.degradation.settings import DegradationSettings, Reaction
-from vehicles.driver.degradation.stopping import stopping_distance
+from vehicles.car.path_history import PathHistory
+from vehicles.driver.settings import DegradationSettings, Reaction
+from vehicles.driver.situation import stopping_distance
 from vehicles.messages import GpsPose
 
 DEGRADE = DegradationSettings()

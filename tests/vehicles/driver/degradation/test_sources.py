@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from tests.made.transport.received_poses import received
 from tests.made.vehicles.exact_drives import GNSS_HZ, START
-from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.degradation.source import SLOW_PROBATION, SLOW_SPEED, Source
-from vehicles.driver.ego.own_state import Pose
+from vehicles.driver.own_state import Pose
+from vehicles.driver.settings import DegradationSettings
+from vehicles.driver.source import SLOW_PROBATION, SLOW_SPEED, Source
 from vehicles.messages import SourceStatus
 from vehicles.schedule import SECOND, instant
 

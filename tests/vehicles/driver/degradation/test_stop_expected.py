@@ -15,8 +15,8 @@ from tests.made.vehicles.two_cars import (
     keeping,
     profile,
 )
-from vehicles.driver.degradation.situation import Situation
-from vehicles.driver.longitudinal.controller import VehiclesAhead
+from vehicles.driver.controller import VehiclesAhead
+from vehicles.driver.situation import Situation
 from vehicles.driver.speed import SpeedLaw
 from vehicles.schedule import SECOND
 

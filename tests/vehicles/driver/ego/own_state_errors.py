@@ -9,15 +9,13 @@ import numpy as np
 from tests.made.vehicles.driving import advance
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, GnssReceiver
+from vehicles.car.gnss_error_terms import ReceiverContext
+from vehicles.car.gnss_errors import ReceiverErrors, stated_errors
+from vehicles.car.gnss_settings import GnssSettings
+from vehicles.car.imu import InertialNoise, InertialSensor
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import VehicleParameters
-from vehicles.car.positioning.error_term import ReceiverContext
-from vehicles.car.positioning.gnss_errors import ReceiverErrors
-from vehicles.car.positioning.gnss_settings import GnssSettings
-from vehicles.car.positioning.stated_errors import stated_errors
-from vehicles.car.sensors.imu import InertialNoise, InertialSensor
-from vehicles.driver.ego.late_fixes import LatePoseEstimator
-from vehicles.driver.ego.pose_estimator import PoseEstimator
+from vehicles.driver.pose_estimator import LatePoseEstimator, PoseEstimator
 from vehicles.geometry.geodesy import wrap_angle
 
 MS = 1_000_000

@@ -9,12 +9,11 @@ import pytest
 from tests.made.vehicles.driving import advance
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, GnssReceiver
+from vehicles.car.imu import InertialNoise, InertialSensor
+from vehicles.car.noise import GnssNoise
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
-from vehicles.car.positioning.noise import GnssNoise
-from vehicles.car.sensors.imu import InertialNoise, InertialSensor
-from vehicles.driver.ego.late_fixes import LatePoseEstimator
-from vehicles.driver.ego.own_state import Pose
-from vehicles.driver.ego.pose_estimator import PoseEstimator
+from vehicles.driver.own_state import Pose
+from vehicles.driver.pose_estimator import LatePoseEstimator, PoseEstimator
 from vehicles.schedule import MILLISECOND, SECOND
 
 TICK = 10 * MILLISECOND

@@ -8,14 +8,17 @@ import pytest
 
 from tests.vehicles.driver.ego.own_state_errors import Course, EstimatedDrive
 from vehicles.car.dynamics import Actuation, Body
+from vehicles.car.gnss_error_terms import (
+    Bias,
+    CommonDrift,
+    Drift,
+    FixOutageWindow,
+    ScheduledStates,
+    StateEntry,
+)
+from vehicles.car.gnss_settings import PRESETS, GnssSettings, Preset
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import Loading, loaded
-from vehicles.car.positioning.bias import Bias
-from vehicles.car.positioning.common_drift import CommonDrift
-from vehicles.car.positioning.drift import Drift
-from vehicles.car.positioning.fix_states import ScheduledStates, StateEntry
-from vehicles.car.positioning.gnss_settings import PRESETS, GnssSettings, Preset
-from vehicles.car.positioning.outages import FixOutageWindow
 from vehicles.schedule import MILLISECOND, SECOND
 
 FULL = loaded(CAR, Loading(front_passengers=1, rear_passengers=3))

@@ -11,12 +11,12 @@ from tests.made.examples import examples
 from tests.made.vehicles.driving import advance
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, GnssReceiver
+from vehicles.car.imu import InertialNoise, InertialSensor, Motion
+from vehicles.car.noise import GnssNoise
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import Loading, VehicleParameters, loaded
-from vehicles.car.positioning.noise import GnssNoise
-from vehicles.car.sensors.imu import InertialNoise, InertialSensor, Motion
-from vehicles.driver.ego.own_state import Pose
-from vehicles.driver.ego.pose_estimator import JUMPS_ACCEPTED, PoseEstimator
+from vehicles.driver.own_state import Pose
+from vehicles.driver.pose_estimator import JUMPS_ACCEPTED, PoseEstimator
 from vehicles.geometry.geodesy import wrap_angle
 
 MS = 1_000_000

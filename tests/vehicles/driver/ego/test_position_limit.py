@@ -5,11 +5,11 @@ from itertools import pairwise
 
 import pytest
 
-from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.ego.own_state import Pose
+from vehicles.driver.command_limit import WALKING_PACE, PositionLimit
+from vehicles.driver.controller import VehiclesAhead
 from vehicles.driver.leader import WaitingProfile
-from vehicles.driver.longitudinal.controller import VehiclesAhead
-from vehicles.driver.position_limit import WALKING_PACE, PositionLimit
+from vehicles.driver.own_state import Pose
+from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.speed import SpeedCommand, SpeedProfile
 from vehicles.schedule import SECOND
 

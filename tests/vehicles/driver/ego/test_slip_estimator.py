@@ -8,7 +8,7 @@ import pytest
 from tests.made.vehicles.driving import advance
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ, Loading, VehicleParameters, loaded
-from vehicles.driver.ego.slip_estimator import PRIOR, ParameterUser, SlipEstimator, with_load
+from vehicles.driver.slip_estimator import PRIOR, ParameterUser, SlipEstimator, with_load
 from vehicles.driver.steering import FeedforwardFeedback, SlipCompensated
 
 TICK = 0.02

@@ -13,16 +13,17 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from vehicles.driver.ego.own_state import Pose
-from vehicles.driver.longitudinal.controller import (
+from vehicles.driver.controller import (
+    GapLimits,
     LongitudinalSetup,
     OwnMotion,
     SourceMotion,
+    SpacingPolicy,
     VehiclesAhead,
 )
-from vehicles.driver.longitudinal.laws import Consensus, ConsensusSettings
-from vehicles.driver.longitudinal.own_path import OwnPath
-from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
+from vehicles.driver.longitudinal_laws import Consensus, ConsensusSettings
+from vehicles.driver.own_state import Pose
+from vehicles.driver.tracking import OwnPath
 from vehicles.schedule import MILLISECOND
 
 Floats = NDArray[np.float64]

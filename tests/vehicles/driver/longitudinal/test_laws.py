@@ -17,14 +17,16 @@ from scipy.integrate import solve_ivp
 
 from vehicles.car.dynamics import achieved_acceleration
 from vehicles.car.parameters import LINCOLN_MKZ
-from vehicles.driver.longitudinal.controller import (
+from vehicles.driver.controller import (
+    GapLimits,
     LongitudinalController,
     LongitudinalSetup,
     OwnMotion,
     SourceMotion,
+    SpacingPolicy,
     VehiclesAhead,
 )
-from vehicles.driver.longitudinal.laws import (
+from vehicles.driver.longitudinal_laws import (
     Acc,
     AccSettings,
     Cacc,
@@ -36,7 +38,6 @@ from vehicles.driver.longitudinal.laws import (
     Ploeg,
     PloegSettings,
 )
-from vehicles.driver.longitudinal.spacing import GapLimits, SpacingPolicy
 
 Floats = NDArray[np.float64]
 Lead = Callable[[float], tuple[float, float]]

@@ -9,8 +9,8 @@ from tests.made.transport.received_poses import received
 from tests.made.vehicles.fusions import fit_two
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.preview.curve_fit import FitSettings
-from vehicles.preview.received.samples import Window
-from vehicles.preview.received.trace import Trace
+from vehicles.preview.samples import Window
+from vehicles.preview.trace import Trace
 from vehicles.schedule import SECOND
 
 SPEED, PERIOD = 20.0, SECOND // 20

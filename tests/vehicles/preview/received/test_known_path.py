@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from tests.made.transport.received_poses import received
 from vehicles.geometry.bridges import curve_between
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
-from vehicles.preview.received.known_path import CERTAIN, LEAST_BEND, PathHole, known_path
-from vehicles.preview.received.trace import Trace
+from vehicles.preview.trace import CERTAIN, LEAST_BEND, PathHole, Trace, known_path
 from vehicles.schedule import SECOND
 
 SPEED = 10.0

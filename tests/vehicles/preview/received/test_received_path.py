@@ -13,8 +13,8 @@ from scenarios.definition.scenario import load_scenario
 from tests.made.examples import examples
 from tests.made.vehicles.sent_paths import fixes, sent, without_history
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
-from vehicles.preview.received.samples import Window
-from vehicles.preview.received.trace import Trace
+from vehicles.preview.samples import Window
+from vehicles.preview.trace import Trace
 from vehicles.received_pose import ReceivedPose
 
 SPEED = 15.0

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from tests.made.transport.received_poses import received
 from tests.made.vehicles.arc_courses import course, point_at
 from tests.made.vehicles.laps import TICK, Place, bulb, eight, lap
-from vehicles.preview.received.trace import Trace
+from vehicles.preview.trace import Trace
 
 
 def send(trace: Trace, k: int, place: tuple[float, float, float], speed: float = 10.0) -> None:

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from scenarios.definition.traces.formats.markup import decoded
 from scenarios.definition.traces.formats.nmea import read_nmea
-from scenarios.definition.traces.formats.text import decoded
 from scenarios.definition.traces.recorded_drive import RecordedDrive, TraceError
 from tests.made.scenarios.recorded_drives import sentence
 

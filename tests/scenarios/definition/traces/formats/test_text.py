@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from scenarios.definition.traces.formats.text import decoded
+from scenarios.definition.traces.formats.markup import decoded
 from scenarios.definition.traces.recorded_drive import TraceError
 
 LINES = "höhe;lat\r\n1,5;52\r\n" * 4

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from scenarios.definition.traces.formats.time_cells import read_times, utc_from_gps
+from scenarios.definition.traces.formats.cells import read_times, utc_from_gps
 
 NOON = 1_774_785_600.0
 """29 March 2026, 12:00 UTC."""

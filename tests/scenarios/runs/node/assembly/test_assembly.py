@@ -5,14 +5,14 @@ import pytest
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
 from scenarios.runs.node.node import Node
+from scenarios.runs.node.outbox import NoProbe
 from scenarios.runs.node.phases import Driving
-from scenarios.runs.node.probe import NoProbe
 from scenarios.runs.node.sink import BusSink
-from transport.bus.memory_bus import MemoryBus
+from scenarios.runs.node.vehicle_builder import VehicleBuilder
+from transport.bus.bus import MemoryBus
 from vehicles.car.gnss import Fix
-from vehicles.car.sensors.imu import ExactSensor, InertialSensor
+from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.driver.decision import Driver
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader

@@ -5,9 +5,9 @@ import pytest
 from scenarios.definition.library import library
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.files import LOG_NAME
-from scenarios.runs.node.assembly.driver_builder import DriverBuilder
+from scenarios.runs.node.driver_builder import DriverBuilder
 from scenarios.runs.observer import OnMessage
-from scenarios.runs.virtual.drive import drive
+from scenarios.runs.virtual import drive
 from tests.made.scenarios.shipped import whole_run
 from transport.codec import encode
 from transport.log.reader import LogReader

@@ -13,8 +13,8 @@ from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.drive import drive as virtual_drive
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import drive as virtual_drive
+from scenarios.runs.virtual import run_virtual
 from transport.log.reader import LogReader
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.geometry.geodesy import LocalPlane

@@ -3,7 +3,7 @@
 import pytest
 
 from scenarios.definition.scenario import scenario_from_text
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged
 
 STRAIGHT = """
 name = "straight"

@@ -9,7 +9,7 @@ import pytest
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 from vehicles.car.tyres import GRAVITY, SLIDING_SHARE
 from vehicles.messages import Command, LogText, Message, TruePose
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from scenarios.definition.scenario import scenario_from_text
-from scenarios.results.vehicles.vehicle_figures import VehicleSummary
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.results.vehicle_figures import VehicleSummary
+from scenarios.runs.virtual import run_unlogged
 from tests.made.scenarios.convoy_roads import ROADS, convoy_on_road
 
 GROWTH_M = 0.02

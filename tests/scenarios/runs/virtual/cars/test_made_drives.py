@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.runs.virtual.unlogged_run import drive_trial
+from scenarios.runs.virtual import drive_trial
 from tests.made.scenarios.made_drives import DRIVES, convoy_on
 
 WITHIN_M = 0.25

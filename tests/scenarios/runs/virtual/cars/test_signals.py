@@ -8,10 +8,9 @@ import pytest
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
-from scenarios.runs.node.assembly.vehicle_builder import VehicleBuilder
+from scenarios.runs.node.vehicle_builder import VehicleBuilder
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged, run_virtual
 from tests.made.scenarios.messages import STRAIGHT
 from transport.log.reader import LogReader
 from vehicles.messages import GpsPose, LinkVerdict

@@ -6,7 +6,7 @@ import pytest
 
 from scenarios.definition.scenario import scenario_from_text
 from scenarios.results.summary import RunSummary
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged
 
 SLIDE = """
 name = "slide"

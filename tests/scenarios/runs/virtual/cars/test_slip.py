@@ -1,7 +1,7 @@
 """What an unknown load costs the paper's base case, and what learning it saves."""
 
 from scenarios.definition.scenario import load_scenario
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged
 
 FIRST_LANE_CHANGE = ["convoy.vehicles=5", "duration_s=11", "control.controller=slip_compensated"]
 

@@ -15,7 +15,7 @@ import pytest
 from scenarios.definition.check.findings import warnings
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
+from scenarios.runs.virtual import run_virtual
 
 SPEEDS, RATES = (30.0, 10.0, 36.0, 20.0), (5.0, 1.0, 20.0, 2.0, 10.0)
 CASES = tuple(product((True, False), RATES, SPEEDS))

@@ -6,7 +6,7 @@ import pytest
 
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.observer import Kinds
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged
 from vehicles.messages import Message, Tracking, TruePose
 
 

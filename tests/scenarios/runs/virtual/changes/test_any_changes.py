@@ -17,7 +17,7 @@ from scenarios.definition.schema.change_tables import (
     SpeedChangeTable,
     StallTable,
 )
-from scenarios.runs.node.pending_changes import DueChange
+from scenarios.runs.node.outbox import DueChange
 from tests.made.convoys.changed_convoys import ChangedConvoy, changed
 from transport.codec import encode
 from vehicles.messages import Change, Command, GpsPose, LinkVerdict, LogText, TruePose

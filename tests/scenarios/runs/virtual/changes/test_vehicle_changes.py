@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.runs.node.node import Node, VehicleFaultError
+from scenarios.runs.node.outbox import NoProbe
 from scenarios.runs.node.phases import BRAKING, Down
-from scenarios.runs.node.probe import NoProbe
-from scenarios.runs.virtual.virtual_convoy import steps_in_order
+from scenarios.runs.virtual import steps_in_order
 from tests.made.convoys.changed_convoys import ChangedConvoy, changed
 from tests.made.examples import examples
 from transport.codec import encode

@@ -11,7 +11,7 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.observer import OnMessage
-from scenarios.runs.virtual.drive import drive
+from scenarios.runs.virtual import drive
 from vehicles.messages import Command, LogText, Message, Mode, Tracking, TruePose
 from vehicles.schedule import SECOND
 

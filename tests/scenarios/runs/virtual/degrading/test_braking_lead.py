@@ -6,8 +6,8 @@ import pytest
 
 from scenarios.definition.scenario import scenario_from_text
 from tests.made.convoys.speed_runs import drive
-from vehicles.driver.degradation.settings import DegradationSettings
-from vehicles.driver.degradation.stopping import stopping_distance
+from vehicles.driver.settings import DegradationSettings
+from vehicles.driver.situation import stopping_distance
 
 FAST, SLOW, BRAKES_AT_S = 25.0, 5.0, 6.0
 LENGTH = 4.93

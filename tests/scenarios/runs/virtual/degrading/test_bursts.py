@@ -9,7 +9,7 @@ hole, the few samples behind it must not be extrapolated to where the car is.
 import pytest
 
 from scenarios.definition.scenario import load_scenario
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged
 
 WORST = {1: 14.0, 13: 35.0}
 """Seeds with which a car once thought itself 3.1 and 2.1 m off its path, and how long to drive."""

@@ -6,10 +6,10 @@ import pytest
 
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import RunSummary
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged
 from tests.made.convoys.speed_runs import drive
 from tests.made.interpreted import interpreted_only
-from vehicles.driver.degradation.source import Source
+from vehicles.driver.source import Source
 
 
 def cut_off(*more: str, vehicle: str = "v3", for_s: float = 4.2) -> list[str]:

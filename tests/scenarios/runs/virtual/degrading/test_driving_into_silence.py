@@ -4,11 +4,11 @@ import pytest
 
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import RunSummary
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged
 from tests.made.interpreted import interpreted_only
-from vehicles.driver.degradation.source import Source
-from vehicles.driver.degradation.sources import Sources
-from vehicles.driver.degradation.speed_guard import SpeedGuard
+from vehicles.driver.source import Source
+from vehicles.driver.sources import Sources
+from vehicles.driver.speed_guard import SpeedGuard
 
 LANE_M = 3.6
 GUARD_MARGIN_M = 1.0

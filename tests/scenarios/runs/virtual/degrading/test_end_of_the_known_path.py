@@ -10,10 +10,10 @@ import pytest
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged
 from tests.made.interpreted import interpreted_only
-from vehicles.driver.degradation.sources import Sources
-from vehicles.driver.degradation.stopping import CREEP_SPEED
+from vehicles.driver.situation import CREEP_SPEED
+from vehicles.driver.sources import Sources
 from vehicles.driver.tracking import Rejoining
 from vehicles.messages import Message, Tracking, TruePose
 

@@ -10,8 +10,8 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.sink import BusSink
-from scenarios.runs.virtual.virtual_convoy import VirtualConvoy
-from vehicles.driver.degradation.intended_path import MAX_OFFSET
+from scenarios.runs.virtual import VirtualConvoy
+from vehicles.driver.intended_path import MAX_OFFSET
 from vehicles.geometry.driven_path import CrossTrackError
 from vehicles.messages import Command, GpsPose, Message, Tracking, TruePose
 

@@ -9,7 +9,7 @@ import pytest
 
 from scenarios.definition.scenario import scenario_from_text
 from scenarios.runs.observer import OnMessage
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged
 from vehicles.messages import Message, Tracking
 from vehicles.schedule import SECOND
 

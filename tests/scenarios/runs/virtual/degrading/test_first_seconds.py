@@ -3,7 +3,7 @@
 import pytest
 
 from scenarios.definition.scenario import load_scenario
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged
 
 
 @pytest.mark.spread(2)

@@ -6,7 +6,7 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.observer import OnMessage
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged
 from tests.scenarios.studies.drills.planted_faults import IGNORES_CONVOY
 from vehicles.messages import Command, Message, Tracking, TruePose
 

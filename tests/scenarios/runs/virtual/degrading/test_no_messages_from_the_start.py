@@ -9,11 +9,11 @@ import pytest
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged
 from tests.made.convoys.speed_runs import Driven
 from tests.made.interpreted import interpreted_only
-from vehicles.driver.degradation.source import Source
-from vehicles.driver.degradation.speed_guard import SpeedGuard
+from vehicles.driver.source import Source
+from vehicles.driver.speed_guard import SpeedGuard
 from vehicles.messages import TruePose
 from vehicles.schedule import SECOND
 

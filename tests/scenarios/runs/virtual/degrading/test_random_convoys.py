@@ -14,9 +14,9 @@ import tomli_w
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.runs.observer import OnMessage
-from scenarios.runs.virtual.drive import drive
+from scenarios.runs.virtual import drive
 from tests.made.channels.drawn_channels import drawn_channel
-from vehicles.driver.degradation.settings import Reaction
+from vehicles.driver.settings import Reaction
 from vehicles.messages import Command, Message, Mode, Tracking, TruePose
 
 Raw = dict[str, Any]

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.virtual.unlogged_run import run_unlogged
+from scenarios.runs.virtual import run_unlogged
 from tests.made.convoys.integrated_string import GAPS, String
 from vehicles.car.parameters import LINCOLN_MKZ
 

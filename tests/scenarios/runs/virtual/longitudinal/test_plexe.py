@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.observer import OnMessage
-from scenarios.runs.virtual.drive import drive
+from scenarios.runs.virtual import drive
 from tests.made.convoys.integrated_string import BEACON, CONTROL, GAPS, LAG, String
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.messages import Message, TruePose

@@ -7,8 +7,8 @@ import tomli_w
 
 from scenarios.definition.scenario import scenario_from_text
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
-from scenarios.studies.many.blame.losses import RecordedRun, read_run
+from scenarios.runs.virtual import run_virtual
+from scenarios.studies.many.losses import RecordedRun, read_run
 
 DELAYED = {"latency_ms": 40.0, "jitter_ms": 90.0}
 LAWS: dict[str, dict[str, Any]] = {

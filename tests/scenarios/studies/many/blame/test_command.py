@@ -12,13 +12,13 @@ from click.testing import CliRunner, Result
 from scenarios.cli.main import cli
 from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import load_scenario, scenario_from_text
-from scenarios.results.limits.evaluation import broken_by
+from scenarios.results.limits import broken_by
 from scenarios.results.log_summary import summary_of
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
-from scenarios.studies.many.blame import study
-from scenarios.studies.many.blame.losses import read_run
-from scenarios.studies.many.blame.rerun import FigureName, RerunCriteria, result_of
+from scenarios.runs.virtual import run_virtual
+from scenarios.studies.many import blame
+from scenarios.studies.many.losses import read_run
+from scenarios.studies.many.trials import FigureName, RerunCriteria, result_of
 from tests.made.many.planted_losses import TINY, planted
 
 CAUSE = planted(TINY, 3)
@@ -118,7 +118,7 @@ def test_an_irreproducible_log_is_refused(
         east, north = run.truth[key]
         return replace(run, late=3, truth={**run.truth, key: (east + 1e-9, north)})
 
-    monkeypatch.setattr(study, "read_run", read_altered)
+    monkeypatch.setattr(blame, "read_run", read_altered)
     line = refused(convoy("blame", log, "--out", tmp_path, "--workers", "0"))
     assert line.startswith(f"{log}: ")
     for fact in ("v2", "2.00 s", "3 messages were late", "--clock virtual"):

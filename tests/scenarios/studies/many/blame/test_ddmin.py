@@ -6,7 +6,7 @@ from hashlib import blake2b
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.studies.many.blame.shrinking import SmallestSet, ddmin, trim
+from scenarios.studies.many.blame import SmallestSet, ddmin, trim
 
 Fails = Callable[[frozenset[int]], bool]
 SIZES = st.integers(1, 40)

@@ -7,10 +7,9 @@ import pytest
 from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.runs.observer import OnMessage
-from scenarios.runs.virtual.drive import drive as virtual_drive
-from scenarios.studies.many.blame.listed_losses import loss_free
-from scenarios.studies.many.blame.losses import LostMessage
-from scenarios.studies.many.blame.rerun import NO_END, first_difference
+from scenarios.runs.virtual import drive as virtual_drive
+from scenarios.studies.many.losses import LostMessage, loss_free
+from scenarios.studies.many.trials import NO_END, first_difference
 from tests.scenarios.studies.many.blame.lossy_logs import LAWS, recorded
 from vehicles.messages import LinkVerdict, Message
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from scenarios.runs.stop import Stop
-from scenarios.runs.virtual.logged_run import run_virtual
-from scenarios.studies.many.blame.rerun import RerunCriteria, rerun
-from scenarios.studies.many.blame.study import BlameResult, blame
+from scenarios.runs.virtual import run_virtual
+from scenarios.studies.many.blame import BlameResult, blame
+from scenarios.studies.many.trials import RerunCriteria, rerun
 from tests.made.many.engines import engine_here
 from tests.made.many.planted_losses import FULL, LANE, SHORT, TINY, Convoy, planted
 

@@ -10,13 +10,24 @@ from typing import Any, cast
 import pytest
 
 from scenarios.definition.run_limits import Limit
-from scenarios.studies.engine.job import Job
-from scenarios.studies.many.blame.listed_losses import LossFreeScenario
-from scenarios.studies.many.blame.losses import Losses, LostMessage, bursts_of, overlaps_of
-from scenarios.studies.many.blame.ranking import Attribution, losses_of, rank_losses, run_alone
-from scenarios.studies.many.blame.rerun import RerunCriteria, RerunResult
-from scenarios.studies.many.blame.shrinking import SmallestSet, smallest_set
-from scenarios.studies.many.blame.trials import Trials
+from scenarios.studies.job import Job
+from scenarios.studies.many.blame import SmallestSet, smallest_set
+from scenarios.studies.many.losses import (
+    Losses,
+    LossFreeScenario,
+    LostMessage,
+    bursts_of,
+    overlaps_of,
+)
+from scenarios.studies.many.trials import (
+    Attribution,
+    RerunCriteria,
+    RerunResult,
+    Trials,
+    losses_of,
+    rank_losses,
+    run_alone,
+)
 from tests.made.many.engines import SyntheticEngine
 
 ErrorOf = Callable[[Losses], float]

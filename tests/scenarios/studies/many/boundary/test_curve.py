@@ -10,11 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from scenarios.definition.run_limits import Limit
-from scenarios.studies.many.boundary.boundary_search import (
-    BoundaryQuery,
-    BoundaryResult,
-    find_boundary,
-)
+from scenarios.studies.many.boundary import BoundaryQuery, BoundaryResult, find_boundary
 from scenarios.studies.many.variant import Variant
 from tests.made.many.engines import SyntheticEngine
 

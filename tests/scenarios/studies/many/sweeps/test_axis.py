@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.overrides import parse_override
-from scenarios.studies.many.sweeps.axis import cells, parsed_axes, parsed_axis
+from scenarios.studies.many.plan import cells, parsed_axes, parsed_axis
 
 
 def refused(*texts: str) -> str:

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.studies.engine.results import write_files
-from scenarios.studies.many.statistics import agresti_coull
-from scenarios.studies.many.sweeps.cell_table import table_of
-from scenarios.studies.many.sweeps.plan import SweepPlan
-from scenarios.studies.many.sweeps.sweep import tables_of
+from scenarios.studies.job import write_files
+from scenarios.studies.many.cell_table import table_of
+from scenarios.studies.many.files import tables_of
+from scenarios.studies.many.plan import SweepPlan
+from scenarios.studies.many.variant import agresti_coull
 from tests.made.many.small_sweeps import TABLES, small_plan
 
 SEEDS = 7

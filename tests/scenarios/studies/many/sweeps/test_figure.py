@@ -9,8 +9,8 @@ import pytest
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import RunSummary, to_json
-from scenarios.runs.virtual.unlogged_run import run_unlogged
-from scenarios.studies.many.sweeps.figure import LINK_FIELDS, VEHICLE_FIELDS, parsed_figure
+from scenarios.runs.virtual import run_unlogged
+from scenarios.studies.many.plan import LINK_FIELDS, VEHICLE_FIELDS, parsed_figure
 
 NAMES = ("v1", "v2", "v3")
 

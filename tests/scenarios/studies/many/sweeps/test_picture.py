@@ -7,9 +7,9 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.container import ErrorbarContainer
 
-from scenarios.studies.engine.results import write_file
-from scenarios.studies.many.sweeps.cell_table import SweepTable, table_of
-from scenarios.studies.many.sweeps.picture import sweep_picture
+from scenarios.studies.job import write_file
+from scenarios.studies.many.cell_table import SweepTable, table_of
+from scenarios.studies.many.pictures import sweep_picture
 from tests.made.many.small_sweeps import small_plan
 
 FUSIONS, LOSS = "control.fusion=composite,blend", "links.loss_ratio=0.5,0,0.8"

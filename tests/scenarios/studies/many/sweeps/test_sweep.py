@@ -11,10 +11,10 @@ import pytest
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.versions import _module_digest
-from scenarios.studies.engine.journal import JOURNAL, open_journal
-from scenarios.studies.engine.workers import WorkerGroup
-from scenarios.studies.many.sweeps.plan import DEFAULT_FIGURE, planned
-from scenarios.studies.many.sweeps.sweep import run_sweep
+from scenarios.studies.engine import JOURNAL, open_journal
+from scenarios.studies.many.files import run_sweep
+from scenarios.studies.many.plan import DEFAULT_FIGURE, planned
+from scenarios.studies.workers import WorkerGroup
 from tests.made.many.small_sweeps import SETS, run_sweep_here, small_plan, tables
 
 

@@ -10,16 +10,17 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from transport.links.laws.correlated_normals import CorrelatedNormals
-from transport.links.laws.delay.base import RandomDelay
-from transport.links.laws.delay.distributions import (
+from transport.links.laws.delays import (
     EmpiricalDelay,
     GammaDelay,
     LognormalDelay,
     NormalDelay,
+    RandomDelay,
     UniformDelay,
+    log_quantile,
+    log_quantiles,
 )
-from transport.links.laws.delay.gamma_quantiles import log_quantile, log_quantiles
-from transport.links.laws.effect import TransmissionContext
+from transport.links.laws.link_law import TransmissionContext
 from transport.links.link import keyed_draw
 
 MS = 1e6

@@ -11,9 +11,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.made.channels.laws import collisions, four_state, gilbert, gilbert_elliott, long_run
-from transport.links.laws.effect import Draw, Effect, TransmissionContext
-from transport.links.laws.loss.bursts import FourState, GilbertElliott
-from transport.links.laws.loss.chains import LONGEST_LOOK_BACK
+from transport.links.laws.burst_losses import LONGEST_LOOK_BACK, FourState, GilbertElliott
+from transport.links.laws.link_law import Draw, Effect, TransmissionContext
 from transport.links.link import keyed_draw
 
 Chances = st.floats(0.0, 1.0) | st.sampled_from([0.0, 0.01, 0.5, 1.0])

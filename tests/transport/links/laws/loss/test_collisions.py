@@ -3,7 +3,7 @@
 from itertools import groupby
 
 from tests.made.channels.laws import collisions, long_run
-from transport.links.laws.effect import TransmissionContext
+from transport.links.laws.link_law import TransmissionContext
 from transport.links.link import keyed_draw
 
 

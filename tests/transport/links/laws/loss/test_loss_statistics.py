@@ -12,7 +12,7 @@ from tests.transport.links.laws.loss.hidden_chain import (
     reservations,
 )
 from transport.links.laws.basic import Loss
-from transport.links.laws.effect import Effect, TransmissionContext
+from transport.links.laws.link_law import Effect, TransmissionContext
 from transport.links.link import keyed_draw
 
 SEEDS = (1, 2, 3)

@@ -8,10 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.channels.laws import long_run
-from transport.links.laws.effect import Effect, TransmissionContext
-from transport.links.laws.loss.by_number import EveryNth, RecordedPattern
-from transport.links.laws.loss.earlier_run import EarlierRun
-from transport.links.laws.loss.number_sets import AfterEnd, NumberSet
+from transport.links.laws.link_law import Effect, TransmissionContext
+from transport.links.laws.recorded_losses import (
+    AfterEnd,
+    EarlierRun,
+    EveryNth,
+    NumberSet,
+    RecordedPattern,
+)
 
 Some = st.sets(st.integers(0, 80))
 

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from tests.made.channels.laws import circle, long_run, random_outage, stretch, window
-from transport.links.laws.effect import Effect, Position, TransmissionContext
-from transport.links.laws.outages.by_place import AffectedVehicle
-from transport.links.laws.outages.random_outage import CACHED_CELLS, RandomOutage
+from transport.links.laws.link_law import Effect, Position, TransmissionContext
+from transport.links.laws.outages import CACHED_CELLS, AffectedVehicle, RandomOutage
 from transport.links.link import keyed_draw
 from vehicles.schedule import SECOND
 

@@ -11,19 +11,24 @@ from scipy.stats import norm
 
 from tests.made.channels.laws import for_link
 from tests.made.examples import examples
-from transport.links.laws.effect import Effect, Position, TransmissionContext
-from transport.links.laws.link_law import LinkSetting
-from transport.links.laws.radio.obstruction import LossPerVehicle, SingleLoss
-from transport.links.laws.radio.path_loss import (
+from transport.links.laws.link_law import (
+    Effect,
+    LinkSetting,
+    Position,
+    Road,
+    TransmissionContext,
+    VehiclesBetween,
+)
+from transport.links.laws.radio import (
     ErrorCurve,
+    LossPerVehicle,
     PathLossRadio,
+    Shadowing,
+    SingleLoss,
     highway_loss,
     noise_power,
 )
-from transport.links.laws.radio.reservations import Reservations
-from transport.links.laws.radio.shadowing import Shadowing
-from transport.links.laws.radio.table_radio import TableRadio
-from transport.links.laws.vehicles_between import Road, VehiclesBetween
+from transport.links.laws.shared_channel import Reservations, TableRadio
 from transport.links.link import keyed_draw
 
 DRAW = keyed_draw(7, "v1", "v2")

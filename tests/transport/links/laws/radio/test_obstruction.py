@@ -9,10 +9,14 @@ from hypothesis import strategies as st
 
 from scenarios.definition.channel.build import ROAD_STEP, vehicles_between
 from scenarios.definition.scenario import scenario_from_text
-from transport.links.laws.effect import Position, TransmissionContext
-from transport.links.laws.radio.obstruction import MAX_LOSS, LossPerVehicle, Obstruction, SingleLoss
-from transport.links.laws.radio.shadowing import ShadowField
-from transport.links.laws.vehicles_between import Road, VehiclesBetween
+from transport.links.laws.link_law import Position, Road, TransmissionContext, VehiclesBetween
+from transport.links.laws.radio import (
+    MAX_LOSS,
+    LossPerVehicle,
+    Obstruction,
+    ShadowField,
+    SingleLoss,
+)
 from transport.links.link import keyed_draw
 from vehicles.geometry.sampled_path import SampledPath
 

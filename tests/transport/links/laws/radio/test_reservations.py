@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.examples import examples
-from transport.links.laws.radio.reservations import Reservations
+from transport.links.laws.shared_channel import Reservations
 from transport.links.link import keyed_draw
 
 LENGTHS = st.tuples(st.integers(1, 12), st.integers(0, 12)).map(lambda two: (two[0], sum(two)))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from transport.links.laws.radio.shadowing import STEPS, ShadowField
+from transport.links.laws.radio import STEPS, ShadowField
 from transport.links.link import keyed_draw
 
 DECORRELATION = 25.0

@@ -1,1 +1,0 @@
-"""Commands and tables about links."""

@@ -1,0 +1,501 @@
+"""The configuration of each link and the predicted figures, as text."""
+
+import json
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import click
+from pydantic import TypeAdapter
+from rich.console import Console
+from rich.markup import escape
+from rich.text import Text
+
+from scenarios.cli.output import grid_of
+from scenarios.definition.check.drive_report import (
+    DriveReport,
+    PathFacts,
+    drive_report,
+    recording_warnings,
+)
+from scenarios.definition.check.findings import CheckReport, whole_report
+from scenarios.definition.check.link_forecast import LinkForecast
+from scenarios.definition.errors import ScenarioError, require
+from scenarios.definition.library import is_drive
+from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.definition.schema.path_tables import PointsPath
+from scenarios.definition.schema.scenario_tables import GnssTable, SendingTable
+from scenarios.definition.traces.reading import DriveInPlane
+from scenarios.definition.traces.recorded_drive import WRONG_TIME
+from scenarios.studies.picture_style import picture_format_of
+
+UNKNOWN = "not predictable"
+Row = tuple[str, str]
+
+
+def print_links(name: str, links: Sequence[LinkForecast], console: Console) -> None:
+    """Print a block for each group of equal links."""
+    console.print(f"[bold]{escape(name)}: links[/]", highlight=False)
+    if not links:
+        console.print("none: no vehicle receives")
+    alike: dict[LinkForecast, list[LinkForecast]] = {}
+    for link in links:
+        alike.setdefault(replace(link, sender="", receiver=""), []).append(link)
+    for link, group in alike.items():
+        named = ", ".join(f"{alike_link.sender} → {alike_link.receiver}" for alike_link in group)
+        console.print(f"\n[bold]{escape(named)}[/]", highlight=False)
+        console.print(grid_of((f"  {name}", text) for name, text in _rows(link)))
+
+
+def _rows(link: LinkForecast) -> Iterator[Row]:
+    first, *further = ("[links]" if rule == "links" else rule for rule in link.rules)
+    yield "settings from", first + (f", over {', '.join(further)}" if further else "")
+    if link.preset is not None:
+        yield "preset", link.preset
+        yield "source", link.preset_source or "not stated"
+    for place, law in enumerate(link.laws):
+        yield "laws" if not place else "", f"{law.words} · {law.key}"
+    at = "" if link.distance_m is None else f" at {link.distance_m:.3g} m, as far as at the start"
+    if link.loss_ratio is None:
+        yield "loss", UNKNOWN
+    else:
+        yield "loss", f"{100.0 * link.loss_ratio:.4g} %{at}{_burst(link)}"
+    if link.latency_ms_mean is None or link.latency_ms_deviation is None:
+        yield "delay", UNKNOWN
+    else:
+        yield "delay", f"{link.latency_ms_mean:.4g} ± {link.latency_ms_deviation:.4g} ms"
+    age = UNKNOWN if link.age_ms_mean is None else f"{link.age_ms_mean:.4g} ms on average"
+    yield (
+        "age",
+        f"of the newest message at a command: {age}, at a sending rate of {link.rate_hz:.3g} Hz",
+    )
+
+
+def _burst(link: LinkForecast) -> str:
+    if link.loss_ratio in {0.0, 1.0}:
+        return ""
+    if link.burst_messages_mean is None:
+        return ", in bursts of unpredictable length"
+    return f", bursts of {link.burst_messages_mean:.4g} messages on average"
+
+
+# ---- The table of `convoy check`: configuration and predicted figures
+
+
+def print_report(report: CheckReport, console: Console) -> None:
+    title = f"{report.name}: {report.description}" if report.description else report.name
+    console.print(Text(title, style="bold"), highlight=False)
+    parts = (_convoy, _road, _drivers, _links, _ends)
+    console.print(grid_of(row for part in parts for row in part(report)))
+
+
+def _convoy(report: CheckReport) -> Iterator[Row]:
+    yield "vehicles", ", ".join(report.vehicles)
+    if report.gaps_m:  # more than one vehicle
+        yield "gaps at the start", ", ".join(f"{gap:.4g}" for gap in report.gaps_m) + " m"
+    for name, offset in report.offsets.items():
+        turn = f"turned {offset['heading_offset_deg']:g}°"
+        yield "start off the path", f"{name}: {offset['lateral_offset_m']:g} m left, {turn}"
+    for name, replay in report.replays.items():
+        begun = f"from its time {replay['begun_s']:.1f} s, by {replay['clock']} times"
+        off = f"path {100.0 * replay['deviation_m_max']:.1f} cm off its points at most"
+        yield "replayed", f"{name}: {replay['file']}, {begun}, {off}"
+    yield "duration, seed", f"{report.duration_s:.1f} s, {report.seed}"
+
+
+def _road(report: CheckReport) -> Iterator[Row]:
+    yield "length of the path", f"{report.path_length_m:.0f} m"
+    yield "distance driven", f"{report.driven_m:.0f} m"
+    yield "tightest radius", f"{report.radius_m_min:.1f} m" if report.radius_m_min else "straight"
+    if report.deviation_m_rms is not None and report.deviation_m_max is not None:
+        rms, largest = report.deviation_m_rms * 100, report.deviation_m_max * 100
+        figures = f"{rms:.1f} cm rms, {largest:.1f} cm max"
+        yield "deviation of the path", f"{figures} from the recorded points"
+        yield from _drive(report)
+    speeds = f"{report.speed_mps_min:.1f} to {report.speed_mps_max:.1f} m/s"
+    yield "speed of the lead", f"{speeds} ({report.lead_speed})"
+    forward, braking = report.acceleration_mps2_max, report.braking_mps2_max
+    lateral = f"lateral up to {report.lateral_acceleration_mps2_max:.1f} m/s²"
+    changes = f"up to {forward:.1f} m/s², braking up to {braking:.1f} m/s², {lateral}"
+    yield "acceleration of the lead", changes
+    if len(report.vehicles) > 1:
+        yield "followers drive", _followers(report.gap_policy)
+
+
+def _drive(report: CheckReport) -> Iterator[Row]:
+    size = "1 hole of" if report.holes == 1 else f"{report.holes} holes up to"
+    holes = f", {size} {report.hole_m_max:.1f} m" if report.holes else ""
+    noise = f"noise {100.0 * (report.noise_m or 0.0):.1f} cm"
+    yield "recorded points", f"{report.points}, {noise}{holes}"
+    yield "smoothing", f"{report.smoothing_m:g} m half width"
+    left_out = {
+        ("unusable", "unusable"): report.skipped_lines,
+        ("jump", "jumps"): report.jumping_points,
+        ("standing", "standing"): report.standing_points,
+    }
+    if any(left_out.values()):
+        counts = (f"{count} {names[count != 1]}" for names, count in left_out.items() if count)
+        yield "points left out", ", ".join(counts)
+    if any(report.coordinates_offset_m or ()):
+        east, north = report.coordinates_offset_m or (0.0, 0.0)
+        yield "coordinates offset", f"{east:.0f} m east, {north:.0f} m north"
+
+
+def _followers(gap: Mapping[str, float] | None) -> str:
+    if gap is None:
+        return "the lead's speed at the same time"
+    policy = f"a gap of {gap['standstill_m']:g} m + {gap['headway_s']:g} s · speed"
+    limits = (
+        f"up to {gap['acceleration_mps2_max']:g}, braking up to {gap['braking_mps2_max']:g} m/s²"
+    )
+    return f"{policy}; acceleration {limits}"
+
+
+def _drivers(report: CheckReport) -> Iterator[Row]:
+    followers = dict(list(report.control.items())[1:])
+    yield "control", f"at {report.control_rate_hz:g} Hz"
+    yield from _grouped_rows("controller", report.control, _controller)
+    if report.gap_policy is not None:
+        yield from _grouped_rows("longitudinal law", followers, _longitudinal)
+    yield from _grouped_rows("information flow", report.information_flow, _flow)
+    yield from _grouped_rows("fusion", followers, _fusion)
+    limits = {name: report.control[name] | limit for name, limit in report.largest_alpha.items()}
+    yield from _grouped_rows("largest α", limits, _largest_alpha)
+    yield from _grouped_rows("GNSS", report.gnss, _receiver)
+    yield from _grouped_rows("sending", report.sending, _sending)
+    yield from _grouped_rows("own state", report.imu, _own_state)
+    yield from _grouped_rows("gap sensor", report.gap_sensor, _gap_sensor, all_named=True)
+    yield from _grouped_rows("tyres", report.tyres, _tyres)
+    yield from _grouped_rows(
+        "mass", report.masses_kg, lambda mass: f"{mass:g} kg with driver and load"
+    )
+
+
+def _controller(settings: Mapping[str, Any]) -> str:
+    gains = ", ".join(f"{gain:g}" for gain in settings["gains"].values())
+    load = "learns" if settings["estimate_slip"] else "does not know"
+    load = "knows" if settings["knows_loading"] else load
+    return f"{plug_in_text(settings['controller'])}, gains {gains}, {load} the load"
+
+
+def _longitudinal(settings: Mapping[str, Any]) -> str:
+    return plug_in_text(settings["longitudinal"])
+
+
+def plug_in_text(given: str | Mapping[str, Any]) -> str:
+    if isinstance(given, str):
+        return given
+    parameters = [f"{key} {value}" for key, value in given.items() if key != "use"]
+    return f"{given['use']} ({', '.join(parameters)})"
+
+
+def _tyres(settings: Mapping[str, Any]) -> str:
+    brush = f"brush, friction {settings['friction_ratio']:g}"
+    rate = settings["steering_rate_limit_radps"]
+    wheels = (
+        "no limit of the steering rate" if rate is None else f"steering rate up to {rate:g} rad/s"
+    )
+    return f"{brush if settings['tyres'] == 'brush' else 'linear'}; {wheels}"
+
+
+def _fusion(settings: Mapping[str, Any]) -> str:
+    sight = f"preview {settings['preview_s']:g} s, tolerance {settings['tolerance_m']:g} m"
+    how = f"{settings['trajectory']} trajectory"
+    return f"{plug_in_text(settings['fusion'])}, {how}, α {settings['alpha_ratio']:g}, {sight}"
+
+
+def _flow(settings: Mapping[str, Any]) -> str:
+    """Describe the sources, once if they are those of both directions."""
+    lateral, longitudinal = settings["lateral"], settings["longitudinal"]
+    if lateral == longitudinal:
+        return str(lateral)
+    return f"lateral {lateral}; longitudinal {longitudinal}"
+
+
+def _largest_alpha(limit: Mapping[str, Any]) -> str:
+    """Describe alpha* = 1 / ||G||_inf, and on which side of it a vehicle is."""
+    alpha, largest = limit["alpha_ratio"], limit["largest_alpha_ratio"]
+    at = f"{limit['frequency_radps']:.1f} rad/s"
+    if alpha < largest:
+        meaning = f"α {alpha:g} is below it: errors fade from car to car at every frequency"
+    else:
+        meaning = f"α {alpha:g} is above it: errors at {at} may grow from car to car"
+    return f"{largest:.4f} at {limit['speed_mps']:.1f} m/s, 1/‖G‖∞ with actuation ({at}). {meaning}"
+
+
+def _receiver(settings: Mapping[str, Any]) -> str:
+    return "; ".join(GnssTable.model_validate(settings).value.describe())
+
+
+def _sending(settings: Mapping[str, Any]) -> str:
+    rule = TypeAdapter[SendingTable](SendingTable).validate_python(settings).value
+    return f"{rule.describe()}; congestion control" if rule.dcc else rule.describe()
+
+
+def _own_state(settings: Mapping[str, float] | None) -> str:
+    if settings is None:
+        return "exact"
+    return (
+        f"estimated from GNSS and an inertial sensor at {settings['rate_hz']:g} Hz, noise "
+        f"{settings['speed_noise_mps']:g} m/s, {settings['yaw_rate_noise_radps']:g} rad/s, bias "
+        f"{settings['speed_bias_mps']:g} m/s, {settings['yaw_rate_bias_radps']:g} rad/s"
+    )
+
+
+def _gap_sensor(settings: Mapping[str, float]) -> str:
+    return (
+        f"up to {settings['range_m']:g} m within {settings['field_of_view_deg']:g}°, "
+        f"{settings['rate_hz']:g} Hz, latency {settings['latency_ms']:g} ms, noise "
+        f"{settings['gap_noise_m']:g} m, {settings['gap_rate_noise_mps']:g} m/s"
+    )
+
+
+def _links(report: CheckReport) -> Iterator[Row]:
+    settings = {name: {**table, "laws": report.laws[name]} for name, table in report.links.items()}
+    yield from _grouped_rows("links", settings, _link, all_named=True)
+
+
+def _link(settings: Mapping[str, Any]) -> str:
+    carried = (
+        "every message" if settings["rate_hz"] is None else f"up to {settings['rate_hz']:g} Hz"
+    )
+    delay = f"{settings['latency_ms']:g} ms, jitter {settings['jitter_ms']:g} ms"
+    preset = f"{settings['preset']}, " if settings["preset"] else ""
+    laws = f"; {settings['laws']}" if settings["laws"] else ""
+    return f"{preset}{delay}, loss {settings['loss_ratio']:g}, carries {carried}{laws}"
+
+
+def _ends(report: CheckReport) -> Iterator[Row]:
+    policy = report.on_vehicle_failure.replace("_", " ")
+    yield "on vehicle failure", policy if policy != "end" else "the run ends"
+    yield "clocks", f"corrected to the recorder's, within {report.clock_uncertainty_ms_max:g} ms"
+    events = report.events
+    yield "lane", f"{events['lane_width_m']:g} m wide"
+    near = f"below {events['near_miss_gap_m']:g} m or {events['near_miss_time_s']:g} s"
+    yield "near miss", f"{near} to a collision"
+    yield "path lost", f"no known path for {events['path_lost_s']:g} s"
+    yield "limits that fail the run", ", ".join(_limits(report.limits)) or "none"
+
+
+def _limits(settings: Mapping[str, Any]) -> Iterator[str]:
+    for name, value in settings.items():
+        if isinstance(value, Mapping):
+            yield from (f"{name}.{limit}" for limit in _limits(value))
+        elif isinstance(value, list | tuple):
+            for one in value:
+                what = one.get("mode") or one.get("status") or f"within {one['error_m']:g} m"
+                about = f" of {one['source']}" if "source" in one else ""
+                span = f"within {one['within_s']:g} s after {one['after_s']:g} s"
+                yield f"{one['vehicle']} {what}{about} {span}"
+        elif value is not None:
+            yield f"{name} = {value}"
+
+
+def _grouped_rows(
+    what: str, settings: Mapping[str, Any], words: Any, *, all_named: bool = False
+) -> Iterator[Row]:
+    """Yield a row for each distinct setting, with the names of its vehicles.
+
+    A setting that all vehicles share needs no names, unless `all_named`.
+    """
+    distinct: dict[str, list[str]] = {}
+    for name, values in settings.items():
+        distinct.setdefault(words(values), []).append(name)
+    for text, names in distinct.items():
+        named = all_named or len(distinct) > 1
+        yield what, f"{text}: {', '.join(names)}" if named else text
+
+
+# ---- The table of `convoy check` for a recorded drive
+
+
+MOST = 10
+"""Number of holes, pauses and remarks that are listed."""
+
+
+def print_drive(drive: DriveReport, report: CheckReport | None, console: Console) -> None:
+    """Print the facts of a drive, and what a convoy can do with it, None if nothing."""
+    title = ", ".join(filter(None, (drive.file, drive.format)))
+    console.print(Text(title, style="bold"), highlight=False)
+    waits = report is not None and report.lead_speed == "recorded"
+    rows = [*_recording(drive, waits=waits), *_path(drive.path)]
+    if report is not None:
+        rows += _convoy_of_drive(report)
+    console.print(grid_of(rows))
+
+
+def _recording(drive: DriveReport, *, waits: bool) -> Iterator[Row]:
+    """Describe the recording; `waits` if the lead drives at recorded speed, pauses included."""
+    if drive.begins_at:
+        begin = drive.begins_at.replace("T", " ").removesuffix("Z").removesuffix(".000")
+        yield "begins at", f"{begin} UTC"
+    if drive.from_m > 0.0:
+        since = f"{drive.from_s:.1f} s and " if drive.duration_s is not None else ""
+        yield "part", f"from {since}{drive.from_m:.1f} m of the recording on"
+    yield "duration", "no times" if drive.duration_s is None else _duration(drive)
+    yield "length", f"{drive.length_m:.1f} m"
+    yield "points", f"{drive.points} of {drive.records} records, {_noise(drive.noise_m)}"
+    yield "speed", _speed(drive)
+    holes = [
+        f"{hole.length_m:.1f} m at {hole.at_m:.0f} m, after {hole.after}" for hole in drive.holes
+    ]
+    yield from _listed("hole", holes)
+    pauses = [
+        f"{pause.lasts_s:.1f} s at {pause.at_m:.0f} m, after {pause.after}"
+        + (", cut" if pause.is_cut else "")
+        for pause in drive.pauses
+    ]
+    yield from _listed("pause", pauses)
+    if waits and any(not pause.is_cut for pause in drive.pauses):
+        yield "", 'the lead waits there; path.pauses = "cut" leaves the time out'
+    if drive.left_out:
+        counts = {kind: n for kind, n in drive.left_out.items() if kind != WRONG_TIME}
+        if counts:
+            yield "left out", ", ".join(f"{kind}: {count}" for kind, count in counts.items())
+        if wrong := drive.left_out.get(WRONG_TIME):
+            yield "corrected", f"{WRONG_TIME}: {wrong}"
+        yield from (("", line) for line in drive.left_out_first)
+    yield from _listed("note", drive.remarks)
+
+
+def _duration(drive: DriveReport) -> str:
+    duration, rate = f"{drive.duration_s:.1f} s", drive.rate_hz
+    if not rate:
+        return duration
+    return f"{duration} at {rate:.4g} Hz" if rate >= 1.0 else f"{duration}, every {1 / rate:.4g} s"
+
+
+def _listed(what: str, lines: list[str] | tuple[str, ...]) -> Iterator[Row]:
+    yield from ((what, line) for line in lines[:MOST])
+    if len(lines) > MOST:
+        yield "", f"and {len(lines) - MOST} more"
+
+
+def _noise(noise_m: float) -> str:
+    return f"noise {100.0 * noise_m:.1f} cm"
+
+
+def _speed(drive: DriveReport) -> str:
+    if drive.speed_mps_min is None or drive.speed_mps_max is None:
+        return "not recorded"
+    mean = f", mean {drive.speed_mps_mean:.1f} m/s" if drive.speed_mps_mean is not None else ""
+    source = "recorded" if drive.speed_source == "recorded" else "from the recorded times"
+    return f"{drive.speed_mps_min:.1f} to {drive.speed_mps_max:.1f} m/s{mean} ({source})"
+
+
+def _path(path: PathFacts | None) -> Iterator[Row]:
+    if path is None:
+        return
+    rms, largest = 100.0 * path.deviation_m_rms, 100.0 * path.deviation_m_max
+    off = f"{rms:.1f} cm rms, {largest:.1f} cm max off the points"
+    yield "path", f"smoothed over {path.smoothing_m:g} m to either side, {off}"
+    if path.radius_m_min is None or path.bend_speed_mps_max is None:
+        yield "tightest bend", "none, the road is straight"
+        return
+    fits = path.radius_m_min >= path.turning_radius_m
+    yield (
+        "tightest bend",
+        f"radius {path.radius_m_min:.1f} m at {path.at_m:.0f} m, up to "
+        f"{path.bend_speed_mps_max:.1f} m/s in it; "
+        + ("cars turn at " if fits else "too tight, cars turn at ")
+        + f"{path.turning_radius_m:.1f} m",
+    )
+
+
+def _convoy_of_drive(report: CheckReport) -> Iterator[Row]:
+    gaps = ", ".join(f"{gap:.4g}" for gap in report.gaps_m)
+    yield "convoy", f"{', '.join(report.vehicles)}" + (f", gaps {gaps} m" if gaps else "")
+    speeds = f"{report.speed_mps_min:.1f} to {report.speed_mps_max:.1f} m/s"
+    lateral = f"up to {report.lateral_acceleration_mps2_max:.1f} m/s² in bends"
+    yield "speed of the lead", f"{speeds} ({report.lead_speed}), {lateral}"
+
+
+# ---- `convoy check`: report on a scenario or a recorded drive, and draw the drive
+
+
+def check_scenario(
+    name: str,
+    overrides: Sequence[str],
+    seed: int | None,
+    *,
+    explain: bool,
+    output: Path | None,
+    as_json: bool,
+) -> None:
+    """Print figures and warnings; raises ScenarioError if the scenario is refused.
+
+    What is known of a recorded drive is printed and drawn even if it is refused.
+    """
+    if output is not None:
+        require("--output", "studies", "matplotlib")
+        picture_format_of(output)
+    drives: list[DriveInPlane] = []
+    try:
+        scenario = load_scenario(name, overrides, seed, on_drive=drives.append)
+    except ScenarioError as error:
+        if drives and is_drive(name):
+            _report_refused(drives[0], error, as_json=as_json)
+            _draw(drives[0], None, output, quiet=as_json)
+        raise
+    if output is not None and not drives:
+        raise ScenarioError([f"{name}: its path is no recorded drive, which --output draws"])
+    drive = drives[0] if drives else None
+    _report(scenario, drive, whole=not is_drive(name), explain=explain, as_json=as_json)
+    if drive is not None:
+        _draw(drive, scenario, output, quiet=as_json)
+    if is_drive(name) and not as_json:
+        sets = [f"--set={text}" for text in overrides]
+        seeds = [] if seed is None else [f"--seed={seed}"]
+        command = ("convoy", "run", name, *sets, *seeds, "--clock", "virtual")
+        click.echo(f"run it with: {shlex.join(command)}")
+
+
+def _report_refused(drive: DriveInPlane, error: ScenarioError, *, as_json: bool) -> None:
+    report = drive_report(drive, None)
+    if as_json:
+        click.echo(json.dumps({"drive": asdict(report), "errors": error.lines}, indent=2))
+    else:
+        print_drive(report, None, Console())
+
+
+def _report(
+    scenario: Scenario, drive: DriveInPlane | None, *, whole: bool, explain: bool, as_json: bool
+) -> None:
+    """Print the `whole` table of a scenario, or that of its drive."""
+    report = whole_report(scenario, drive, explain=explain)
+    if as_json:
+        click.echo(json.dumps(asdict(report), indent=2))
+        return
+    listed: set[str] = set()
+    if explain:
+        print_links(scenario.name, report.explained, Console())
+    elif report.drive is None or whole:
+        print_report(report, Console())
+    else:
+        print_drive(report.drive, report, Console())
+        listed = _listed_faults(scenario)
+    for line in report.warnings:
+        if line not in listed:
+            click.echo(f"warning: {line}")
+
+
+def _listed_faults(scenario: Scenario) -> set[str]:
+    """Return the warnings that the table of a drive replaces."""
+    table, road = scenario.tables.path, scenario.route.smoothed
+    if not isinstance(table, PointsPath) or road is None:
+        return set()
+    return set(recording_warnings(table, road))
+
+
+def _draw(
+    drive: DriveInPlane, scenario: Scenario | None, output: Path | None, *, quiet: bool
+) -> None:
+    if output is None:
+        return
+    from scenarios.studies.drive_picture import draw_drive
+
+    draw_drive(drive, scenario, output)
+    if not quiet:
+        click.echo(f"written: {output}")

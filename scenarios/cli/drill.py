@@ -1,0 +1,208 @@
+"""`convoy drill`, and its table."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from scenarios.cli.common_options import confirmation_option, override_options
+from scenarios.cli.output import Column, clear_errors, table_of
+from scenarios.cli.study_commands import engine_options, selected_workers
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.console import Console
+
+    from scenarios.studies.drill import DrillResult, DrillRow
+    from scenarios.studies.many.variant import Variant
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  convoy drill                                   all shipped drills
+  convoy drill lead_lost tunnel --seeds 20
+  convoy drill mine.toml --junit drills.xml --out drills
+  convoy drill lead_lost --set control.degradation.reaction=hold
+  convoy drill restarted_follower --clock wall --out drills
+"""
+)
+@click.argument("names", nargs=-1, metavar="[NAME|FILE]…")
+@click.option("--list", "as_list", is_flag=True, help="List the shipped drills and exit.")
+@override_options
+@click.option(
+    "--seeds", type=click.IntRange(1, 100_000), metavar="N",
+    help="Run each drill with the seeds 1 to N and report the worst value of each limit."
+    " Default: its own seed.",
+)  # fmt: skip
+@click.option(
+    "--clock", type=click.Choice(["wall", "virtual"]), default="virtual", show_default=True,
+    help="Real time with one process per vehicle (wall), or as fast as possible (virtual).",
+)  # fmt: skip
+@engine_options
+@click.option(
+    "--junit", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
+    help="Write JUnit XML with one test case per limit.",
+)  # fmt: skip
+@click.option(
+    "--out", type=click.Path(file_okay=False, path_type=Path),
+    help="Folder for drills.json and, with --clock wall, for the logs.",
+)  # fmt: skip
+@confirmation_option
+def drill(
+    *,
+    names: tuple[str, ...],
+    as_list: bool,
+    overrides: tuple[str, ...],
+    seeds: int | None,
+    clock: str,
+    workers: int | None,
+    scheduler: str,
+    junit: Path | None,
+    out: Path | None,
+    confirmed: bool,
+) -> None:
+    """Run failure drills.
+
+    A drill is a scenario in which something fails, with limits that must hold. By default all
+    shipped drills run. The exit code is 1 if a limit is broken.
+    """
+    from rich.console import Console
+
+    from scenarios.definition.check.confirmation import confirmed_lines
+    from scenarios.definition.scenario import drills, load_scenario
+    from scenarios.runs.stop import EXIT_FAILED
+    from scenarios.studies.drill import (
+        JSON_FILE,
+        drill_rows,
+        drill_variants,
+        identity_of_drills,
+        machine_readable,
+        run_drills,
+        write_junit,
+    )
+    from scenarios.studies.engine import study_engine
+    from scenarios.studies.job import refuse_existing, write_files
+
+    with clear_errors():
+        if as_list:
+            for name in drills():
+                click.echo(f"{name:20} {load_scenario(name).tables.description}")
+            return
+        refuse_existing(junit)
+        chosen = range(1, seeds + 1) if seeds else ()
+        variants = [
+            variant
+            for name in dict.fromkeys(names or drills())
+            for variant in drill_variants(name, overrides, chosen)
+        ]
+        for first in {variant.name: variant for variant in reversed(variants)}.values():
+            confirmed_lines(first.scenario, wall_clock=clock == "wall", confirmed=confirmed)
+        with study_engine(
+            selected_workers(workers, scheduler),
+            _print_to_stderr,
+            out=out,
+            files=(JSON_FILE,),
+            identity=identity_of_drills(variants),
+        ) as engine:
+            as_processes = clock == "wall"
+            runs = _as_processes(variants, out) if as_processes else run_drills(variants, engine)
+            rows = drill_rows(runs)
+            print_drills(rows, Console(), several_seeds=bool(seeds))
+            if out is not None:
+                (file,) = write_files(out, {JSON_FILE: machine_readable(rows, runs)})
+                click.echo(f"written: {file}")
+            if junit is not None:
+                write_junit(rows, runs, junit)
+                click.echo(f"written: {junit}")
+        sys.exit(0 if all(row.passed for row in rows) else EXIT_FAILED)
+
+
+def _print_to_stderr(line: str) -> None:
+    click.echo(line, err=True)
+
+
+def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[DrillResult]":
+    """Run the drills in real time one after another, until a signal stops one."""
+    import time
+    from dataclasses import replace
+
+    from scenarios.cli.common_options import DisplayOptions
+    from scenarios.cli.launching import RunOptions, run_scenario
+    from scenarios.definition.errors import ScenarioError
+    from scenarios.results.files import LOG_NAME
+    from scenarios.results.log_summary import summary_of
+    from scenarios.runs.stop import EXIT_FAILED
+    from scenarios.studies.drill import drill_result
+
+    if out is None:
+        raise ScenarioError(["--out: missing, --clock wall needs a folder for the logs"])
+    runs = []
+    for number, variant in enumerate(variants, 1):
+        folder = out / f"{Path(variant.name).stem}-{variant.seed}"
+        _print_to_stderr(
+            f"{number} of {len(variants)}: {variant.name}, seed {variant.seed}, into {folder}"
+        )
+        began = time.perf_counter()
+        options = RunOptions(
+            clock="wall",
+            display=DisplayOptions(quiet=True),
+            out=folder,
+            confirmed=True,
+        )
+        exit_code = run_scenario(variant.name, variant.overrides, variant.seed, options)
+        if exit_code not in {0, EXIT_FAILED}:
+            sys.exit(exit_code)
+        run = drill_result(variant, summary_of(folder / LOG_NAME), time.perf_counter() - began)
+        runs.append(replace(run, command=run.command.removesuffix(" --clock virtual")))
+    return runs
+
+
+def _columns(*, several_seeds: bool) -> "Sequence[Column[tuple[DrillRow, str]]]":
+    """Columns of limits; only the first row of a drill has its name."""
+    from rich.text import Text
+
+    def vehicle(row: "tuple[DrillRow, str]") -> str:
+        seed = f"seed {row[0].seed}" if several_seeds else ""
+        return ", ".join(filter(None, (row[0].vehicle, seed)))
+
+    return (
+        Column("drill", lambda row: row[1], left=True, wraps=True),
+        Column("limit", lambda row: row[0].label, left=True, wraps=True),
+        Column("value", lambda row: row[0].value, ".3g"),
+        Column("margin", lambda row: _percent(row[0].margin_ratio)),
+        Column("vehicle", vehicle, left=True, wraps=True),
+        Column(
+            "",
+            lambda row: Text("pass") if row[0].passed else Text("FAIL", "bold red"),
+            left=True,
+            wraps=True,
+        ),
+    )
+
+
+def _percent(ratio: float | None) -> str | None:
+    return None if ratio is None else f"{100.0 * ratio:.0f} %"
+
+
+def print_drills(
+    rows: "Sequence[DrillRow]", console: "Console", *, several_seeds: bool = False
+) -> None:
+    from rich.text import Text
+
+    firsts = [k for k, row in enumerate(rows) if not k or rows[k - 1].drill != row.drill]
+    named = [(row, Path(row.drill).stem if k in firsts else "") for k, row in enumerate(rows)]
+    console.print(table_of(_columns(several_seeds=several_seeds), named))
+    broken = [row for row in rows if not row.passed]
+    for row in broken:
+        text = Text.assemble((row.drill, "bold red"), f": {row.message}\n    {row.command}")
+        console.print(text, highlight=False, soft_wrap=True)
+    names = {row.drill for row in rows}
+    failed = {row.drill for row in broken}
+    console.print(
+        f"{len(names) - len(failed)} of {len(names)} drills passed, "
+        f"{len(rows) - len(broken)} of {len(rows)} limits kept",
+        highlight=False,
+    )

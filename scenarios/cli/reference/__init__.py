@@ -1,1 +1,0 @@
-"""`convoy reference`: pages generated from the tables and classes that rule."""

@@ -1,1 +1,0 @@
-"""Commands that make tables of recorded runs."""

@@ -1,1 +1,0 @@
-"""Changes to a running convoy: their effects, and requests by hand."""

@@ -1,1 +1,0 @@
-"""Errors of a receiver in a recorded drive: jumps, and standstills that drift."""

@@ -1,1 +1,0 @@
-"""Error lines for scenario files, with hints."""

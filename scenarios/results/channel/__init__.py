@@ -1,1 +1,0 @@
-"""Achieved against requested behaviour of the links of a run."""

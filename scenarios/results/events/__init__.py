@@ -1,1 +1,0 @@
-"""Detection of events on the road."""

@@ -1,0 +1,388 @@
+"""Limits that are not judged, because messages that they judge are missing in the log."""
+
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
+from operator import attrgetter
+
+from scenarios.definition.run_limits import Limit, limits_of
+from scenarios.definition.schema.limit_rows import LIMITS, LimitRow, row_of
+from scenarios.definition.schema.limit_tables import LimitsTable
+from scenarios.definition.schema.plug_ins.point import PlugInError
+from scenarios.results.deadlines import DeadlineFigure
+from scenarios.results.encounters import Episode, TrueGap
+from scenarios.results.holes import RecordKind, UnseenSpan
+from scenarios.results.run_event import RunEvent
+from scenarios.results.stream import ALL_EVENTS, FigureStream, RoadError
+from scenarios.results.summary import LimitFigure, RunSummary
+from scenarios.results.vehicle_figures import VehicleFigures, VehicleSummary
+from vehicles.geometry.driven_path import CrossTrack
+from vehicles.messages import Tracking, TruePose
+
+ROUNDING_S = 1e-9
+Needed = tuple[str, RecordKind]
+"""Vehicle and kind of its messages."""
+
+
+def judged_by_record(
+    figures: Sequence[LimitFigure],
+    names: Sequence[str],
+    unseen: Sequence[UnseenSpan],
+    allowed_s: float | None,
+) -> tuple[LimitFigure, ...]:
+    """Mark kept limits whose vehicles lack messages for more than `allowed_s` (s, None: 0).
+
+    `names` are the vehicles, lead first. An explicit `allowed_s` is a limit of its own.
+    """
+    spans: defaultdict[Needed, list[UnseenSpan]] = defaultdict(list)
+    for span in unseen:
+        spans[span.vehicle, span.kind].append(span)
+    allowed = allowed_s or 0.0
+    too_many = {
+        needed: missed
+        for needed, missed in spans.items()
+        if sum([span.missing_s for span in missed]) > allowed + ROUNDING_S
+    }
+    result = [_judged(figure, names, too_many) for figure in figures] if too_many else [*figures]
+    if allowed_s is not None:
+        result.append(_holes(spans, allowed))
+    return tuple(result)
+
+
+def _judged(
+    figure: LimitFigure, names: Sequence[str], spans: Mapping[Needed, Sequence[UnseenSpan]]
+) -> LimitFigure:
+    """Return a figure, marked as not judged if it is kept but messages are missing."""
+    if figure.broken:
+        return figure
+    for needed in _needed(figure, names):
+        if needed in spans:
+            line = f"limits.{figure.limit} = {figure.bound:g}: not judged: {_words(spans[needed])}"
+            return replace(figure, judged=False, message=line)
+    return figure
+
+
+def _words(spans: Sequence[UnseenSpan]) -> str:
+    first, more = spans[0], len(spans) - 1
+    others = f" and {more} more {'time' if more == 1 else 'times'}" if more else ""
+    return (
+        f"the log lacks {first.kind}s of {first.vehicle} from {first.from_s:.2f} to "
+        f"{first.to_s:.2f} s{others}"
+    )
+
+
+def _holes(spans: Mapping[Needed, Sequence[UnseenSpan]], allowed: float) -> LimitFigure:
+    """Return the figure of the limit on holes: the largest missing time of one vehicle."""
+    missing = {needed: sum([span.missing_s for span in missed]) for needed, missed in spans.items()}
+    worst = max(missing, key=missing.__getitem__, default=None)
+    value, line = (0.0, "") if worst is None else (missing[worst], "")
+    if worst is not None and value > allowed + ROUNDING_S:
+        line = f"limits.holes_s_max = {allowed:g}: {value:.2f} s: {_words(spans[worst])}"
+    return LimitFigure(limit="holes_s_max", bound=allowed, value=value, message=line)
+
+
+def _needed(figure: LimitFigure, names: Sequence[str]) -> Iterator[Needed]:
+    """Yield the messages that a limit judges."""
+    key = figure.limit.removeprefix(f"{figure.vehicle}.")
+    row = LIMITS["collisions_max"] if key == "after_collision" else row_of(key)
+    if row is not None:
+        for name in _own(figure, row, names):
+            if row.by_decisions:
+                yield name, "decision"
+            if row.by_truth:
+                for witness in _witnesses(row, name, names):
+                    yield witness, "true pose"
+        return
+    yield figure.vehicle, "decision"  # a deadline
+    if key.startswith("recovery"):
+        yield figure.vehicle, "true pose"
+        yield names[0], "true pose"
+
+
+def _own(figure: LimitFigure, row: LimitRow, names: Sequence[str]) -> Sequence[str]:
+    if figure.vehicle:
+        return [figure.vehicle]
+    return names if row.of_lead else names[1:]
+
+
+def _witnesses(row: LimitRow, name: str, names: Sequence[str]) -> Sequence[str]:
+    match row.witness:
+        case "all":
+            return names
+        case "lead":
+            return [name, names[0]]
+        case "predecessor" if name != names[0]:
+            return [name, names[names.index(name) - 1]]
+    return [name]
+
+
+# ---- Limits judged by the figures and events of a run: each with its figure and its instant
+
+
+def collision_ends_run(limits: LimitsTable, collisions: int) -> bool:
+    """Whether the run has to end after this number of collisions."""
+    after, most = limits.after_collision, limits.collisions_max
+    if after == "continue" or (after is None and most is None):
+        return False
+    return collisions > (most or 0)
+
+
+def limit_figures(
+    limits: LimitsTable,
+    events: Sequence[RunEvent],
+    vehicles: Sequence[VehicleSummary],
+    deadlines: Sequence[DeadlineFigure] = (),
+    unseen: Sequence[UnseenSpan] = (),
+) -> tuple[LimitFigure, ...]:
+    """Return the figure of each limit, kept, broken or not judged; `events` are in order of time.
+
+    A limit on a figure of vehicles is there once for each of them that has that figure or lacks
+    messages, or without one where no vehicle has it. A limit of one vehicle replaces that of the
+    convoy for it. Limits over messages that are missing in the log, in the times `unseen`, are not
+    judged.
+    """
+    known = list(limits_of(limits))
+    counts = [_count(limit, events) for limit in known if limit.row.event]
+    if limits.collisions_max is None and limits.after_collision == "end":
+        counts = [_first_collision(events), *counts]
+    incomplete = {span.vehicle for span in unseen}
+    figures = [
+        result
+        for limit in known
+        if not limit.row.event
+        for result in _figures(limit, known, vehicles, incomplete)
+    ]
+    every = (*counts, *figures, *map(_deadline, deadlines))
+    names = [vehicle.name for vehicle in vehicles]
+    return judged_by_record(every, names, unseen, limits.holes_s_max)
+
+
+def broken_limits(
+    limits: LimitsTable,
+    events: Sequence[RunEvent],
+    vehicles: Sequence[VehicleSummary],
+    deadlines: Sequence[DeadlineFigure] = (),
+    unseen: Sequence[UnseenSpan] = (),
+) -> list[str]:
+    """List limits broken or not judged, a line each; `events` are in order of time."""
+    results = limit_figures(limits, events, vehicles, deadlines, unseen)
+    return [result.message for result in results if result.broken]
+
+
+def failure_reason(reason: str, broken: Sequence[str]) -> str:
+    """Join the reason of an early end with broken limits that it does not mention."""
+    return "; ".join([*filter(None, [reason]), *(line for line in broken if line not in reason)])
+
+
+def broken_by(limit: Limit, summary: RunSummary) -> bool:
+    """Whether a run broke a limit, of a largest figure that no vehicle has as if it were 0.
+
+    Raises PlugInError if a class of the user failed to measure the figure.
+    """
+    if limit.row.event:
+        return len(_counted(limit, summary.events)) > limit.bound
+    rows = [row for row in summary.vehicles if limit.vehicle in {"", row.name}]
+    if without := [row.name for row in rows if _is_unmeasured(limit.row, row)]:
+        raise PlugInError(f"{limit}: {unmeasured(limit.row.own_figure, without[0])}")
+    known = [value for row in rows if (value := _figure(limit.row, row)) is not None]
+    return any(map(limit.is_beyond, known or ([] if limit.row.is_least else [0.0])))
+
+
+def _counted(limit: Limit, events: Sequence[RunEvent]) -> list[RunEvent]:
+    """Events that a limit counts; a limit of one vehicle counts those that involve it."""
+    return [
+        event
+        for event in events
+        if event.kind == limit.row.event and (not limit.vehicle or limit.vehicle in event.vehicles)
+    ]
+
+
+def _count(limit: Limit, events: Sequence[RunEvent]) -> LimitFigure:
+    counted, most = _counted(limit, events), int(limit.bound)
+    line = f"limits.{limit.name} = {most}: {counted[most].line}" if len(counted) > most else ""
+    return LimitFigure(
+        limit=limit.name, bound=most, value=len(counted), vehicle=limit.vehicle, message=line
+    )
+
+
+def _first_collision(events: Sequence[RunEvent]) -> LimitFigure:
+    """Implicit limit of a run that ends at the first collision."""
+    collisions = [event for event in events if event.kind == "collision"]
+    line = f'limits.after_collision = "end": {collisions[0].line}' if collisions else ""
+    return LimitFigure(limit="after_collision", bound=0, value=len(collisions), message=line)
+
+
+def _figures(
+    limit: Limit,
+    limits: Sequence[Limit],
+    vehicles: Sequence[VehicleSummary],
+    incomplete: Collection[str],
+) -> Iterator[LimitFigure]:
+    """Yield the figure of each vehicle that a limit applies to, or one None if none is known.
+
+    An `incomplete` vehicle, which lacks messages, has one in any case.
+    """
+    own = {other.vehicle for other in limits if other.key == limit.key and other.vehicle}
+    if limit.vehicle:
+        rows = [row for row in vehicles if row.name == limit.vehicle]
+    else:
+        rows = [row for row in vehicles if row.name not in own]
+    known = [(row, value) for row in rows if (value := _figure(limit.row, row)) is not None]
+    for row, figure in known:
+        line = _breach(limit, row, figure) if limit.is_beyond(figure) else ""
+        yield LimitFigure(
+            limit=limit.name, bound=limit.bound, value=figure, vehicle=row.name, message=line
+        )
+    judged = [row for row in rows if row.role == "follower" or limit.row.of_lead]
+    failed = [row.name for row in judged if _is_unmeasured(limit.row, row)]
+    for name in failed:
+        line = f"limits.{limit.name} = {limit.bound:g}: not judged: "
+        yield LimitFigure(
+            limit=limit.name,
+            bound=limit.bound,
+            value=None,
+            vehicle=name,
+            message=line + unmeasured(limit.row.own_figure, name),
+            judged=False,
+        )
+    names = [*(row.name for row, _ in known), *failed]
+    lacking = [row.name for row in judged if row.name in incomplete and row.name not in names]
+    for name in lacking:
+        yield LimitFigure(limit=limit.name, bound=limit.bound, value=None, vehicle=name)
+    if not names and not lacking and (judged or limit.vehicle or not own):
+        yield LimitFigure(limit=limit.name, bound=limit.bound, value=None, vehicle=limit.vehicle)
+
+
+def _figure(row: LimitRow, vehicle: VehicleSummary) -> float | None:
+    if vehicle.role == "lead" and not row.of_lead:
+        return None
+    if row.own_figure:
+        return vehicle.own_figures.get(row.own_figure)
+    figure: float | None = attrgetter(row.figure)(vehicle)
+    return figure
+
+
+def _is_unmeasured(row: LimitRow, vehicle: VehicleSummary) -> bool:
+    """Whether a class of the user failed to measure its figure, or is not here."""
+    return bool(row.own_figure) and row.own_figure not in vehicle.own_figures
+
+
+def unmeasured(figure: str, vehicle: str) -> str:
+    return f"{vehicle} has no figure {figure}, because its class failed or is missing"
+
+
+def _breach(limit: Limit, vehicle: VehicleSummary, figure: float) -> str:
+    at = getattr(vehicle, limit.row.at) if limit.row.at else None
+    breach = limit.row.breach.format(figure=figure, at=at or 0.0)
+    return f"limits.{limit.name} = {limit.bound:g}: {vehicle.name} {breach}"
+
+
+def _deadline(deadline: DeadlineFigure) -> LimitFigure:
+    line = ""
+    if deadline.broken:
+        after = "did not happen" if deadline.took_s is None else f"after {deadline.took_s:.2f} s"
+        limit = f"limits.{deadline.key}.within_s = {deadline.within_s:g}"
+        line = f"{limit}: {deadline.vehicle}: {deadline.action}: {after}"
+    return LimitFigure(
+        limit=deadline.key,
+        bound=deadline.within_s,
+        value=deadline.took_s,
+        vehicle=deadline.vehicle,
+        action=deadline.action,
+        message=line,
+    )
+
+
+# ---- A limit followed through a running simulation, rather than judged by its summary
+
+
+class LiveLimit:
+    """Subscribes to the figure of a limit, which is `broken` or not by now.
+
+    A limit is broken in the same runs as by `broken_by` of their summaries. The stream computes
+    nothing but what the limit depends on, unless others subscribe to it. A limit on a figure of the
+    user's class is judged at the end of the run, as that figure may become smaller again. A limit
+    on a gain along the string is not judged: only a whole run has it.
+    """
+
+    def __init__(self, limit: Limit, stream: FigureStream, vehicles: Sequence[str]) -> None:
+        """Subscribe to the stream of a convoy of `vehicles`, lead first."""
+        self.limit = limit
+        self.broken = False
+        self._events = 0
+        self._stream = stream
+        self._vehicles = {
+            name: VehicleFigures(name, is_lead=name == vehicles[0])
+            for name in ([limit.vehicle] if limit.vehicle else vehicles)
+        }
+        stream.on_event(self._take_event, [kind for kind in ALL_EVENTS if kind == limit.row.event])
+        match limit.row.live:
+            case "error":
+                stream.on_error(self._take_error)
+            case "gap":
+                stream.on_gap(self._take_gap)
+            case "road_error":
+                stream.on_road_error(self._take_road_error)
+            case "friction":
+                stream.on_truth(self._take_friction)
+            case "blind":
+                stream.on_truth(self._take_truth)
+                stream.on_tracking(self._take_tracking)
+            case "self_estimate":
+                stream.on_error(self._take_true_error)
+                stream.on_tracking(self._take_tracking)
+
+    def finish(self) -> None:
+        """Judge a figure of the user's class; raises PlugInError if the class failed."""
+        name = self.limit.row.own_figure
+        for vehicle in self._vehicles if name else ():
+            figures = self._stream.own.values(vehicle)
+            if name not in figures:
+                faults = self._stream.own.faults or [unmeasured(name, vehicle)]
+                raise PlugInError(f"{self.limit}: {faults[0]}")
+            figure = figures[name]
+            self.broken |= figure is not None and self.limit.is_beyond(figure)
+
+    def _take_event(self, event: Episode) -> None:
+        if self.limit.vehicle in {"", *event.vehicles}:
+            self._events += 1
+            self.broken |= self._events > self.limit.bound
+
+    def _take_error(self, foot: CrossTrack) -> None:
+        if self.limit.vehicle in {"", foot.vehicle}:
+            self._judge(abs(foot.lateral))
+
+    def _take_gap(self, gap: TrueGap) -> None:
+        if gap.vehicle in self._vehicles:
+            self._judge(gap.now_m)
+
+    def _take_road_error(self, error: RoadError) -> None:
+        if error.vehicle in self._vehicles:
+            self._judge(abs(error.lateral))
+
+    def _take_friction(self, pose: TruePose) -> None:
+        if pose.vehicle in self._vehicles:
+            self._judge(pose.friction_ratio)
+
+    def _take_truth(self, pose: TruePose) -> None:
+        if (figures := self._vehicles.get(pose.vehicle)) is not None:
+            figures.add_truth(pose)
+            self._judge(figures.reaction.blind_m)
+
+    def _take_true_error(self, foot: CrossTrack) -> None:
+        if (figures := self._vehicles.get(foot.vehicle)) is not None:
+            figures.add_error(foot)
+            self._judge(figures.self_estimate.difference.largest)
+
+    def _take_tracking(self, tracking: Tracking) -> None:
+        figures = self._vehicles.get(tracking.vehicle)
+        if figures is None or figures.is_lead:
+            return
+        figures.add_tracking(tracking)
+        if self.limit.row.live == "blind":
+            self._judge(figures.reaction.blind_m)
+        else:
+            self._judge(figures.self_estimate.difference.largest)
+
+    def _judge(self, figure: float) -> None:
+        self.broken |= self.limit.is_beyond(figure)

@@ -1,1 +1,0 @@
-"""Limits of a scenario: what a run keeps or breaks."""

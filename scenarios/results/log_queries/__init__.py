@@ -1,1 +1,0 @@
-"""Analyses of a recorded run."""

@@ -1,1 +1,0 @@
-"""Recorded runs as tables, for the Python interface and for export."""

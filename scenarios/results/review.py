@@ -1,0 +1,175 @@
+"""`convoy review`: shows a recorded run in Rerun as it was drawn live."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import click
+
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.library import ATTACHED_AS
+from scenarios.definition.scenario import Scenario
+from scenarios.results.encounters import BodySize
+from scenarios.results.log_summary import scenario_in
+from scenarios.results.run_drawing import RunDrawing, open_view, recording_id
+from scenarios.results.stream import FigureStream
+from transport.log.errors import LogError
+from transport.log.reader import LogReader
+from transport.picture.option import RerunOption, require_cursor
+from transport.picture.view import RerunView
+from transport.topics import RUN_SENDER, valid_at
+from vehicles.car.parameters import LINCOLN_MKZ
+from vehicles.messages import RunStart, TruePose
+from vehicles.schedule import SECOND
+
+EARLIEST, LATEST = -(2**62), 2**62
+PROGRESS_EVERY = 1000
+"""Messages between two reports of progress."""
+
+
+def _to_stderr(line: str) -> None:
+    click.echo(line, err=True)
+
+
+class Excerpt(NamedTuple):
+    """Part of a run to draw: seconds from its start, and vehicles (None: all)."""
+
+    from_s: float | None = None
+    to_s: float | None = None
+    vehicles: Sequence[str] | None = None
+
+    def with_lead(self, convoy: Sequence[str], log: Path) -> "Excerpt":
+        """The same with the lead, in the order of the convoy; raises LogError for other names."""
+        if self.vehicles is None:
+            return self
+        if unknown := set(self.vehicles) - set(convoy):
+            names = ", ".join(sorted(unknown))
+            raise LogError(f"{log}: holds no vehicle {names}; it has {', '.join(convoy)}")
+        chosen = [name for name in convoy if name == convoy[0] or name in self.vehicles]
+        return self._replace(vehicles=chosen)
+
+    def shows(self, vehicle: str) -> bool:
+        return self.vehicles is None or vehicle in {*self.vehicles, RUN_SENDER}
+
+    def check(self, start: int, reader: LogReader) -> None:
+        """Raise LogError if nothing was recorded in this part of a run that began at `start`."""
+        first, last = self.span(start)
+        if first > last or first > reader.last_at or last < start:
+            end_s = (reader.last_at - start) / SECOND
+            raise LogError(
+                f"{reader.path}: nothing is recorded from {self.from_s or 0.0:g} to "
+                f"{end_s if self.to_s is None else self.to_s:g} s; the log ends at {end_s:.2f} s"
+            )
+
+    def span(self, start: int) -> tuple[int, int]:
+        """First and last instant (ns) of a run that began at `start`."""
+        first = EARLIEST if self.from_s is None else start + round(self.from_s * SECOND)
+        last = LATEST if self.to_s is None else start + round(self.to_s * SECOND)
+        return first, last
+
+
+WHOLE_RUN = Excerpt()
+
+
+def review(
+    log: Path,
+    option: RerunOption,
+    *,
+    wait: Callable[[str], None],
+    warn: Callable[[str], None] = _to_stderr,
+    excerpt: Excerpt = WHOLE_RUN,
+    progress: Callable[[float], None] = lambda _: None,
+    at_s: float | None = None,
+) -> int:
+    """Draw the run recorded in `log`, or part of it; returns the number of messages drawn.
+
+    With `at_s` the viewer's cursor is moved to that time (s) after the start. `progress` gets the
+    share that is done, and `warn` a line about faults of the log and missing parts. A served
+    picture is shown until `wait` returns, which is called with its address when all is drawn.
+    Raises LogError or ViewerError.
+    """
+    if at_s is not None:
+        require_cursor(option)
+    reader = LogReader(log)
+    if reader.faults:
+        warn(reader.faults)
+    scenario = _scenario_in(reader, warn)
+    stream = _stream(reader, scenario)
+    excerpt = excerpt.with_lead(list(stream.sizes), reader.path)
+    with _open(reader, option, scenario, stream, excerpt) as view:
+        count = _draw(reader, view, stream, excerpt, progress) if view.enabled else 0
+        view.finish()
+        if at_s is not None:
+            view.show_at(at_s)
+        if option.sink == "serve":
+            wait(view.destination)
+    return count
+
+
+def _draw(
+    reader: LogReader,
+    view: RerunView,
+    stream: FigureStream,
+    excerpt: Excerpt,
+    progress: Callable[[float], None],
+) -> int:
+    """Draw part of a run; its errors and events need the messages from the start of the run on."""
+    starts = (valid_at(message) for _, _, message in reader.messages(("start", "truth")))
+    start = next(starts, 0)
+    excerpt.check(start, reader)
+    span = excerpt.span(start)
+    drawing = RunDrawing(view, stream, span=span, shows=excerpt.shows)
+    total, count, has_start = sum(reader.counts.values()), 0, False
+    for number, (at, vehicle, message) in enumerate(reader.messages()):
+        stream.listen(at, message)
+        if not has_start and isinstance(message, RunStart | TruePose):
+            has_start = True  # which the picture needs in any case
+            drawing.draw(at, message)
+        elif span[0] <= at <= span[1] and excerpt.shows(vehicle):
+            drawing.draw(at, message)
+            count += 1
+        if not number % PROGRESS_EVERY:
+            progress(number / total)
+    drawing.finish()
+    progress(1.0)
+    return count
+
+
+def _stream(reader: LogReader, scenario: Scenario | None) -> FigureStream:
+    if scenario is not None:
+        return FigureStream.of(scenario)
+    return FigureStream(dict.fromkeys(_in_order(reader), BodySize.of(LINCOLN_MKZ)))
+
+
+def _scenario_in(reader: LogReader, warn: Callable[[str], None]) -> Scenario | None:
+    if ATTACHED_AS not in reader.attachments():
+        return None
+    try:
+        return scenario_in(reader)
+    except (LogError, ScenarioError) as error:  # damaged, or of another version
+        warn(f"{reader.path}: the road is left out: {error}")
+        return None
+
+
+def _open(
+    reader: LogReader,
+    option: RerunOption,
+    scenario: Scenario | None,
+    stream: FigureStream,
+    excerpt: Excerpt,
+) -> RerunView:
+    log = reader.path
+    if scenario is not None:
+        return open_view(option, scenario, log, vehicles=excerpt.vehicles)
+    names = list(stream.sizes)
+    return RerunView(
+        option, recording_id=recording_id(log), vehicles=excerpt.vehicles or names, convoy=names
+    )
+
+
+def _in_order(reader: LogReader) -> list[str]:
+    """Names of the vehicles, the lead first: it has no verdicts on received messages."""
+    vehicles = [name for name in reader.vehicles if name != RUN_SENDER]
+    if not vehicles:
+        raise LogError(f"{reader.path}: holds no vehicle's messages")
+    return sorted(vehicles, key=lambda name: (reader.counts.get((name, "verdict"), 0) > 0, name))

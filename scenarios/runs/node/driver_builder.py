@@ -1,0 +1,327 @@
+"""Builds the driver of a vehicle: its software, or a human."""
+
+import math
+
+from scenarios.definition.channel.build import usual_delay_ms
+from scenarios.definition.road.route import spacing_policy
+from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.plug_ins.point import instant_draw
+from scenarios.runs.node.phases import Car, VehicleContext
+from vehicles.car.dynamics import Body
+from vehicles.car.gnss import Fix
+from vehicles.car.gnss_errors import stated_errors
+from vehicles.driver.ahead import ConvoyAhead, ConvoyMember
+from vehicles.driver.command_limit import CommandLimit, PositionLimit
+from vehicles.driver.controller import SpacingPolicy
+from vehicles.driver.decision import Driver
+from vehicles.driver.follower import Follower
+from vehicles.driver.innovation_gate import InnovationGate
+from vehicles.driver.leader import Leader, WaitingProfile
+from vehicles.driver.own_state import ExactState, OwnState
+from vehicles.driver.pose_estimator import LatePoseEstimator, PoseEstimator
+from vehicles.driver.reactions import ReactionPolicy
+from vehicles.driver.slip_estimator import LoadWatch, ParameterUser, SlipEstimator
+from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw
+from vehicles.driver.speed_guard import GuardedCar, SpeedOverride
+from vehicles.driver.steering import BendsAhead
+from vehicles.driver.watch import ConvoyBehind, ConvoyWatch
+from vehicles.geometry.geodesy import wrap_angle
+from vehicles.preview.curve_fit import FitSettings
+from vehicles.schedule import MILLISECOND
+
+SEARCH_RADIUS_M = 100.0
+"""Distance (m) on the road within which a car is searched around its expected station."""
+
+
+class DriverBuilder:
+    """Builds the drivers of one vehicle, which start from the current state of its car."""
+
+    def __init__(self, scenario: Scenario, name: str) -> None:
+        """Raises ScenarioError if `scenario` has no vehicle called `name`."""
+        self._name = name
+        self._scenario = scenario
+        self._setup = scenario.vehicle(name)
+        self._route = scenario.route
+        self._draw = instant_draw(scenario.seed, name)
+
+    def software(self, now: int, context: VehicleContext) -> tuple[Driver, ProfileSpeed | None]:
+        """Driver that starts at `now` (ns) without memory, and its speed profile, if any."""
+        self._draw.start_at = context.start_at
+        own = self._setup.predecessor is None or self._scenario.tables.speed.followers == "same"
+        law = self._own_profile(context.start_at) if own else None
+        return self._driver(context, now, law or self._gap_keeping()), law
+
+    def human(self, context: VehicleContext) -> tuple[Driver, ProfileSpeed]:
+        """Human who drives the road like the lead, with the true position."""
+        self._draw.start_at = context.start_at
+        law = self._profile(context.start_at)
+        body = context.car.body
+        return Leader(
+            own_state=ExactState(),
+            controller=self._setup.controller(self._draw),
+            speed_law=law,
+            control=context.control,
+            path=self._route.path,
+            station=self.station(body),
+            limit=self._command_limit(context.car),
+            draw=self._draw,
+        ), law
+
+    def station(self, body: Body) -> float:
+        """Station (m) on the road of a car by its distance driven."""
+        expected = self._route.start_station(self._setup.place) + body.distance
+        return self._route.path.project(body.east, body.north, expected, SEARCH_RADIUS_M).station
+
+    def _driver(self, context: VehicleContext, now: int, speed_law: SpeedLaw) -> Driver:
+        setup, control = self._setup, context.control
+        own_state = self._own_state(now, context)
+        controller = self._setup.controller(self._draw)
+        load = self._load_watch(own_state, controller)
+        if setup.predecessor is None:
+            speed = self._scenario.tables.speed
+            return Leader(
+                own_state=own_state,
+                controller=controller,
+                speed_law=speed_law,
+                watch=self._convoy_watch(now, context.car.body) if speed.lead_waits else None,
+                ahead=self._convoy_ahead(now, context.car.body) if speed.lead_keeps_gap else None,
+                position_limit=self._position_limit(),
+                control=control,
+                path=self._route.path,
+                station=self.station(context.car.body),
+                limit=self._command_limit(context.car),
+                load=load,
+                draw=self._draw,
+            )
+        steering = setup.steering
+        reaction: ReactionPolicy = steering.degradation.reaction.build(draw=self._draw)
+        return Follower(
+            own_state=own_state,
+            controller=controller,
+            speed_guard=self._speed_guard(reaction, speed_law, setup.predecessor),
+            control=control,
+            lead=setup.lead,
+            predecessor=setup.predecessor,
+            places={sender: self._source_place(sender) for sender in setup.senders},
+            lateral=setup.flow.lateral,
+            longitudinal=setup.flow.longitudinal,
+            least_spacing=self._scenario.least_spacings[setup.place],
+            periods={sender: self._least_period(sender) for sender in setup.senders},
+            delays={sender: self._usual_delay(sender) for sender in setup.senders},
+            alpha=steering.alpha_ratio,
+            fusion=steering.fusion.build(draw=self._draw),
+            settings=self._fit_settings(),
+            degradation=setup.degradation,
+            reaction=reaction,
+            limit=self._command_limit(context.car),
+            load=load,
+            gates=self._gates(),
+            bends=self._bends(),
+            drive_lag=setup.assumed_parameters.drive_lag,
+            draw=self._draw,
+        )
+
+    def _source_place(self, sender: str) -> int:
+        """Place of a source of a follower: 0 the lead, k the k-th vehicle ahead, -k behind."""
+        place = self._scenario.vehicle(sender).place
+        return self._setup.place - place if place else 0
+
+    def _gap_keeping(self) -> GapKeeping:
+        scenario = self._scenario
+        return GapKeeping(
+            scenario.spacing_policy(self._setup.place),
+            scenario.gap_limits,
+            scenario.longitudinal_controller(self._name, draw=self._draw),
+        )
+
+    def _own_state(self, now: int, context: VehicleContext) -> OwnState:
+        """Estimator of the car's own state from `now` (ns) on.
+
+        It starts from the true state if the software starts later than the run, or if the first
+        fix may be late.
+        """
+        setup, body = self._setup, context.car.body
+        if setup.has_exact_state:
+            return ExactState()
+        gnss = setup.gnss
+        place = body.east, body.north, wrap_angle(body.yaw)
+        start = Fix(0, now, *place, body.speed, body.yaw_rate)
+        estimator = PoseEstimator(
+            setup.assumed_parameters,
+            gnss.noise,
+            setup.imu.noise,
+            setup.imu_rate_hz,
+            by_accuracy=True,
+            stated=stated_errors(gnss),
+            start=start,
+        )
+        if gnss.has_fix_every_instant and now == context.start_at:
+            return estimator
+        estimator.begin(start)
+        if not gnss.latency:
+            return estimator
+        return LatePoseEstimator(estimator, gnss.latency)
+
+    def _command_limit(self, car: Car) -> CommandLimit:
+        limits = self._setup.parameters
+        return CommandLimit(
+            limits.steering_rate_limit,
+            1.0 / self._scenario.control_rate_hz,
+            limits.steering_limit,
+            first=car.command.steering,
+        )
+
+    def _load_watch(self, *parts: object) -> LoadWatch:
+        setup = self._setup
+        if not setup.steering.estimate_slip:
+            return LoadWatch()
+        noise = 0.0 if setup.has_exact_state else setup.imu.yaw_rate_noise
+        estimator = SlipEstimator(setup.assumed_parameters, noise)
+        return LoadWatch(estimator, [part for part in parts if isinstance(part, ParameterUser)])
+
+    def _fit_settings(self) -> FitSettings:
+        """Settings of the fit by the largest assumed noise of the lateral sources' receivers.
+
+        The tolerance is at least five times that noise, like the paper's 10 cm for 2 cm of RTK.
+        """
+        steering = self._setup.steering
+        receivers = (self._scenario.vehicle(name).gnss for name in self._setup.flow.lateral)
+        noise = max(
+            FitSettings().position_noise, *(receiver.assumed_deviation for receiver in receivers)
+        )
+        return FitSettings(
+            preview_time=steering.preview_s,
+            tolerance=max(steering.tolerance_m, 5.0 * noise),
+            position_noise=noise,
+            trajectory=steering.trajectory,
+        )
+
+    def _bends(self) -> dict[str, BendsAhead]:
+        """Bends of the path of each source ahead, unless friction does not limit the speed."""
+        lateral = self._scenario.usable_lateral(self._name)
+        if lateral == math.inf:
+            return {}
+        braking = self._scenario.gap_limits.before_bends
+        ahead = [name for name in self._setup.senders if self._source_place(name) >= 0]
+        return {name: BendsAhead(lateral, braking) for name in ahead}
+
+    def _gates(self) -> dict[str, InnovationGate]:
+        """Gates of the sources; baseline reactions have none."""
+        degradation = self._setup.degradation
+        if degradation.reaction != "degrade":
+            return {}
+        return {
+            name: InnovationGate(
+                self._scenario.vehicle(name).gnss.noise,
+                gate=degradation.gate,
+                heading_gate=degradation.heading_gate,
+                settle=degradation.probation,
+            )
+            for name in self._setup.senders
+        }
+
+    def _own_profile(self, start_at: int) -> ProfileSpeed:
+        """The planned speed, reduced while a lead waits or is uncertain of its position."""
+        setup = self._setup
+        slows = setup.senders or self._position_limit() is not None
+        if setup.predecessor is not None or not slows:
+            return self._profile(start_at)
+        period, braking = 1.0 / self._scenario.control_rate_hz, setup.degradation.comfortable
+        return WaitingProfile(self._route.plan.profile, start_at, period, braking)
+
+    def _position_limit(self) -> PositionLimit | None:
+        """Speed limit of a lead that is uncertain of its position, if all followers adapt to it.
+
+        Followers at the common speed adapt only with the reaction "degrade".
+        """
+        if self._scenario.tables.speed.followers == "same":
+            setups = [self._scenario.vehicle(name) for name in self._scenario.vehicle_names[1:]]
+            if any(setup.degradation.reaction != "degrade" for setup in setups):
+                return None
+        return PositionLimit(self._setup.degradation)
+
+    def _profile(self, start_at: int) -> ProfileSpeed:
+        return ProfileSpeed(
+            self._route.plan.profile,
+            start_at,
+            1.0 / self._scenario.control_rate_hz,
+            self._scenario.gap_limits,
+        )
+
+    def _speed_guard(
+        self, reaction: ReactionPolicy, law: SpeedLaw, predecessor: str
+    ) -> SpeedOverride:
+        """Build the guard of the policy, which overrides `law` while messages fail."""
+        scenario, setup = self._scenario, self._setup
+        initial_spacing = self._route.spacings[setup.place]
+        car = GuardedCar(
+            least_spacing=scenario.least_spacings[setup.place],
+            friction=setup.parameters.friction,
+            policy=self._kept_spacing(setup.place),
+            limits=scenario.gap_limits,
+            initial_spacing=initial_spacing,
+            period=self._usual_period(predecessor) if predecessor in setup.senders else math.nan,
+            drive_lag=setup.assumed_parameters.drive_lag,
+        )
+        return reaction.guard(law, setup.degradation, car)
+
+    def _convoy_watch(self, now: int, body: Body) -> ConvoyWatch:
+        senders, route = self._setup.senders, self._route
+        periods = {name: self._usual_period(name) for name in senders}
+        followers = [
+            (name, self._kept_spacing(place), station)
+            for place, (name, station) in enumerate(self._stations_behind(body), 1)
+        ]
+        behind = ConvoyBehind(route.path, followers, now)
+        return ConvoyWatch(self._setup.degradation, periods, now, behind)
+
+    def _stations_behind(self, body: Body) -> list[tuple[str, float]]:
+        """Followers from front to back and their stations (m), at the initial spacings."""
+        station, followers = self.station(body), list[tuple[str, float]]()
+        for place, name in enumerate(self._setup.senders, 1):
+            station -= self._route.spacings[place]
+            followers.append((name, station))
+        return followers
+
+    def _kept_spacing(self, place: int) -> SpacingPolicy:
+        """Spacing that the follower at `place` keeps; at a common speed that of the start."""
+        if self._scenario.tables.speed.followers == "same":
+            return SpacingPolicy(self._route.spacings[place])
+        return self._scenario.spacing_policy(place)
+
+    def _convoy_ahead(self, now: int, body: Body) -> ConvoyAhead | None:
+        scenario, setup, route = self._scenario, self._setup, self._route
+        members = [
+            ConvoyMember(name, scenario.vehicle(name).parameters, self._usual_period(name), station)
+            for name, station in self._stations_behind(body)
+        ]
+        if not members:
+            return None
+        return ConvoyAhead(
+            path=route.path,
+            lap=route.lap,
+            car=setup.parameters,
+            members=members,
+            settings=setup.degradation,
+            policy=spacing_policy(scenario.tables, 0.0),
+            limits=scenario.gap_limits,
+            start_at=now,
+        )
+
+    def _least_period(self, sender: str) -> float:
+        """Shortest possible time (s) between two messages of `sender`."""
+        setup, link = self._scenario.vehicle(sender), self._scenario.links[sender, self._name]
+        rate_hz = setup.highest_rate_hz
+        return 1.0 / min(rate_hz, link.rate_hz or rate_hz)
+
+    def _usual_delay(self, sender: str) -> float:
+        """Time (s) after its measurement within which most messages of `sender` arrive."""
+        link = self._scenario.links[sender, self._name]
+        latency_ms = self._scenario.vehicle(sender).gnss.latency / MILLISECOND
+        return (latency_ms + usual_delay_ms(link)) / 1000.0
+
+    def _usual_period(self, sender: str) -> float:
+        """Expected time (s) between messages of `sender`, by its sending and its link."""
+        setup, speed = self._scenario.vehicle(sender), self._route.profile.at(0.0)[0]
+        rate_hz = setup.usual_rate_hz(speed) or 1.0
+        return 1.0 / min(rate_hz, self._scenario.links[sender, self._name].rate_hz or rate_hz)

@@ -1,1 +1,0 @@
-"""Fit laws to recorded links, as a TOML block that reproduces them."""

@@ -1,1 +1,0 @@
-"""Failure drills: scenarios in which something fails, with limits that must hold."""

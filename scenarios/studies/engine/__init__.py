@@ -1,1 +1,0 @@
-"""Run the jobs of a study in parallel, locally or on a dask scheduler."""

@@ -1,0 +1,126 @@
+"""`convoy bisect`: the search with its journal, all figures as JSON, and the plot."""
+
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from scenarios.studies.engine import Engine, Outcome, study_engine
+from scenarios.studies.job import write_file, write_files
+from scenarios.studies.many.boundary import BoundaryQuery, BoundaryResult, find_boundary
+from scenarios.studies.many.cell_table import SweepTable, machine_readable, table_of, typed_rows
+from scenarios.studies.many.plan import SweepPlan, refuse_picture
+from scenarios.studies.picture_style import require_new_picture
+from scenarios.studies.workers import OpenWorkers
+
+SCHEMA = "convoy.bisect/2"
+PICTURE, BISECT_FILE = "boundary", "bisect.json"
+
+
+def run_bisect(
+    query: BoundaryQuery,
+    out: Path | None,
+    open_workers: OpenWorkers,
+    report: Callable[[str], None],
+    *,
+    picture_format: str | None = "png",
+) -> tuple[BoundaryResult, list[Path]]:
+    """Search for a boundary; return the result and the files written.
+
+    An interrupted search resumes in the folder `out`. Without a `picture_format` there is no plot,
+    and without a folder no file. Raises ScenarioError if the query is invalid.
+    """
+    query.check()
+    files = (BISECT_FILE, *([f"{PICTURE}.{picture_format}"] if picture_format else []))
+    with study_engine(
+        open_workers, report, out=out, files=files, identity=query.identity()
+    ) as engine:
+        result = find_boundary(query, engine)
+        if out is None:
+            return result, []
+        contents: dict[str, Any] = {BISECT_FILE: readable_result(query, result)}
+        if picture_format:
+            from scenarios.studies.many.pictures import drawn  # noqa: PLC0415 - an extra
+
+            contents[f"{PICTURE}.{picture_format}"] = drawn(query, result)
+        return result, write_files(out, contents)
+
+
+def readable_result(query: BoundaryQuery, result: BoundaryResult) -> dict[str, Any]:
+    points = [
+        {"value": one.low, "runs": one.runs, "broken": one.broken, "fitted": one.fitted}
+        for one in result.points
+    ]
+    return {
+        "schema": SCHEMA,
+        "scenario": query.variant.name,
+        "overrides": list(query.variant.overrides),
+        "key": query.key,
+        "limit": str(query.limit),
+        "range": [query.low, query.high],
+        "precision": query.half_width,
+        "share": query.share,
+        **asdict(result),
+        "points": points,
+    }
+
+
+# ---- `convoy sweep`: runs, tables and the picture
+
+
+CELLS, RUNS, JSON_FILE = "sweep.csv", "runs.csv", "sweep.json"
+PARQUET = ("sweep.parquet", "runs.parquet")
+
+
+def run_sweep(
+    plan: SweepPlan,
+    out: Path | None,
+    open_workers: OpenWorkers,
+    report: Callable[[str], None],
+    *,
+    parquet: bool = False,
+    picture: Path | None = None,
+) -> tuple[SweepTable, list[Path]]:
+    """Simulate the runs that are not in the journal in `out`; return table and files.
+
+    An interrupted sweep resumes with the same results. Without a folder there are no tables. Raises
+    ScenarioError if the folder holds other files, or if the keys cannot be drawn into the new file
+    `picture`, which needs Matplotlib.
+    """
+    if picture is not None:
+        refuse_picture(plan)
+        require_new_picture(picture)
+    files = (CELLS, RUNS, JSON_FILE, *PARQUET)
+    with study_engine(
+        open_workers, report, out=out, files=files, identity=plan.identity(), keep_journal=True
+    ) as engine:
+        table = table_of(plan, _entries(plan, engine))
+        written = [] if out is None else write_files(out, tables_of(table, parquet=parquet))
+        if picture is not None:
+            from scenarios.studies.many.pictures import sweep_picture  # noqa: PLC0415 - extra
+
+            write_file(picture, sweep_picture(table))
+            written.append(picture)
+        return table, written
+
+
+def _entries(plan: SweepPlan, engine: Engine) -> dict[str, dict[str, Any]]:
+    jobs = plan.jobs()
+    done = engine.count_done(jobs)
+    if done:
+        engine.report(f"{done} of {plan.runs} runs are in the journal, {plan.runs - done} left")
+    engine.progress.total = plan.runs
+    return {outcome.key: _entry(outcome) for outcome in engine.outcomes(jobs)}
+
+
+def _entry(outcome: Outcome) -> dict[str, Any]:
+    return {"error": outcome.error} if outcome.error else dict(outcome.result)
+
+
+def tables_of(table: SweepTable, *, parquet: bool = False) -> dict[str, Any]:
+    cells, runs = table.rows(), table.run_rows()
+    contents: dict[str, Any] = {CELLS: cells, RUNS: runs, JSON_FILE: machine_readable(table)}
+    if parquet:
+        for name, rows in zip(PARQUET, (cells, runs), strict=True):
+            contents[name] = typed_rows(table, rows)
+    return contents

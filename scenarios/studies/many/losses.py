@@ -1,0 +1,333 @@
+"""Losses of a recorded run: the fate of each message in its log, and bursts of each link."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from scenarios.definition.changes import LINK_CHANGES, links_of
+from scenarios.definition.channel.recordings import run_lengths
+from scenarios.definition.run_limits import Limit
+from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
+from scenarios.results.log_info import session_of
+from transport.links.laws.recorded_losses import EarlierRun, Listed, NumberSet
+from transport.log.errors import LogError
+from transport.log.reader import LogReader
+from transport.topics import counts_as_loss
+from vehicles.messages import GpsPose, LinkVerdict, Message, RunStart, Tracking, TruePose
+from vehicles.schedule import SECOND
+
+LinkEnds = tuple[str, str]
+"""Sender and receiver."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class LostMessage:
+    """A lost message with its sending time (ns after the start) and number."""
+
+    sent_at: int
+    link: LinkEnds
+    number: int
+
+
+Losses = frozenset[LostMessage]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fate:
+    """The fate of a message on a link, with sending time and delay (ns).
+
+    `reason` is empty unless the message was dropped; `delay` is then the delay without the drop.
+    Messages with `is_lost` can be restored; messages dropped by the link's rate, or corrupted
+    without a frame check, cannot.
+    """
+
+    sent_at: int
+    delay: int
+    reason: str
+    is_lost: bool
+
+
+@dataclass(slots=True)
+class RecordedRun:
+    """A run from its log, with instants in ns after its start.
+
+    `fates` are by link and message number, `sent` are sending times by sender and number. `truth`
+    are the true poses (east, north, m) by vehicle and instant. `messages` are the input of the
+    figures, in the order of the log.
+    """
+
+    log: Path
+    scenario: Scenario
+    start_at: int = 0
+    late: int = 0
+    fates: dict[LinkEnds, dict[int, Fate]] = field(default_factory=lambda: defaultdict(dict))
+    sent: dict[str, dict[int, int]] = field(default_factory=lambda: defaultdict(dict))
+    truth: dict[tuple[str, int], tuple[float, float]] = field(default_factory=dict)
+    messages: list[Message] = field(default_factory=list)
+
+    def lost(self, until: int) -> tuple[LostMessage, ...]:
+        """Return the lost messages that would have arrived by an instant, in order of time."""
+        return tuple(
+            sorted(
+                LostMessage(fate.sent_at, link, number)
+                for link, fates in self.fates.items()
+                for number, fate in fates.items()
+                if fate.is_lost and fate.sent_at + fate.delay <= until
+            )
+        )
+
+    def _can_be_restored(self, link: LinkEnds, reason: str) -> bool:
+        content = self.scenario.links[link].content
+        if reason == "corrupted" and content is not None and not content.frame_check:
+            return False
+        return bool(reason) and counts_as_loss(reason)
+
+    def add(self, message: Message) -> None:
+        match message:
+            case RunStart():
+                self.start_at = message.start_at_ns
+            case LinkVerdict():
+                link = message.sender, message.vehicle
+                self.late += message.late
+                self.fates[link][message.pose_seq] = Fate(
+                    sent_at=message.sent_at_ns - self.start_at,
+                    delay=message.visible_at_ns - message.sent_at_ns,
+                    reason=message.reason,
+                    is_lost=self._can_be_restored(link, message.reason),
+                )
+            case GpsPose():
+                self.sent[message.vehicle][message.seq] = message.sent_at_ns - self.start_at
+            case TruePose():
+                at = message.true_at_ns - self.start_at
+                self.truth[message.vehicle, at] = message.east_m, message.north_m
+                self.messages.append(message)
+            case Tracking():
+                self.messages.append(message)
+
+
+READ_TOPICS = ("start", "gps", "verdict", "truth", "tracking")
+
+
+def read_run(log: Path) -> RecordedRun:
+    """Read poses and their fates from a log.
+
+    Raises LogError if the log is incomplete, has no losses, or has replayed vehicles.
+    """
+    reader = LogReader(log)
+    if reader.damage:
+        raise LogError(reader.damage)
+    reader.require_all("verdict", "tracking", "truth")
+    if any(topic in READ_TOPICS for _, topic in reader.missing):
+        raise LogError(f"{reader.faults}; blame needs a log without holes")
+    if reader.truncated:
+        raise LogError(f"{log}: truncated; blame needs the log of a complete run")
+    run = RecordedRun(log, session_of(log))
+    if run.scenario.replays:
+        names = ", ".join(run.scenario.replays)
+        raise LogError(f"{log}: {names} replayed a recorded drive; blame needs simulated vehicles")
+    for _, _, message in reader.messages(READ_TOPICS):
+        run.add(message)
+    if not run.start_at:
+        raise LogError(f"{log}: has no start of the run")
+    if not any(fate.is_lost for fates in run.fates.values() for fate in fates.values()):
+        raise LogError(f"{log}: no message was lost")
+    return run
+
+
+# ---- Bursts and overlaps
+
+
+@dataclass(frozen=True, slots=True)
+class Burst:
+    """Consecutive messages that one link lost, in order."""
+
+    messages: tuple[LostMessage, ...]
+
+    @property
+    def link(self) -> LinkEnds:
+        return self.messages[0].link
+
+    @property
+    def numbers(self) -> tuple[int, int]:
+        """First and last number."""
+        return self.messages[0].number, self.messages[-1].number
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """Sending times of the first and the last message (s after the start)."""
+        return self.messages[0].sent_at / SECOND, self.messages[-1].sent_at / SECOND
+
+    @property
+    def line(self) -> str:
+        (sender, receiver), (first, last) = self.link, self.numbers
+        return f"{sender} → {receiver} {first if first == last else f'{first}-{last}'}"
+
+
+def bursts_of(lost: Iterable[LostMessage]) -> tuple[Burst, ...]:
+    """Group lost messages into consecutive numbers of each link, in order of time."""
+    by_link: defaultdict[LinkEnds, list[LostMessage]] = defaultdict(list)
+    for message in sorted(lost):
+        by_link[message.link].append(message)
+    return tuple(
+        sorted(
+            (Burst(run) for messages in by_link.values() for run in _runs(messages)),
+            key=lambda burst: burst.messages,
+        )
+    )
+
+
+def _runs(messages: Sequence[LostMessage]) -> Iterator[tuple[LostMessage, ...]]:
+    run: list[LostMessage] = []
+    for message in sorted(messages, key=lambda message: message.number):
+        if run and message.number != run[-1].number + 1:
+            yield tuple(run)
+            run = []
+        run.append(message)
+    yield tuple(run)
+
+
+def overlaps_of(bursts: Sequence[Burst]) -> tuple[tuple[Burst, ...], ...]:
+    """Group bursts that overlap in time, in order of time.
+
+    A burst lasts from its first to its last message. A chain of overlapping bursts is one group.
+    """
+    overlaps: list[list[Burst]] = []
+    until = -1
+    for burst in sorted(bursts, key=lambda burst: burst.messages):
+        if not overlaps or burst.messages[0].sent_at > until:
+            overlaps.append([])
+        overlaps[-1].append(burst)
+        until = max(until, burst.messages[-1].sent_at)
+    return tuple(map(tuple, overlaps))
+
+
+def numbers_by_link(lost: Iterable[LostMessage]) -> Mapping[LinkEnds, NumberSet]:
+    numbers: defaultdict[LinkEnds, list[int]] = defaultdict(list)
+    for message in lost:
+        numbers[message.link].append(message.number)
+    return {link: NumberSet.of((k, k) for k in own) for link, own in numbers.items()}
+
+
+# ---- A recorded run as a scenario that loses exactly the messages of a list
+#
+# Delays, order and content stay the same, because random numbers are keyed by message. For links
+# with a queue or with changes during the run, the recorded delays replace the laws of the link.
+
+
+LOSES = {"loss", "loss_ratio", "collisions", "outages", "radio", "preset", "preset_source"}
+"""Keys of a link that cause losses."""
+RECORDED_DELAY = {"queue"}
+"""Keys to omit for links with recorded delays. The other delay keys stay: vehicles derive from them
+what to expect of the link."""
+
+
+@dataclass(frozen=True)
+class LossFreeScenario:
+    """A scenario without losses, to which listed losses can be added."""
+
+    scenario: Scenario
+
+    def with_losses(self, lost: Iterable[LostMessage]) -> Scenario:
+        numbers = numbers_by_link(lost)
+        entries = tuple(
+            _with_loss(entry, numbers.get((entry.sender, entry.receiver)))
+            for entry in self.scenario.tables.link
+        )
+        return Scenario(self.scenario.tables.model_copy(update={"link": entries}))
+
+    def smallest(self, lost: Iterable[LostMessage], limit: Limit, description: str) -> Scenario:
+        """Return the scenario with these losses and the only limit `limit`."""
+        tables = self.with_losses(lost).tables
+        changes = {
+            "name": f"{tables.name[:20]}_blamed",
+            "description": description,
+            "limits": limit.table,
+        }
+        return Scenario(tables.model_copy(update=changes))
+
+
+def _with_loss(entry: LinkEntry, numbers: NumberSet | None) -> LinkEntry:
+    if numbers is None:
+        return entry
+    if isinstance(entry.loss, EarlierRun):
+        dropped = {**entry.loss.dropped_numbers, "pattern": str(numbers)}
+        return entry.model_copy(
+            update={"loss": entry.loss.model_copy(update={"dropped_numbers": dropped})}
+        )
+    return entry.model_copy(update={"loss": Listed(kind="listed", lost_numbers=str(numbers))})
+
+
+def loss_free(run: RecordedRun) -> LossFreeScenario:
+    """Return the scenario of a recorded run without its losses."""
+    scenario = run.scenario
+    changes = [change for change in scenario.tables.change if isinstance(change, LINK_CHANGES)]
+    changed = {
+        pair
+        for change in changes
+        for pair in links_of(change, scenario.vehicle_names, scenario.links)
+    }
+    entries = []
+    for pair, table in scenario.links.items():
+        recorded = pair in changed or table.queue is not None or isinstance(table.loss, EarlierRun)
+        if recorded:
+            entries.append(_recorded(run, pair, table))
+        else:  # delays are keyed by message number and stay the same
+            listed = Listed(kind="listed", lost_numbers="")
+            entries.append(_entry(pair, table, also_left_out=set(), loss=listed))
+    tables = scenario.tables.model_copy(
+        update={
+            "overrides": None,
+            "links": LinkTable(),
+            "link": tuple(entries),
+            "change": tuple(
+                change for change in scenario.tables.change if not isinstance(change, LINK_CHANGES)
+            ),
+            "vehicle": {
+                name: vehicle.model_copy(update={"transmitter_off": (), "receiver_off": ()})
+                for name, vehicle in scenario.tables.vehicle.items()
+            },
+        }
+    )
+    return LossFreeScenario(Scenario(tables))
+
+
+def _recorded(run: RecordedRun, pair: LinkEnds, table: LinkTable) -> LinkEntry:
+    """Build the entry of a link with recorded delays.
+
+    Messages still in transit at the end of the run become visible one second later.
+    """
+    fates, ends_at = run.fates[pair], round(run.scenario.duration_s * SECOND)
+    sent = run.sent[pair[0]]
+    delays = [
+        fates[number].delay
+        if number in fates
+        else max(ends_at + SECOND - sent.get(number, ends_at), 0)
+        for number in range(max([*fates, *sent, 0]) + 1)
+    ]
+    by_rate = NumberSet.of((k, k) for k, fate in fates.items() if fate.reason and not fate.is_lost)
+    loss = EarlierRun(
+        kind="log",
+        source=run.log.name,
+        after_end="pass",
+        delays_ns=run_lengths(delays),
+        dropped_numbers={"rate": str(by_rate)} if by_rate.ranges else {},
+    )
+    return _entry(pair, table, also_left_out=RECORDED_DELAY, loss=loss)
+
+
+def _entry(
+    pair: LinkEnds, table: LinkTable, *, also_left_out: set[str], loss: Listed | EarlierRun
+) -> LinkEntry:
+    kept: Mapping[str, object] = {
+        key: value
+        for key, value in table
+        if key not in LOSES | also_left_out and value != LinkTable.model_fields[key].default
+    }
+    content = table.content
+    if content is not None:
+        # A detected bit error is a loss.
+        ratio = {"bit_error_ratio": 0.0} if content.frame_check else {}
+        kept = {**kept, "content": content.model_copy(update=ratio)}
+    return LinkEntry(sender=pair[0], receiver=pair[1], loss=loss, **kept)  # type: ignore[arg-type]

@@ -1,0 +1,380 @@
+"""Parallel reruns with other losses; none is repeated."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from hashlib import blake2b
+from math import inf
+from typing import Any, Literal
+
+from scenarios.definition.run_limits import Limit
+from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.results.drives import KINDS
+from scenarios.results.encounters import TrueGap
+from scenarios.results.limits import LiveLimit
+from scenarios.results.stream import FigureStream
+from scenarios.runs.observer import OnMessage
+from scenarios.runs.virtual import drive
+from scenarios.studies.engine import Engine
+from scenarios.studies.job import Job
+from scenarios.studies.many.losses import Burst, Losses, LossFreeScenario, overlaps_of
+from vehicles.geometry.driven_path import CrossTrack
+from vehicles.messages import Message, TruePose
+from vehicles.schedule import SECOND
+
+# ---- One run with other losses: its worst figure, and whether it breaks a limit
+
+
+FigureName = Literal["error", "gap"]
+"""The largest true cross-track error of a follower, or the smallest true gap to its predecessor."""
+Truth = Mapping[tuple[str, int], tuple[float, float]]
+"""True poses (east, north, m) by vehicle and instant (ns after the start)."""
+NO_END = 2**63
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RerunCriteria:
+    """Figure and limit to evaluate, until an instant (ns after the start)."""
+
+    figure: FigureName
+    limit: Limit
+    until: int = NO_END
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RerunResult:
+    """The worst figure of a run (m), its vehicle and instant, and the breach of the limit.
+
+    `badness_m` is the error or the negative gap. Instants are in ns after the start; `broken_at` is
+    None if the limit was kept. `series` are instants (s) and figures (m) of each vehicle, if
+    requested.
+    """
+
+    badness_m: float
+    vehicle: str
+    worst_at: int
+    broken_at: int | None
+    series: dict[str, list[list[float]]] = field(default_factory=dict)
+
+    @property
+    def figure_m(self) -> float:
+        return abs(self.badness_m)
+
+
+class RerunObserver:
+    kinds: frozenset[type[Message]] = KINDS
+
+    def __init__(self, scenario: Scenario, criteria: RerunCriteria, start_at: int) -> None:
+        self.criteria = criteria
+        self._start_at = start_at
+        self._stream = FigureStream.of(scenario)
+        if criteria.figure == "error":
+            self._stream.on_error(self._record_error)
+        else:
+            self._stream.on_gap(self._record_gap)
+        self._live = LiveLimit(criteria.limit, self._stream, scenario.vehicle_names)
+        self._series: dict[str, list[list[float]]] = {
+            name: [] for name in scenario.vehicle_names[1:]
+        }
+        self._worst = (-inf, "", 0)
+        self.broken_at: int | None = None
+        self.now = 0
+
+    def listen(self, at: int, message: Message) -> None:
+        """Process a message; ignored after `criteria.until`."""
+        if isinstance(message, TruePose):
+            self.now = message.true_at_ns - self._start_at
+        if self.now <= self.criteria.until:
+            self._stream.listen(at, message)
+            self._note_breach()
+
+    def _record_error(self, foot: CrossTrack) -> None:
+        self._note(foot.vehicle, foot.at_ns, abs(foot.lateral))
+
+    def _record_gap(self, gap: TrueGap) -> None:
+        self._note(gap.vehicle, gap.now_at_ns, -gap.now_m)
+
+    def _note(self, vehicle: str, at: int, badness: float) -> None:
+        after = at - self._start_at
+        self._series[vehicle].append([after / SECOND, abs(badness)])
+        if badness > self._worst[0]:
+            self._worst = badness, vehicle, after
+
+    def _note_breach(self) -> None:
+        if self._live.broken and self.broken_at is None:
+            self.broken_at = self.now
+
+    def result(self, *, whole: bool = False) -> RerunResult:
+        self._stream.finish()
+        self._note_breach()
+        badness, vehicle, at = self._worst
+        return RerunResult(
+            badness_m=badness if vehicle else 0.0,
+            vehicle=vehicle,
+            worst_at=at,
+            broken_at=self.broken_at,
+            series=self._series if whole else {},
+        )
+
+
+def result_of(
+    scenario: Scenario, criteria: RerunCriteria, start_at: int, messages: Iterable[Message]
+) -> RerunResult:
+    observer = RerunObserver(scenario, criteria, start_at)
+    for message in messages:
+        observer.listen(start_at, message)
+    return observer.result(whole=True)
+
+
+def rerun(
+    scenario: Scenario,
+    criteria: RerunCriteria,
+    *,
+    whole: bool = False,
+    ends_when_broken: bool = False,
+) -> RerunResult:
+    """Run in virtual time until `criteria.until`; `whole`: with series.
+
+    A failed vehicle ends the run.
+    """
+    observer = RerunObserver(scenario, criteria, scenario.start_at_ns)
+
+    def is_over() -> bool:
+        broken = ends_when_broken and observer.broken_at is not None
+        return broken or observer.now > criteria.until
+
+    drive(scenario, [observer], until=is_over)
+    return observer.result(whole=whole)
+
+
+def first_difference(scenario: Scenario, truth: Truth) -> tuple[str, int] | None:
+    """Run in virtual time; return vehicle and instant of the first true pose unlike `truth`."""
+    poses: dict[tuple[str, int], tuple[float, float]] = {}
+
+    def listen(_at: int, message: Message) -> None:
+        if isinstance(message, TruePose):
+            at = message.true_at_ns - scenario.start_at_ns
+            poses[message.vehicle, at] = message.east_m, message.north_m
+
+    drive(scenario, [OnMessage(listen, frozenset([TruePose]))])
+    instants = sorted(truth, key=lambda key: (key[1], key[0]))
+    return next((key for key in instants if poses.get(key) != truth[key]), None)
+
+
+# ---- Trials
+
+
+@dataclass(slots=True)
+class Trials:
+    """Reruns of one recorded run, each with other losses.
+
+    There are up to `max_runs` runs, `parallel` at a time. A set of losses breaks the limit if that
+    happens by `breaks_by` (ns after the start).
+    """
+
+    convoy: LossFreeScenario
+    criteria: RerunCriteria
+    breaks_by: int
+    engine: Engine
+    parallel: int
+    max_runs: int
+    runs: int = 0
+    _results: dict[Losses, RerunResult] = field(default_factory=dict)
+    _broken: dict[Losses, bool] = field(default_factory=dict)
+
+    @property
+    def is_exhausted(self) -> bool:
+        return self.runs >= self.max_runs
+
+    @property
+    def seconds(self) -> float:
+        return self.engine.progress.seconds
+
+    def set_stage(self, stage: str) -> None:
+        self.engine.progress.stage = stage
+
+    def results(self, sets: Iterable[Losses], *, whole: bool = False) -> list[RerunResult]:
+        """Return the results of runs with exactly these losses; `whole`: with series."""
+        wanted = list(sets)
+        new = [losses for losses in dict.fromkeys(wanted) if whole or losses not in self._results]
+        self._results |= self._simulate(new, self.criteria, whole=whole)
+        return [self._results[losses] for losses in wanted]
+
+    def first_difference(self, losses: Losses, truth: Truth) -> tuple[str, int] | None:
+        """Return vehicle and instant of the first true pose unlike `truth`, or None."""
+        work = partial(_first_difference, self.convoy.with_losses(losses).text, truth)
+        job = Job(key="as recorded", work=work)
+        self.runs += 1
+        (difference,) = self.engine.results([job])
+        return None if difference is None else (difference[0], difference[1])
+
+    def first_breaking(self, sets: Sequence[Losses]) -> int | None:
+        """Return the index of the first set of losses that breaks the limit, or None.
+
+        The result does not depend on `parallel`. Sets that `max_runs` leaves unsimulated count as
+        not breaking it.
+        """
+        for start in range(0, len(sets), self.parallel):
+            chunk = sets[start : start + self.parallel]
+            if not self.is_exhausted:
+                self._test(chunk)
+            for index, losses in enumerate(chunk, start):
+                if self._broken.get(losses):
+                    return index
+        return None
+
+    def _test(self, sets: Sequence[Losses]) -> None:
+        known = self._broken.keys() | self._results.keys()
+        new = [losses for losses in dict.fromkeys(sets) if losses not in known]
+        criteria = replace(self.criteria, until=self.breaks_by)
+        results = self._simulate(new, criteria, ends_when_broken=True)
+        results |= {losses: self._results[losses] for losses in sets if losses in self._results}
+        self._broken |= {losses: self.is_breach(result) for losses, result in results.items()}
+
+    def is_breach(self, result: RerunResult) -> bool:
+        return result.broken_at is not None and result.broken_at <= self.breaks_by
+
+    def _simulate(
+        self, sets: Sequence[Losses], criteria: RerunCriteria, **options: bool
+    ) -> dict[Losses, RerunResult]:
+        flags = " ".join(name for name, is_set in options.items() if is_set)
+        jobs = [
+            Job(
+                key=f"{criteria.until} {flags} {_digest(losses)}",
+                work=partial(_fields, self.convoy.with_losses(losses).text, criteria, **options),
+            )
+            for losses in sets
+        ]
+        self.runs += len(jobs)
+        results = [RerunResult(**fields) for fields in self.engine.results(jobs)]
+        return dict(zip(sets, results, strict=True))
+
+
+def _fields(text: str, criteria: RerunCriteria, **options: bool) -> dict[str, Any]:
+    return asdict(rerun(scenario_from_text(text), criteria, **options))
+
+
+def _first_difference(text: str, truth: Truth) -> tuple[str, int] | None:
+    return first_difference(scenario_from_text(text), truth)
+
+
+def _digest(losses: Losses) -> str:
+    names = sorted((*message.link, message.number) for message in losses)
+    return blake2b(repr(names).encode(), digest_size=12).hexdigest()
+
+
+# ---- Ranking of losses by their effect in metres, by bisection
+#
+# One run per burst would take too long. Bursts in order of time are restored half by half; only
+# halves whose restoration reduces the error are divided further, the best half first. Bursts that
+# overlap in time are divided last.
+
+
+Group = tuple[Burst, ...]
+NEGLIGIBLE_M = 0.01
+"""Groups with a smaller effect are not divided."""
+MAX_RUNS = 24
+"""Maximum number of runs with restored groups."""
+MAX_ALONE = 6
+"""Number of top rows that are also simulated without other losses."""
+DIVIDED_TOGETHER = 2
+"""Groups divided in parallel; fixed, so that the result does not depend on the workers."""
+
+
+@dataclass(slots=True)
+class Attribution:
+    """A burst, overlapping bursts, or an undivided group, and its effect in metres.
+
+    Restoring the group reduces the worst figure by `reduction_m`. `alone` is the result with no
+    other losses, if simulated.
+    """
+
+    group: Group
+    reduction_m: float
+    alone: RerunResult | None = None
+    potential_m: float = 0.0
+    is_undivided: bool = True
+
+    @property
+    def messages(self) -> int:
+        return sum(len(burst.messages) for burst in self.group)
+
+    @property
+    def losses(self) -> Losses:
+        return losses_of(self.group)
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """Sending times of the first and the last message (s after the start)."""
+        return (
+            min(burst.span_s[0] for burst in self.group),
+            max(burst.span_s[1] for burst in self.group),
+        )
+
+    @property
+    def kind(self) -> str:
+        if len(self.group) == 1:
+            return "burst"
+        return "overlap" if len(overlaps_of(self.group)) == 1 else "group"
+
+
+def losses_of(bursts: Iterable[Burst]) -> Losses:
+    return frozenset(message for burst in bursts for message in burst.messages)
+
+
+def halves(group: Group) -> list[Group]:
+    """Split a group in two between overlaps, or within one; empty for a single burst."""
+    parts: Sequence[Group] = overlaps_of(group)
+    if len(parts) == 1:
+        parts = [(burst,) for burst in group]
+    if len(parts) == 1:
+        return []
+    middle = len(parts) // 2
+    return [
+        tuple(burst for part in half for burst in part) for half in (parts[:middle], parts[middle:])
+    ]
+
+
+def rank_losses(
+    trials: Trials, bursts: Group, recorded: RerunResult, reduction_m: float
+) -> list[Attribution]:
+    """Rank bursts, overlaps and undivided groups by their effect.
+
+    `reduction_m` is the effect of restoring all `bursts`. If two halves have an effect only when
+    both are restored, both are divided.
+    """
+    all_losses = losses_of(bursts)
+    groups = [Attribution(bursts, reduction_m, potential_m=reduction_m)]
+    most = trials.runs + MAX_RUNS
+    while trials.runs < most and not trials.is_exhausted:
+        promising = [
+            row
+            for row in groups
+            if row.is_undivided and row.potential_m >= NEGLIGIBLE_M and len(row.group) > 1
+        ]
+        if not promising:
+            break
+        promising.sort(key=lambda row: (-row.potential_m, row.span_s, row.messages))
+        groups += _divide(trials, promising[:DIVIDED_TOGETHER], all_losses, recorded)
+    shown = [row for row in groups if row.is_undivided or row.kind == "overlap"]
+    return sorted(shown, key=lambda row: (-row.reduction_m, row.messages, row.span_s))
+
+
+def _divide(
+    trials: Trials, rows: Sequence[Attribution], all_losses: Losses, recorded: RerunResult
+) -> Iterator[Attribution]:
+    parts = [halves(row.group) for row in rows]
+    results = iter(trials.results(all_losses - losses_of(part) for pair in parts for part in pair))
+    for whole, pair in zip(rows, parts, strict=True):
+        whole.is_undivided = False
+        reductions = [recorded.badness_m - next(results).badness_m for _ in pair]
+        unexplained = 0.5 * (whole.potential_m - max(reductions))
+        for part, metres in zip(pair, reductions, strict=True):
+            yield Attribution(part, metres, potential_m=max(metres, unexplained))
+
+
+def run_alone(trials: Trials, rows: Sequence[Attribution]) -> None:
+    """Simulate each of the top rows without other losses."""
+    worst = rows[:MAX_ALONE]
+    for row, result in zip(worst, trials.results(row.losses for row in worst), strict=True):
+        row.alone = result

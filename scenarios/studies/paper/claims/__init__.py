@@ -1,1 +1,0 @@
-"""Claims of the paper, each registered with the function that answers it."""

@@ -1,1 +1,0 @@
-"""Laws of loss, each the table of a scenario file."""

@@ -1,1 +1,0 @@
-"""Outages of a link, each law the table of a scenario file."""

@@ -1,1 +1,0 @@
-"""Radio laws: losses by distance, by vehicles in between and by shared resources."""

@@ -1,1 +1,0 @@
-"""Curves, states and trajectories of the picture."""

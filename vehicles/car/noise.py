@@ -1,0 +1,67 @@
+"""White noise of a GNSS receiver."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Final
+
+from vehicles.received_pose import ReceivedPose
+
+
+@dataclass(frozen=True, slots=True)
+class GnssNoise:
+    """Standard deviations of the white Gaussian noise (Section III-A has that of the position).
+
+    position (m) per axis: 2 cm, the paper's RTK receiver. heading (rad) 0.1 deg, speed (m/s), and
+    yaw rate (rad/s) 0.1 deg/s: open-sky data of RTK-aided inertial units with two antennas and a
+    MEMS gyroscope.
+    """
+
+    position: float = 0.02
+    heading: float = math.radians(0.1)
+    speed: float = 0.03
+    yaw_rate: float = 0.00175
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(f"{field.name} noise must be at least 0, not {value}")
+
+
+# ---- A vehicle's own clock, with an initial offset and a drift
+
+
+MILLION: Final = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleClock:
+    """A clock that reads true time + offset + drift · t (the paper's vehicles share one time).
+
+    `offset` (ns) applies at the start of the run, `start_at` (ns); `drift` is in parts per million.
+    Drift over a control period is negligible, so a vehicle keeps the true schedule.
+    """
+
+    start_at: int = 0
+    offset: int = 0
+    drift: float = 0.0
+
+    def error(self, now: int) -> int:
+        """Error (ns, positive if the clock is ahead) at the true instant `now` (ns)."""
+        if not self.drift:
+            return self.offset
+        return self.offset + round(self.drift * (now - self.start_at) / MILLION)
+
+    def reading(self, at: int) -> int:
+        return at + self.error(at)  # ns
+
+    def restamped(self, now: int, poses: Sequence[ReceivedPose]) -> Sequence[ReceivedPose]:
+        """Subtract the clock's error at `now` (ns) from the time stamps of received poses.
+
+        The age of such a pose in true time equals its age by this clock.
+        """
+        error = self.error(now)
+        if not error:
+            return poses
+        return [replace(pose, measured_at=pose.measured_at - error) for pose in poses]

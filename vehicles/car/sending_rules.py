@@ -1,0 +1,698 @@
+"""Sending rules by the `kind` of the table `[sending]`. Register new rules here."""
+
+from abc import ABC, abstractmethod
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from itertools import accumulate, pairwise, takewhile
+from math import degrees, hypot, inf
+from typing import Annotated, Final, Literal, Protocol
+
+from numpy.random import Generator
+
+from vehicles.car.gnss import Fix
+from vehicles.car.path_history import PathHistory
+from vehicles.geometry.geodesy import wrap_angle
+from vehicles.schedule import MILLISECOND, SECOND, Cadence, nanoseconds
+from vehicles.setting import Problem, Setting, must_exceed
+
+# ---- Reactive congestion control of ETSI TS 102 687 V1.2.1, Annex A.1
+
+
+BUSY_RATIOS = (0.0, 0.30, 0.40, 0.50, 0.60)  # Lower bound of each state (TS 102 687)
+MIN_INTERVALS = tuple(span * MILLISECOND for span in (100, 200, 400, 500, 1000))
+"""Minimum time (ns) between two messages in each state (TS 102 687)."""
+
+
+@dataclass(frozen=True, slots=True)
+class BusyRatioEntry:
+    """The channel busy ratio from `at_s` on."""
+
+    at: Annotated[float, Setting("time after the start of the run", "s", 0, example=10.0)]
+    busy: Annotated[float, Setting("channel busy ratio", "ratio", 0, 1, example=0.45)]
+
+
+@dataclass(frozen=True, slots=True)
+class CongestionControl:
+    """Reactive congestion control: a minimum interval that grows with the channel busy ratio.
+
+    Minimum interval 100, 200, 400, 500, 1000 ms from busy ratios of 0, 0.3, 0.4, 0.5, 0.6. A
+    message that is due earlier is skipped; with "every_fix" and "intervals" it waits.
+    """
+
+    busy: Annotated[
+        tuple[BusyRatioEntry, ...],
+        Setting(
+            "busy ratios in order of time; the ratio is 0 before the first entry", nonempty=True
+        ),
+    ]
+    period: Annotated[
+        int,
+        Setting(
+            "period of the evaluations; the state changes by at most one per evaluation",
+            unit="ms",
+            minimum=10,
+            maximum=10_000,
+        ),
+    ] = 100 * MILLISECOND
+
+    @property
+    def max_busy_ratio(self) -> float:
+        return max(entry.busy for entry in self.busy)
+
+    def begin(self, start_at: int) -> "ReactiveControl":
+        """Control over a run that starts at `start_at` (ns)."""
+        busy = [(entry.at, entry.busy) for entry in self.busy]
+        return ReactiveControl(busy, start_at, self.period)
+
+
+class ReactiveControl:
+    """Reactive congestion control of TS 102 687 V1.2.1, Annex A.1: minimum time between messages.
+
+    The state follows the channel busy ratio, by at most one state per evaluation, and starts at the
+    lowest.
+    """
+
+    def __init__(self, busy: Sequence[tuple[float, float]], start_at: int, period: int) -> None:
+        """Take times (s) with the busy ratio from then on; evaluate every `period` (ns)."""
+        self._since = [start_at + nanoseconds(at) for at, _ in busy]
+        self._ratios = [0.0, *(ratio for _, ratio in busy)]
+        self._period = period
+        self._next = start_at
+        self._state = 0
+
+    def min_interval(self, now: int) -> int:
+        """Minimum time (ns) between messages at `now` (ns): T_off of Table A.1, TS 102 687."""
+        while self._next <= now:
+            ratio = self._ratios[bisect_right(self._since, self._next)]
+            target = bisect_right(BUSY_RATIOS, ratio) - 1
+            self._state += (target > self._state) - (target < self._state)
+            self._next += self._period
+        return MIN_INTERVALS[self._state]
+
+
+def min_interval_at(busy_ratio: float) -> int:
+    """Minimum time (ns) between messages in the state of a busy ratio (TS 102 687)."""
+    return MIN_INTERVALS[bisect_right(BUSY_RATIOS, busy_ratio) - 1]
+
+
+# ---- Interface of sending rules
+
+
+class SendingTrigger(Protocol):
+    """The instants of sending over one run.
+
+    `due` is called at each instant of the vehicle, `sent` after a message.
+    """
+
+    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
+        """Whether to send at `now` (ns).
+
+        `unsent` is the newest fix, if it has not been sent: `east`, `north` (m), `yaw` (rad),
+        `speed` (m/s), `yaw_rate` (rad/s), `measured_at` (ns). Congestion control allows a message
+        from `allowed_from` (ns) on.
+        """
+        ...
+
+    def sent(self, now: int, fix: Fix) -> None:
+        """Record that `fix` was sent at `now` (ns)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class SendingContext:
+    """Start of a run for a sending rule.
+
+    start_at  start (ns)
+    streams   returns the NumPy generator of this vehicle for a purpose
+    """
+
+    start_at: int
+    streams: Callable[[str], Generator]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SendingRule(ABC):
+    """Settings of a sending rule: a frozen, keyword-only dataclass whose fields are its parameters.
+
+    `begin(context)` returns the `SendingTrigger` of a run. Random numbers come only from the
+    streams of the context, so that the same seed gives the same run. By `nominal_rate` followers
+    know when a message is late; by default it is the rate of fixes. `describe` is for tables.
+    """
+
+    dcc: Annotated[
+        CongestionControl | None,
+        Setting("reactive congestion control (ETSI TS 102 687 V1.2.1, A.1), for any rule"),
+    ] = None
+    path_history: Annotated[
+        float,
+        Setting(
+            "length of the driven path that each pose carries (SAE J2735); 0: none", "m", 0, 1000
+        ),
+    ] = 300.0
+    path_history_points: Annotated[
+        int, Setting("largest number of its positions; bends need more of them", "", 1, 40)
+    ] = 23
+
+    @property
+    def is_periodic(self) -> bool:
+        """Whether messages are periodic, except for missing fixes."""
+        return False
+
+    @property
+    def first_send_delay(self) -> int:
+        """Time (ns) from the start to the first message, if it is not random."""
+        return 0
+
+    @abstractmethod
+    def begin(self, context: SendingContext) -> SendingTrigger:
+        """Return the trigger of a run."""
+
+    def instants(self, context: SendingContext, end_at: int) -> Iterator[int] | None:
+        """Additional instants (ns) before `end_at` at which the vehicle must take a step."""
+        return None
+
+    def max_rate(self, fixes: float) -> float:
+        """Upper bound (Hz) of the rate, counted from the start; `fixes` is the rate of GNSS."""
+        return fixes
+
+    def nominal_rate(self, fixes: float, speed: float) -> float:
+        """Rate (Hz) at a constant `speed` (m/s) on a straight, without congestion control."""
+        return fixes
+
+    def controlled_rate(self, fixes: float, speed: float) -> float:
+        """Nominal rate (Hz), limited by the rate of fixes and by congestion control."""
+        slowest = inf if self.dcc is None else SECOND / min_interval_at(self.dcc.max_busy_ratio)
+        return min(self.nominal_rate(fixes, speed), fixes, slowest)
+
+    def problems(self) -> Iterator[Problem]:
+        if self.dcc is not None:
+            yield from must_increase("dcc.busy", [entry.at for entry in self.dcc.busy])
+
+    def describe(self) -> str:
+        return type(self).__name__
+
+
+def must_increase(key: str, times: Sequence[float]) -> Iterator[Problem]:
+    """Report times (s) of a list that do not increase."""
+    for index, (before, after) in enumerate(pairwise(times), 1):
+        yield from must_exceed(f"{key}[{index}].at_s", after, before, "the previous entry")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PhasedRule(SendingRule):
+    """A rule with a periodic schedule, which has a phase."""
+
+    phase: Annotated[int, Setting("time of the first message", "s", 0)] = 0
+    drawn_phase: Annotated[bool, Setting("true: random phase per vehicle, within one period")] = (
+        False
+    )
+
+    @property
+    def first_send_delay(self) -> int:
+        return self.phase
+
+    @property
+    @abstractmethod
+    def schedule_rate(self) -> float:
+        """Rate (Hz) of the schedule."""
+
+    def cadence(self, context: SendingContext) -> Cadence:
+        phase = self.phase
+        if self.drawn_phase:
+            phase = int(context.streams("phase").random() * SECOND / self.schedule_rate)
+        return Cadence(context.start_at + phase, self.schedule_rate)
+
+    def instants(self, context: SendingContext, end_at: int) -> Iterator[int] | None:
+        return self.cadence(context).until(end_at)
+
+    def problems(self) -> Iterator[Problem]:
+        yield from SendingRule.problems(self)
+        phase, period = self.phase / SECOND, 1.0 / self.schedule_rate
+        if self.drawn_phase and phase:
+            yield "phase_s", f"given {phase:g} together with drawn_phase, allowed one of them"
+        elif phase >= period:
+            yield "phase_s", f"given {phase:g}, allowed less than {period:g}, the period"
+
+    def describe_phase(self) -> str:
+        return "random phase" if self.drawn_phase else f"phase {self.phase / SECOND:g} s"
+
+
+# ---- Sending of each fix
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EveryFix(SendingRule):
+    """Each fix, as soon as it is available.
+
+    Section III-A: measurements are broadcast.
+    """
+
+    @property
+    def is_periodic(self) -> bool:
+        return self.dcc is None
+
+    def begin(self, context: SendingContext) -> SendingTrigger:
+        return self
+
+    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
+        return unsent is not None and now >= allowed_from
+
+    def sent(self, now: int, fix: Fix) -> None:
+        pass
+
+    def max_rate(self, fixes: float) -> float:
+        return fixes
+
+    def nominal_rate(self, fixes: float, speed: float) -> float:
+        return fixes
+
+    def describe(self) -> str:
+        return "every fix"
+
+
+# ---- Sending at a constant rate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FixedRate(PhasedRule):
+    """At a constant rate and phase, independent of control and GNSS."""
+
+    rate: Annotated[float, Setting("rate of sending", "hz", 0.01, 100, example=10.0)]
+
+    @property
+    def is_periodic(self) -> bool:
+        return self.dcc is None
+
+    @property
+    def schedule_rate(self) -> float:
+        return self.rate
+
+    def begin(self, context: SendingContext) -> SendingTrigger:
+        return PeriodicTrigger(self.cadence(context))
+
+    def max_rate(self, fixes: float) -> float:
+        return min(self.rate, fixes)
+
+    def nominal_rate(self, fixes: float, speed: float) -> float:
+        return self.rate
+
+    def describe(self) -> str:
+        return f"{self.rate:g} Hz, {self.describe_phase()}"
+
+
+@dataclass(frozen=True, slots=True)
+class PeriodicTrigger:
+    """Triggers at the instants of a schedule; those barred by congestion control are skipped."""
+
+    cadence: Cadence
+
+    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
+        return now >= allowed_from and self.cadence.due(now)
+
+    def sent(self, now: int, fix: Fix) -> None:
+        pass
+
+
+# ---- Sending at random intervals
+
+
+CAM_INTERVALS = tuple(100 * MILLISECOND * k for k in range(1, 11))
+CAM_SHARES = {
+    "cam_vw_highway": (0.035, 0.333, 0.141, 0.389, 0.018, 0.060, 0.004, 0.004, 0.001, 0.016),
+    "cam_renault_highway": (0.056, 0.184, 0.145, 0.194, 0.174, 0.098, 0.038, 0.020, 0.007, 0.083),
+}
+"""Shares of the intervals between cooperative awareness messages of two makers' cars on highways
+(R. Molina-Masegosa, M. Sepulcre, J. Gozalvez, F. Berens, V. Martinez, "Empirical models for the
+realistic generation of cooperative awareness messages in vehicular networks", IEEE TVT 69(5), 2020,
+arXiv 2004.06919). Due to rounding they add up to 1 within 0.001."""
+JITTER_CUTOFF = 3.0  # Cutoff of the normal jitter, in standard deviations
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredIntervals(SendingRule):
+    """At random intervals: measured (Molina-Masegosa et al., IEEE TVT 2020) or configured.
+
+    A due message is sent at the next tick of the vehicle's schedule.
+    """
+
+    table: Annotated[
+        Literal["cam_vw_highway", "cam_renault_highway"] | None,
+        Setting(
+            "measured distribution. Alternative: intervals_ms and shares_ratio",
+            example="cam_vw_highway",
+        ),
+    ] = None
+    intervals: Annotated[tuple[int, ...], Setting("configured intervals", "ms", 10, 60_000)] = ()
+    shares: Annotated[tuple[float, ...], Setting("share of each interval", "ratio", 0, 1)] = ()
+    jitter: Annotated[
+        int,
+        Setting("standard deviation of the normal jitter, cut off at 3 deviations", "ms", 0, 1000),
+    ] = 3 * MILLISECOND
+
+    @property
+    def distribution(self) -> "IntervalDistribution":
+        if self.table is not None:
+            return IntervalDistribution(CAM_INTERVALS, CAM_SHARES[self.table], self.jitter)
+        return IntervalDistribution(self.intervals, self.shares, self.jitter)
+
+    def begin(self, context: SendingContext) -> SendingTrigger:
+        return DrawnIntervalTrigger(
+            self.distribution, context.start_at, context.streams("intervals")
+        )
+
+    def max_rate(self, fixes: float) -> float:
+        return min(SECOND / self.distribution.shortest, fixes)
+
+    def nominal_rate(self, fixes: float, speed: float) -> float:
+        intervals, shares = self.distribution.intervals, self.distribution.shares
+        weighted = sum([i * s for i, s in zip(intervals, shares, strict=True)])
+        return SECOND * sum(shares) / weighted
+
+    def problems(self) -> Iterator[Problem]:
+        yield from SendingRule.problems(self)
+        intervals, shares = len(self.intervals), len(self.shares)
+        if self.table is None and not intervals:
+            allowed = ", ".join(f'"{name}"' for name in CAM_SHARES)
+            yield "table", f"missing, allowed {allowed}, or intervals_ms with shares_ratio"
+        elif self.table is not None and (intervals or shares):
+            yield "table", "given together with intervals_ms or shares_ratio, allowed one of them"
+        elif intervals and intervals != shares:
+            yield "shares_ratio", f"given {shares} numbers, allowed {intervals} as intervals_ms"
+        elif intervals and sum(self.shares) <= 0.0:
+            yield "shares_ratio", "given only 0, allowed at least one share above 0"
+        elif (least := min(self.distribution.intervals)) <= 4 * self.jitter:
+            yield (
+                "jitter_ms",
+                f"given {self.jitter / MILLISECOND:g}, allowed less than a quarter of the shortest "
+                f"interval, {least / MILLISECOND:g} ms",
+            )
+
+    def describe(self) -> str:
+        table = self.table or f"{len(self.intervals)} configured"
+        return f"random intervals: {table}, jitter {self.jitter / MILLISECOND:g} ms"
+
+
+@dataclass(slots=True)
+class IntervalDistribution:
+    """Intervals (ns) with their shares (in any unit) and jitter (ns).
+
+    Molina-Masegosa et al. (2020) measured such a distribution.
+    """
+
+    intervals: Sequence[int]
+    shares: Sequence[float]
+    jitter: int
+    _sums: list[float] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._sums = list(accumulate(self.shares))
+
+    @property
+    def shortest(self) -> float:
+        return min(self.intervals) - JITTER_CUTOFF * self.jitter  # ns
+
+    def draw(self, random: Generator) -> int:
+        """Draw an interval (ns) by inversion of its distribution (Molina-Masegosa et al., 2020)."""
+        index = bisect_right(self._sums, random.random() * self._sums[-1])
+        jitter = min(max(float(random.standard_normal()), -JITTER_CUTOFF), JITTER_CUTOFF)
+        return round(self.intervals[index] + jitter * self.jitter)
+
+
+class DrawnIntervalTrigger:
+    """Random intervals; a due message is sent at the next tick of the vehicle's schedule.
+
+    The due instants are not rounded to ticks, so the mean interval is that of the distribution
+    (Molina-Masegosa et al., 2020). The first one is uniform within the first interval. An interval
+    is extended to the minimum of congestion control.
+    """
+
+    def __init__(self, shares: IntervalDistribution, start_at: int, random: Generator) -> None:
+        self._shares, self._random = shares, random
+        self._next = start_at + round(random.random() * shares.draw(random))
+
+    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
+        """Whether an interval ended (Molina-Masegosa et al., 2020); if so, the next one begins."""
+        at = max(self._next, allowed_from)
+        if now < at:
+            return False
+        while at <= now:
+            at += self._shares.draw(self._random)
+        self._next = at
+        return True
+
+    def sent(self, now: int, fix: Fix) -> None:
+        """Do nothing: intervals do not depend on messages (Molina-Masegosa et al., 2020)."""
+
+
+# ---- Sending at a rate that changes over time
+
+
+@dataclass(frozen=True, slots=True)
+class RateEntry:
+    """The rate of sending from `at_s` on; 0: nothing is sent."""
+
+    at: Annotated[float, Setting("time after the start of the run", "s", 0, example=0.0)]
+    rate: Annotated[float, Setting("rate from then on", "hz", 0, 100, example=10.0)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RateProfile(SendingRule):
+    """At a changing rate; nothing is sent before the first entry."""
+
+    profile: Annotated[tuple[RateEntry, ...], Setting("rates in order of time", nonempty=True)]
+
+    @property
+    def _pairs(self) -> list[tuple[float, float]]:
+        return [(entry.at, entry.rate) for entry in self.profile]
+
+    def begin(self, context: SendingContext) -> SendingTrigger:
+        return ProfileTrigger(self._pairs, context.start_at)
+
+    def instants(self, context: SendingContext, end_at: int) -> Iterator[int] | None:
+        each = (context.start_at + at for at in profile_instants(self._pairs))
+        return takewhile(lambda at: at < end_at, each)
+
+    def max_rate(self, fixes: float) -> float:
+        return min(max(entry.rate for entry in self.profile), fixes)
+
+    def nominal_rate(self, fixes: float, speed: float) -> float:
+        return min((entry.rate for entry in self.profile if entry.rate > 0.0), default=0.0)
+
+    def problems(self) -> Iterator[Problem]:
+        yield from SendingRule.problems(self)
+        yield from must_increase("profile", [entry.at for entry in self.profile])
+
+    def describe(self) -> str:
+        return ", ".join(f"{entry.rate:g} Hz from {entry.at:g} s" for entry in self.profile)
+
+
+def profile_instants(profile: Sequence[tuple[float, float]]) -> Iterator[int]:
+    """Instants (ns) of a changing rate: `profile` has times (s) with the rate (Hz) from then on.
+
+    These are the instants at which the integral of the rate is a whole number, so a change of rate
+    rescales the rest of the current period.
+    """
+    integral = Fraction(0)
+    target = 0
+    ends = [*(nanoseconds(at) for at, _ in profile[1:]), None]
+    for (at_s, rate_hz), end in zip(profile, ends, strict=True):
+        if rate_hz <= 0.0:
+            continue
+        at, rate = nanoseconds(at_s), Fraction(rate_hz) / SECOND
+        while True:
+            instant = at + (target - integral) / rate
+            if end is not None and instant >= end:
+                integral += (end - at) * rate
+                break
+            yield round(instant)
+            target += 1
+
+
+class ProfileTrigger:
+    """Triggers at a changing rate; instants barred by congestion control are skipped."""
+
+    def __init__(self, profile: Sequence[tuple[float, float]], start_at: int) -> None:
+        """Take a profile as in `profile_instants`, from `start_at` (ns) on."""
+        self._instants = profile_instants(profile)
+        self._start_at = start_at
+        self._next = self._following()
+
+    def _following(self) -> int | None:
+        instant = next(self._instants, None)
+        return None if instant is None else self._start_at + instant
+
+    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
+        is_instant = False
+        while self._next is not None and self._next <= now:
+            is_instant = self._next == now
+            self._next = self._following()
+        return is_instant and now >= allowed_from
+
+    def sent(self, now: int, fix: Fix) -> None:
+        """Do nothing: the instants do not depend on messages."""
+
+
+# ---- A vehicle's sender
+
+
+BEFORE_EVERY_RUN: Final = -(2**62)  # An instant (ns) before every run
+ROUNDING: Final = 1000  # Tolerance (ns) of intervals between instants, which are rounded to 1 ns
+
+
+def no_estimate(_: int) -> Fix | None:
+    return None
+
+
+class Sender:
+    """Sends the newest fix when a rule triggers (EN 302 637-2 or simpler), each fix at most once.
+
+    `control` limits the rate (TS 102 687). `path` records each fix for the path history.
+    """
+
+    def __init__(
+        self,
+        rule: SendingTrigger | None = None,
+        control: ReactiveControl | None = None,
+        path: PathHistory | None = None,
+    ) -> None:
+        self.path = path
+        self._rule: SendingTrigger = rule or EveryFix()
+        self._control = control
+        self._unsent: Fix | None = None
+        self._sent_at = BEFORE_EVERY_RUN
+
+    def send(
+        self,
+        now: int,
+        fix: Fix | None,
+        estimate: Callable[[int], Fix | None] = no_estimate,
+        *,
+        on_path: bool = True,
+    ) -> Fix | None:
+        """Take the new fix at `now` (ns), if any; return the fix to send, if any.
+
+        A car is `on_path` unless it announces a hazard or slows down without a source. `estimate`
+        gives its position by dead reckoning, which the path history has where fixes are missing.
+        """
+        if fix is not None:
+            self._unsent = fix
+            if self.path is not None:
+                self.path.record(fix, on_path=on_path)
+        elif self.path is not None and self._unsent is None and self.path.misses_fixes(now):
+            own = estimate(now)
+            if own is not None:
+                self.path.record_estimate(own, on_path=on_path)
+        allowed_from = BEFORE_EVERY_RUN
+        if self._control is not None:
+            allowed_from = self._sent_at + self._control.min_interval(now) - ROUNDING
+        if not self._rule.due(now, self._unsent, allowed_from) or self._unsent is None:
+            return None
+        sent, self._unsent = self._unsent, None
+        self._sent_at = now
+        self._rule.sent(now, sent)
+        return sent
+
+
+# ---- Sending as cooperative awareness messages, CAM (ETSI EN 302 637-2, Section 6.1.3)
+
+
+HEADING, POSITION, SPEED = 4.0, 4.0, 0.5  # Changes (deg, m, m/s) that trigger (EN 302 637-2)
+MIN_INTERVAL, MAX_INTERVAL = 100 * MILLISECOND, 1000 * MILLISECOND  # ns (EN 302 637-2)
+REPEATS = 3  # Number of messages with the interval of the last change (EN 302 637-2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AwarenessMessages(PhasedRule):
+    """As cooperative awareness messages (ETSI EN 302 637-2, 6.1.3): after 4 m, 4 deg or 0.5 m/s.
+
+    The interval is 0.1 to 1 s. Each check uses the newest fix.
+    """
+
+    check_period: Annotated[int, Setting("period of the checks", "ms", 1, 100)] = 100 * MILLISECOND
+
+    @property
+    def schedule_rate(self) -> float:
+        return SECOND / self.check_period
+
+    def begin(self, context: SendingContext) -> SendingTrigger:
+        return CamTrigger(self.cadence(context))
+
+    def max_rate(self, fixes: float) -> float:
+        return min(SECOND / MIN_INTERVAL, fixes)
+
+    def nominal_rate(self, fixes: float, speed: float) -> float:
+        return 1.0 / cam_interval(speed, self.check_period / SECOND)
+
+    def describe(self) -> str:
+        period = f"{self.check_period / MILLISECOND:g} ms"
+        return f"CAM, checked every {period}, {self.describe_phase()}"
+
+
+class CamTrigger:
+    """The rule of EN 302 637-2, Section 6.1.3, applied to the newest fix at each check.
+
+    A message is due if heading, position or speed have changed enough since the last one, or else
+    after the interval of the last such change. After three messages without a change the interval
+    is 1 s. `checks` are at most 100 ms apart.
+    """
+
+    def __init__(self, checks: Cadence) -> None:
+        self._checks = checks
+        self._last: Fix | None = None
+        self._sent_at = BEFORE_EVERY_RUN
+        self._interval = MAX_INTERVAL
+        self._repeats = 0
+        self._changed = False
+
+    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
+        if unsent is None or now < allowed_from or not self._checks.due(now):
+            return False
+        elapsed = now - self._sent_at + ROUNDING
+        self._changed = self._last is not None and _has_changed(self._last, unsent)
+        return elapsed >= (MIN_INTERVAL if self._changed else self._interval)
+
+    def sent(self, now: int, fix: Fix) -> None:
+        if self._changed:
+            self._interval, self._repeats = min(now - self._sent_at, MAX_INTERVAL), 0
+        elif self._last is not None:
+            self._repeats += 1
+            if self._repeats >= REPEATS:
+                self._interval = MAX_INTERVAL
+        self._last, self._sent_at = fix, now
+
+
+def _has_changed(last: Fix, now: Fix) -> bool:
+    return (
+        abs(degrees(wrap_angle(now.yaw - last.yaw))) > HEADING
+        or hypot(now.east - last.east, now.north - last.north) > POSITION
+        or abs(now.speed - last.speed) > SPEED
+    )
+
+
+def cam_interval(speed: float, check: float) -> float:
+    """Interval (s) of messages by EN 302 637-2 at a constant speed (m/s) on a straight.
+
+    That is the first check, of a period of `check` (s), after more than 4 m; 0.1 to 1 s.
+    """
+    if speed * MAX_INTERVAL / SECOND <= POSITION:
+        return MAX_INTERVAL / SECOND
+    checks = least = 1
+    while checks * check * speed <= POSITION + 1e-9:
+        checks += 1
+    while least * check < MIN_INTERVAL / SECOND - 1e-9:
+        least += 1
+    return min(max(checks, least) * check, MAX_INTERVAL / SECOND)
+
+
+# ---- Sending rules
+
+
+RULES: Mapping[str, type[SendingRule]] = {
+    "every_fix": EveryFix,
+    "fixed": FixedRate,
+    "profile": RateProfile,
+    "cam": AwarenessMessages,
+    "intervals": MeasuredIntervals,
+}

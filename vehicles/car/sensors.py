@@ -1,0 +1,211 @@
+"""On-board sensor of the gap to the predecessor and of its rate, such as a radar; SI units."""
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated
+
+from numpy.random import Generator
+
+from vehicles.car.dynamics import Body
+from vehicles.car.imu import InertialNoise
+from vehicles.car.parameters import VehicleParameters
+from vehicles.messages import TruePose
+from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer
+from vehicles.setting import Setting
+
+MISSED = 2  # Number of periods after which a measurement is no longer used: one may be missing
+OLDEST_POSE = SECOND // 10  # Age (ns) up to which a true pose is predicted
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GapSensorSettings:
+    """An on-board sensor of the gap to the predecessor and of its rate, such as a radar.
+
+    It measures the straight line between the bumpers, from the middle of the own front bumper to
+    the middle of the predecessor's rear bumper, and the rate of its length. It recognises the
+    predecessor without fail, and loses it beyond its range and angle of view. The controllers that
+    use it ("acc", and "cacc", "ploeg", "flatbed" and "consensus" without data of the predecessor)
+    take the newest measurement, predicted to the present by its rate, for up to the latency and two
+    periods. With the reaction "degrade" it also replaces the poses of a predecessor whose messages
+    are late or lost when the safe distance is kept; without a known path the car still stops. 20 Hz
+    is the usual rate of radars in openpilot.
+    """
+
+    reach: Annotated[
+        float, Setting("longest measured gap; 0: there is no sensor", "m", 0, 1000, name="range")
+    ] = 0.0
+    rate: Annotated[
+        float, Setting("rate, at instants of control; up to control.rate_hz", "hz", 0.1, 500)
+    ] = 20.0
+    latency: Annotated[
+        int,
+        Setting(
+            "time until a measurement is available; more than the transport takes", "ms", 5, 1000
+        ),
+    ] = 50 * MILLISECOND
+    field_of_view: Annotated[
+        float, Setting("full angle of view around the direction of the car", "deg", 1, 180)
+    ] = math.radians(90.0)
+    gap_noise: Annotated[float, Setting("white noise of the gap", "m", 0, 100)] = 0.1
+    gap_rate_noise: Annotated[float, Setting("white noise of its rate", "mps", 0, 100)] = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class GapMeasurement:
+    """Gap (m) and its rate (m/s) at `measured_at` (ns), of use until `valid_until` (ns).
+
+    NaN without a predecessor in view.
+    """
+
+    measured_at: int
+    valid_until: int
+    gap: float = math.nan
+    rate: float = math.nan
+
+    def at(self, now: int) -> tuple[float, float, float]:
+        """Gap (m) predicted to `now` (ns) by its rate, the rate (m/s) and the age (s).
+
+        NaN once it is too old.
+        """
+        if now > self.valid_until:
+            return math.nan, math.nan, math.nan
+        age = (now - self.measured_at) / SECOND
+        return self.gap + self.rate * age, self.rate, age
+
+
+@dataclass(frozen=True, slots=True)
+class _Sample:
+    """Own state at an instant of measurement (ns), and normal numbers for gap and rate."""
+
+    at: int
+    body: Body
+    gap_noise: float
+    rate_noise: float
+
+
+TargetAt = Callable[[int], TruePose | None]  # Newest true pose by an instant (ns)
+
+
+class GapSensor:
+    """Sensor that measures every 1/`rate` s, at the next instant of control.
+
+    True poses of both cars exist at these instants only. `random` belongs to this sensor: it draws
+    two normal numbers per measurement, in order of time, with or without a predecessor in view.
+    """
+
+    def __init__(
+        self,
+        settings: GapSensorSettings,
+        own: VehicleParameters,
+        target: VehicleParameters,
+        control: Cadence,
+        random: Generator,
+    ) -> None:
+        """`own` and `target` are this car and its predecessor; it starts with the `control`."""
+        self._settings = settings
+        self._front = own.body_offset + 0.5 * own.length
+        self._rear = target.body_offset - 0.5 * target.length
+        self._control = control
+        period = round(SECOND / min(settings.rate, control.rate_hz))
+        self._due = Timer(period, control.start_at, steady=True)
+        self._valid_for = settings.latency + MISSED * period
+        self._random = random
+        self._pending: deque[_Sample] = deque()
+
+    def measure(self, body: Body, now: int, target_at: TargetAt) -> GapMeasurement | None:
+        """Measure if `now` (ns) is an instant of measurement; return what becomes available now.
+
+        The measurement is that of `latency` ago. Its pose of the predecessor is `target_at` that
+        instant, which arrives in the meantime.
+        """
+        if self._control.due(now) and self._due.is_due(now):
+            self._pending.append(_Sample(now, body, *self._random.standard_normal(2).tolist()))
+        made: GapMeasurement | None = None
+        while self._pending and self._pending[0].at + self._settings.latency <= now:
+            sample = self._pending.popleft()
+            made = self._measured(sample, target_at(sample.at))
+        return made
+
+    def _measured(self, sample: _Sample, target: TruePose | None) -> GapMeasurement:
+        valid_until = sample.at + self._valid_for
+        nothing = GapMeasurement(sample.at, valid_until)
+        if target is None or sample.at - target.true_at_ns > OLDEST_POSE:
+            return nothing
+        own, ahead = sample.body, _moved(target, sample.at)
+        east, north = _point(ahead, self._rear)
+        from_east, from_north = _point(own, self._front)
+        east, north = east - from_east, north - from_north
+        gap = math.hypot(east, north)
+        bearing = math.remainder(math.atan2(north, east) - own.yaw, 2.0 * math.pi)
+        settings = self._settings
+        if not 0.0 < gap <= settings.reach or abs(bearing) > 0.5 * settings.field_of_view:
+            return nothing
+        ahead_speeds, own_speeds = _velocity(ahead, self._rear), _velocity(own, self._front)
+        closing = [theirs - ours for theirs, ours in zip(ahead_speeds, own_speeds, strict=True)]
+        rate = (east * closing[0] + north * closing[1]) / gap
+        return GapMeasurement(
+            sample.at,
+            valid_until,
+            max(gap + settings.gap_noise * sample.gap_noise, 0.0),
+            rate + settings.gap_rate_noise * sample.rate_noise,
+        )
+
+
+def _moved(pose: TruePose, now: int) -> Body:
+    """Body of `pose`, moved straight to `now` (ns): messages have instants of their own."""
+    driven = pose.speed_mps * (now - pose.true_at_ns) / SECOND
+    return Body(
+        east=pose.east_m + driven * math.cos(pose.yaw_rad),
+        north=pose.north_m + driven * math.sin(pose.yaw_rad),
+        yaw=pose.yaw_rad,
+        speed=pose.speed_mps,
+        lateral_speed=pose.lateral_speed_mps,
+        yaw_rate=pose.yaw_rate_radps,
+    )
+
+
+def _point(body: Body, ahead: float) -> tuple[float, float]:
+    """Position (m) on the long axis, `ahead` (m) of the centre of mass."""
+    return body.east + ahead * math.cos(body.yaw), body.north + ahead * math.sin(body.yaw)
+
+
+def _velocity(body: Body, ahead: float) -> tuple[float, float]:
+    along, left = body.speed, body.lateral_speed + body.yaw_rate * ahead
+    ux, uy = math.cos(body.yaw), math.sin(body.yaw)
+    return along * ux - left * uy, along * uy + left * ux
+
+
+# ---- Settings of the inertial sensor (TOML table `[imu]`)
+
+
+NOISE = InertialNoise()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImuSettings:
+    """The emulated inertial sensor of a vehicle: gyroscope and wheel speed.
+
+    All values are standard deviations. Biases are constant, and drawn once per vehicle.
+    """
+
+    rate: Annotated[
+        float | None, Setting("rate; default: control.rate_hz", "hz", 0.01, 1000, example=50.0)
+    ] = None
+    speed_noise: Annotated[float, Setting("white noise of the speed", "mps", 0, 10)] = NOISE.speed
+    speed_bias: Annotated[
+        float, Setting("standard deviation of the bias of the speed", "mps", 0, 10)
+    ] = NOISE.speed_bias
+    yaw_rate_noise: Annotated[
+        float, Setting("white noise of the yaw rate; the default equals 0.1 deg/s", "radps", 0, 1)
+    ] = NOISE.yaw_rate
+    yaw_rate_bias: Annotated[
+        float, Setting("standard deviation of the bias of the yaw rate", "radps", 0, 1)
+    ] = NOISE.yaw_rate_bias
+
+    @property
+    def noise(self) -> InertialNoise:
+        return InertialNoise(
+            self.speed_noise, self.yaw_rate_noise, self.speed_bias, self.yaw_rate_bias
+        )

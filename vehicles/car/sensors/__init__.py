@@ -1,1 +1,0 @@
-"""Sensors of the own motion and of the gap ahead."""

@@ -1,1 +1,0 @@
-"""Reactions of a follower to missing and to false messages."""

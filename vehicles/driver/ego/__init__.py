@@ -1,1 +1,0 @@
-"""State estimation of the own car."""

@@ -1,0 +1,184 @@
+"""Thresholds of degradation, and levels of braking; SI units."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Annotated, Literal
+
+from vehicles.setting import Setting
+
+Reaction = Literal["degrade", "extrapolate", "hold", "straight"]
+"""Reaction of a follower without data.
+
+degrade      slow down within the known path, and stop
+extrapolate  continue along the last trajectory at full speed
+hold         keep the last steering command, at full speed
+straight     turn the wheels straight, at full speed, as one production system does
+"""
+PredecessorPath = Literal["always_intended", "intended", "driven"]
+"""Path that the samples of the predecessor represent.
+
+always_intended  the lead's path, reconstructed from the offset that the predecessor announces
+intended         the same while the lead is lost, else the predecessor's own path
+driven           the predecessor's own path, with its errors, which add up along the convoy
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Braking:
+    """Deceleration (m/s², positive) and the jerk (m/s³) at which it builds up."""
+
+    deceleration: float
+    jerk: float
+
+
+@lru_cache(maxsize=64)
+def _braking(deceleration: float, jerk: float) -> Braking:
+    """Cached: a guard reads the braking levels several times per tick."""
+    return Braking(deceleration, jerk)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DegradationSettings:
+    """Thresholds of degradation and braking levels (s, m/s²; beyond the paper).
+
+    The thresholds of a lost source follow openpilot. The growing probation and the gates follow
+    PX4's EKF2. Comfortable braking follows Autoware's comfortable stop, firm braking its emergency
+    stop. Emergency braking is hard braking on a dry road, as in [speed.gap].
+    """
+
+    reaction: Annotated[
+        Reaction,
+        Setting(
+            'reaction without data. "degrade": slow down within the known path, and stop. '
+            'Baselines at full speed: "extrapolate" the last trajectory, "hold" the last steering '
+            'command, or turn the wheels "straight"'
+        ),
+    ] = "degrade"
+    late_periods: Annotated[
+        float,
+        Setting("a source is late after this number of periods without a message", "", 1, 1000),
+    ] = 3.0
+    lost_periods: Annotated[
+        float,
+        Setting(
+            "a source is lost after max(lost_periods × period, lost_s) without a message",
+            minimum=1,
+            maximum=1000,
+        ),
+    ] = 10.0
+    lost_after: Annotated[
+        float, Setting("shortest silence after which a source is lost", "s", 0.01, 60, name="lost")
+    ] = 0.5
+    probation_delivery: Annotated[
+        float,
+        Setting(
+            "share of its usual messages that a source must deliver to pass its probation",
+            unit="ratio",
+            minimum=0,
+            maximum=1,
+        ),
+    ] = 0.9
+    probation: Annotated[
+        float, Setting("length of the probation, doubled with each relapse", "s", 0.1, 60)
+    ] = 1.0
+    probation_max: Annotated[float, Setting("largest length of the probation", "s", 0.1, 600)] = (
+        16.0
+    )
+    probation_halving: Annotated[
+        float, Setting("time without a relapse that halves the probation", "s", 0.1, 3600)
+    ] = 10.0
+    gate: Annotated[
+        float,
+        Setting(
+            "largest deviation of a position from the expected one, in standard deviations",
+            unit="deviations",
+            minimum=1,
+            maximum=1000,
+        ),
+    ] = 5.0
+    heading_gate: Annotated[float, Setting("the same for headings", "deviations", 1, 1000)] = 3.0
+    predecessor_path: Annotated[
+        PredecessorPath,
+        Setting(
+            'path of the samples of the predecessor. "always_intended": path of the lead, '
+            'reconstructed from the offset that the predecessor announces. "intended": the same '
+            'while the lead is lost, else the path of the predecessor. "driven": the path of the '
+            "predecessor"
+        ),
+    ] = "always_intended"
+    lateral_deviation_max: Annotated[
+        float,
+        Setting(
+            "the car drives slower while the standard deviation of its own lateral position is "
+            "larger than this; three of the default are 0.3 m",
+            unit="m",
+            minimum=0,
+            maximum=1000,
+        ),
+    ] = 0.1
+    comfortable_deceleration: Annotated[
+        float, Setting("comfortable braking", "mps2", 0.1, 12, name="comfortable")
+    ] = 1.0
+    comfortable_jerk: Annotated[
+        float, Setting("jerk of comfortable braking", "mps3", 0.05, 100)
+    ] = 0.3
+    firm_deceleration: Annotated[float, Setting("firm braking", "mps2", 0.1, 12, name="firm")] = 2.5
+    firm_jerk: Annotated[float, Setting("jerk of firm braking", "mps3", 0.05, 100)] = 1.5
+    emergency_deceleration: Annotated[
+        float,
+        Setting(
+            "emergency braking, for stops that would otherwise end beyond the known path",
+            unit="mps2",
+            minimum=0.1,
+            maximum=12,
+            name="emergency",
+        ),
+    ] = 6.0
+    emergency_jerk: Annotated[float, Setting("jerk of emergency braking", "mps3", 0.05, 1000)] = (
+        12.0
+    )
+
+    @property
+    def comfortable(self) -> Braking:
+        return _braking(self.comfortable_deceleration, self.comfortable_jerk)
+
+    @property
+    def firm(self) -> Braking:
+        return _braking(self.firm_deceleration, self.firm_jerk)
+
+    @property
+    def emergency(self) -> Braking:
+        return _braking(self.emergency_deceleration, self.emergency_jerk)
+
+    def lost_after_silence(self, period: float) -> float:
+        """Silence (s) after which a source with this `period` (s) is lost."""
+        silence, least = self.lost_periods * period, self.lost_after
+        return least if least > silence else silence
+
+
+# ---- Random numbers of the classes that decide in a vehicle, keyed by the control instant
+
+
+Numbers = Callable[[str, int], float]  # By purpose and time (ns) after the start, in (0, 1)
+
+
+class InstantDraw:
+    """Random numbers of one vehicle at the control instant `now` (ns).
+
+    A number depends on the source of `numbers`, the class, the purpose and the time since the start
+    of the run, `start_at` (ns), only, not on other draws. So a decision can be computed alone, and
+    again.
+    """
+
+    def __init__(self, numbers: Numbers) -> None:
+        self.numbers = numbers
+        self.now = self.start_at = 0
+
+    def of(self, point: str) -> Callable[[str], float]:
+        """Draws of the class at a plug-in point: the number in (0, 1) of a purpose."""
+
+        def draw(purpose: str) -> float:
+            return self.numbers(f"{point} {purpose}", self.now - self.start_at)
+
+        return draw

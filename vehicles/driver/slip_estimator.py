@@ -1,0 +1,183 @@
+"""The load of the car, estimated from its response to steering.
+
+The understeer gradient K_sg of eq. (6) and the steady slip l = b - m a v²/(L C_r) both change with
+the load, which the paper's controller does not know (Section V-B). One number describes both: the
+ratio of true to assumed mass or, equivalently, of assumed to true stiffness.
+
+Two linear models of the car (eqs. (1), (2), (4)), one with assumed parameters and one laden, follow
+the same commands. Interpolating the measured yaw rate between theirs gives the ratio; on straights
+it is undetermined, and the gyroscope bias is estimated instead. Ratio and bias are the states of a
+Kalman filter with one measurement (R. E. Kalman, "A new approach to linear filtering and prediction
+problems", Journal of Basic Engineering 82, 1960), so no steady state is needed. Tyres near their
+limit respond as if the car were heavier, and need the same steering.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Protocol, runtime_checkable
+
+from vehicles.car.dynamics import Body, actuator
+from vehicles.car.imu import Motion
+from vehicles.car.parameters import VehicleParameters
+from vehicles.car.tyres import lateral_coefficients
+from vehicles.schedule import SECOND
+
+LADEN = 1.3  # Mass ratio of the second model; a full car of Section V-B has 1.25
+INERTIA_PER_MASS = 1.5  # Relative growth of the yaw inertia (Section V-B: 1.4 to 1.6)
+PRIOR = 0.3  # Initial standard deviation of the ratio
+DRIFT = 0.003  # Random walk of the ratio, per square root of a second
+BIAS_PRIOR, BIAS_DRIFT = 0.002, 5e-5  # Bias of the yaw rate (rad/s, and per √s)
+MIN_NOISE = 2e-4  # Noise (rad/s) of exact measurements, as models are approximate
+DELAY = 0.01  # Unmodelled delay (s); the change of the yaw rate within it counts as noise
+LINEAR_LIMIT = 4.0  # Lateral acceleration (m/s²) above which tyres are not linear
+MIN_RATIO, MAX_RATIO = 0.7, 1.6
+UPDATE_THRESHOLD = 0.002  # Change of the ratio that is passed on to controllers and filters
+LONGEST_STEP = 0.01  # Longest step (s): at 20 ms the load is off by 5 %
+KINEMATIC_BELOW = 3.0  # Below this speed (m/s) the kinematic model is used
+MIN_LEARNING_SPEED = 8.0  # Below it (m/s) K_sg v² is less than 1 % of the wheelbase
+
+
+def with_load(p: VehicleParameters, ratio: float) -> VehicleParameters:
+    """Scale mass and yaw inertia by a load with the mass `ratio` (Section V-B)."""
+    inertia = p.yaw_inertia * (1.0 + INERTIA_PER_MASS * (ratio - 1.0))
+    return replace(p, mass=p.mass * ratio, yaw_inertia=inertia)
+
+
+class _LinearModel:
+    """Lateral speed (m/s) and yaw rate (rad/s) by eqs. (1), (2), by the trapezoidal rule."""
+
+    def __init__(self, p: VehicleParameters) -> None:
+        self._a, self._b, self._c, self._d, self._e, self._f = lateral_coefficients(p)
+        self.lateral_speed = self.yaw_rate = 0.0
+
+    def move(self, h: float, v: float, steering: float) -> None:
+        """Advance by h (s) at speed v (m/s) with the mean steering angle (rad) of the step."""
+        half = 0.5 * h
+        a, b, d, e = (
+            half * self._a / v, half * (self._b / v - v), half * self._d / v, half * self._e / v
+        )  # fmt: skip
+        y, r = self.lateral_speed, self.yaw_rate
+        right_y = y + a * y + b * r + h * self._c * steering
+        right_r = r + d * y + e * r + h * self._f * steering
+        determinant = (1.0 - a) * (1.0 - e) - b * d
+        self.lateral_speed = ((1.0 - e) * right_y + b * right_r) / determinant
+        self.yaw_rate = ((1.0 - a) * right_r + d * right_y) / determinant
+
+
+class SlipEstimator:
+    """Estimates the load, and thus K_sg of eq. (6) and the slip, from yaw rate and commands.
+
+    `ratio` is the estimated mass over the assumed one, `deviation` its standard deviation.
+    """
+
+    def __init__(self, parameters: VehicleParameters, yaw_rate_noise: float) -> None:
+        """`parameters` are the assumed ones, `yaw_rate_noise` (rad/s) is that of measurements."""
+        self._assumed = parameters
+        self._noise = max(yaw_rate_noise, MIN_NOISE)
+        self._models = (_LinearModel(parameters), _LinearModel(with_load(parameters, LADEN)))
+        self._steering = self._steering_rate = 0.0
+        self.ratio = 1.0
+        self._bias = 0.0
+        self._variance, self._bias_variance, self._covariance = PRIOR**2, BIAS_PRIOR**2, 0.0
+        self._turning = 0.0
+
+    @property
+    def deviation(self) -> float:
+        return math.sqrt(self._variance)
+
+    @property
+    def parameters(self) -> VehicleParameters:
+        return with_load(self._assumed, self.ratio)
+
+    def move(self, span: float, speed: float, command: float) -> None:
+        """Predict by `span` (s) at `speed` (m/s) with a held command (rad): eqs. (1), (2), (4)."""
+        if span <= 0.0:
+            return
+        parts = math.ceil(span / LONGEST_STEP - 1e-9)
+        for _ in range(parts):
+            self._move(span / parts, speed, command)
+        self._variance += DRIFT * DRIFT * span
+        self._bias_variance += BIAS_DRIFT * BIAS_DRIFT * span
+
+    def _move(self, span: float, speed: float, command: float) -> None:
+        mean = self._steer(span, command)
+        before = self._models[0].yaw_rate
+        for model in self._models:
+            if speed > KINEMATIC_BELOW:
+                model.move(span, speed, mean)
+            else:
+                model.yaw_rate = speed * mean / self._assumed.wheelbase
+                model.lateral_speed = self._assumed.rear_axle_distance * model.yaw_rate
+        self._turning = (self._models[0].yaw_rate - before) / span
+
+    def _steer(self, span: float, command: float) -> float:
+        """Steer by eq. (4), by the trapezoidal rule; returns the mean angle (rad) of the wheels."""
+        car, half = self._assumed, 0.5 * span
+        square, damping = actuator(car)
+        angle, rate = self._steering, self._steering_rate
+        push = rate + half * (square * (2.0 * command - 2.0 * angle - half * rate) - damping * rate)
+        after = push / (1.0 + half * (damping + half * square))
+        limit = car.steering_rate_limit
+        self._steering_rate = min(max(after, -limit), limit)
+        self._steering = angle + half * (rate + self._steering_rate)
+        return 0.5 * (angle + self._steering)
+
+    def correct(self, yaw_rate: float, speed: float) -> None:
+        """Correct by a measured yaw rate (rad/s) at a speed (m/s)."""
+        empty, laden = self._models[0].yaw_rate, self._models[1].yaw_rate
+        if speed < MIN_LEARNING_SPEED or abs(yaw_rate) * speed > LINEAR_LIMIT:
+            return
+        gain = (laden - empty) / (LADEN - 1.0)
+        late = DELAY * self._turning
+        p, q, c = self._variance, self._bias_variance, self._covariance
+        with_ratio, with_bias = gain * p + c, gain * c + q
+        total = gain * with_ratio + with_bias + self._noise * self._noise + late * late
+        innovation = yaw_rate - empty - (self.ratio - 1.0) * gain - self._bias
+        to_ratio, to_bias = with_ratio / total, with_bias / total
+        self.ratio = min(max(self.ratio + to_ratio * innovation, MIN_RATIO), MAX_RATIO)
+        self._bias += to_bias * innovation
+        self._variance = p - to_ratio * with_ratio
+        self._bias_variance = q - to_bias * with_bias
+        self._covariance = c - to_ratio * with_bias
+
+
+@runtime_checkable
+class ParameterUser(Protocol):
+    """Uses assumed parameters of the car, which may be replaced (Section V-B)."""
+
+    def assume(self, parameters: VehicleParameters) -> None: ...
+
+
+class LoadWatch:
+    """Keeps the parameters assumed by controllers and filters up to date, given an estimator."""
+
+    def __init__(
+        self, estimator: SlipEstimator | None = None, users: Sequence[ParameterUser] = ()
+    ) -> None:
+        self._estimator = estimator
+        self._users = users
+        self._ratio = 1.0
+        self._command = self._speed = 0.0
+        self._at: int | None = None
+
+    def observe(self, now: int, motion: Motion | Body | None) -> None:
+        """Predict to `now` (ns), and correct by a reading; call at every step before deciding."""
+        if self._estimator is None:
+            return
+        if self._at is not None:
+            self._estimator.move((now - self._at) / SECOND, self._speed, self._command)
+        self._at = now
+        if motion is None or not math.isfinite(motion.yaw_rate + motion.speed):
+            return
+        self._speed = motion.speed
+        self._estimator.correct(motion.yaw_rate, motion.speed)
+        if abs(self._estimator.ratio - self._ratio) > UPDATE_THRESHOLD:
+            self._ratio = self._estimator.ratio
+            parameters = self._estimator.parameters
+            for user in self._users:
+                user.assume(parameters)
+
+    def record_command(self, steering: float) -> None:
+        """Set the steering command (rad), δ_c of eq. (4), that holds from now on."""
+        self._command = steering

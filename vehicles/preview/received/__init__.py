@@ -1,1 +1,0 @@
-"""Received positions of each source, and the path that they make known."""
