@@ -122,7 +122,7 @@ ROOMS = {
     "scenarios/api": 880,
     "scenarios/cli": 6_560,
     "scenarios/definition": 13_950,
-    "scenarios/results": 8_790,
+    "scenarios/results": 8_800,
     "scenarios/runs": 6_310,
     "scenarios/studies": 12_770,
     "transport": 1_130,

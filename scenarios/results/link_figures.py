@@ -79,9 +79,12 @@ class LinkFigures:
             self._add_others(tracking, at)
 
     def _add_others(self, tracking: Tracking, at: int) -> None:
-        """Take the ages of the sources that are neither lead nor predecessor."""
+        """Take the ages of the sources that are neither lead nor predecessor.
+
+        A message that was read by columns lacks its lists, and so the ages.
+        """
         for (name, status), age in zip(
-            tracking.statuses().items(), tracking.other_age_s, strict=True
+            tracking.statuses().items(), tracking.other_age_s, strict=False
         ):
             link = name, tracking.vehicle
             if link in self._requested:

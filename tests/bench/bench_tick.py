@@ -53,11 +53,10 @@ def serve() -> None:
     from scenarios.runs.node.node import Node  # noqa: PLC0415
     from scenarios.runs.node.outbox import Outbox  # noqa: PLC0415
     from scenarios.runs.stop import Stop  # noqa: PLC0415
+    from scenarios.runs.virtual import VirtualConvoy  # noqa: PLC0415
     from transport.links.inbox import Inbox  # noqa: PLC0415
     from vehicles.driver.follower import Follower  # noqa: PLC0415
     from vehicles.driver.leader import Leader  # noqa: PLC0415
-
-    from scenarios.runs.virtual import VirtualConvoy  # noqa: PLC0415
 
     tick = dict.fromkeys(("receive", "measure", "decide", "send", "move"), 0)
 

@@ -264,7 +264,7 @@ REACH_RATIO: Final = 1.5  # Its advance over the distance between its poses
 
 
 class OwnPath:
-    """Positions that the car has driven through, with their arc length.
+    """Positions that the car has driven through, by linear interpolation over their arc length.
 
     It begins with a straight behind the initial position, as a convoy starts on a straight.
     """

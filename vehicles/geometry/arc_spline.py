@@ -295,9 +295,9 @@ LONGEST_M: Final = 1000.0  # Longest trajectory (m) that is drawn, whatever a me
 def points_along(
     trajectory: CompositeTrajectory, spacing_m: float
 ) -> list[tuple[float, float, float]]:
-    """List points (east_m, north_m, yaw_rad) along the arcs and clothoids, including both ends.
+    """List points (east_m, north_m, yaw_rad) along arcs (Section III-A) and clothoids.
 
-    Neighbours are at most `spacing_m` apart, and pieces share their common point. Skips pieces
+    Both ends are included. Neighbours are at most `spacing_m` apart, and pieces share their common point. Skips pieces
     with values that are not finite, as the message may be from any sender.
     """
     points: list[tuple[float, float, float]] = []

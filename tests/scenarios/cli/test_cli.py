@@ -142,9 +142,7 @@ def test_the_fork_server_imports_no_modules_of_the_recorder() -> None:
 
 
 def test_a_virtual_run_imports_no_bus_and_no_theory() -> None:
-    code = (
-        "import scenarios.cli.launching, scenarios.cli.launching\nimport sys; print(*sys.modules)"
-    )
+    code = "import scenarios.cli.launching, sys; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     unneeded = {"zenoh", "psutil", "scipy"}
     assert not unneeded & {*done.stdout.split()}

@@ -104,4 +104,4 @@ def test_the_shorthands_override_the_scenario() -> None:
 def test_without_a_command_the_help_is_printed() -> None:
     result = convoy()
     assert result.exit_code == 2
-    assert "Machines:" in result.stderr
+    assert "Study:" in result.stderr

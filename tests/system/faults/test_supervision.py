@@ -101,8 +101,7 @@ def test_a_run_whose_router_is_killed_in_the_last_second_is_not_complete(tmp_pat
 def test_all_processes_end_if_the_launcher_is_killed(tmp_path: Path) -> None:
     with start(*three(tmp_path), folder=tmp_path) as convoy:
         convoy.drive(1.6)  # longer than what may be missing
-        parts = len(CONVOY) + 3
-        # One more process writes the layout of the log at first.
+        parts = len(CONVOY) + 5  # launcher, router, recorder, fork server and its resource tracker
         assert until(lambda: len(convoy.remaining()) == parts)
         killed_at = kill(convoy.part("launcher"))
         assert convoy.ends_in_time()

@@ -190,3 +190,10 @@ def test_the_clock_is_measured_every_ten_seconds_during_the_run() -> None:
     before = world.queries
     world.run(10 * PERIOD_NS / SECOND)
     assert world.queries - before == 10 * 6  # five rounds and a report
+
+
+def test_an_answer_to_another_query_measures_nothing() -> None:
+    world = World()
+    world.answer("convoy/@clock/run", lambda _: b"v2 1 5")
+    world.run(3.0)
+    assert not world.sync.is_measured

@@ -292,3 +292,11 @@ def test_a_stop_decides_over_the_deaths_that_it_brings(folder: Path) -> None:
 
 def test_a_completed_recorder_decides_over_a_signal_that_comes_later(folder: Path) -> None:
     assert play(folder, (20.0, "recorder", 0), (20.1, "SIGINT", 130)).ending == (0, "")
+
+
+@pytest.mark.parametrize("source", ["v2", "SIGINT", "router"])
+def test_the_outcome_is_that_of_the_recorder_that_completed_its_run(
+    folder: Path, source: str
+) -> None:
+    launched = play(folder, (19.5, source, -9), recorder_ends_with=0)
+    assert launched.ending == (0, "")

@@ -161,3 +161,21 @@ def test_a_tick_begins_at_the_vehicle_s_turn_and_is_late_from_then_on() -> None:
             clock.wait_until(clock.now() + 32 * MILLISECOND)  # what it does takes so long
     assert begun_ms == [15, 15, 15, 27, 15]
     assert probe.lateness == Lateness(1, 12 * MILLISECOND)
+
+
+def test_a_stranger_does_not_follow_the_recorder_of_a_started_run(scenario: Scenario) -> None:
+    run = Announcements(scenario)
+    run.start()
+    run.network.leave(run.recorder)
+    run.announce_recorder(MemoryBus(run.network), "theirs")
+    assert run.end("theirs") is None
+    assert run.end("ours") is not None
+
+
+def test_only_the_recorder_of_the_run_starts_it(scenario: Scenario) -> None:
+    """Also not a recorder of an earlier run, and nobody moves a start that was announced."""
+    run = Announcements(scenario)
+    for run_id in ("", "theirs"):
+        assert run.start(5, run_id) is None
+    assert run.received.foreign == 2
+    assert run.start(1) == run.start(2)

@@ -12,8 +12,8 @@ from typing import Any, cast
 
 from scenarios.cli.change_requests import VehicleAnswer, request_change
 from scenarios.cli.common_options import DisplayOptions
-from scenarios.cli.launching import launch_and_report
 from scenarios.cli.recorder_run import record_run
+from scenarios.cli.wall_clock_run import launch_and_report
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.process_probe import Machine, ProcessProbe, Resources, ThreadTimes
