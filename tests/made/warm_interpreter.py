@@ -18,7 +18,7 @@ from functools import cache
 from pathlib import Path
 from typing import IO, Any
 
-from scenarios.cli import launching, recorder_run
+from scenarios.cli import launching, recorder_run, wall_clock_run
 from scenarios.cli.__main__ import main as run_command
 from scenarios.cli.main import cli
 from scenarios.runs.processes import vehicle_process
@@ -29,7 +29,7 @@ MARK = "CONVOY_TEST_MARK"
 """Environment variable that all descendants of a command inherit, to find them by."""
 NO_MARK = 32 * "-"
 POLL_S = 0.01
-PRELOADED = (cli, launching, recorder_run, vehicle_process, launching, zenoh_bus)
+PRELOADED = (cli, launching, recorder_run, vehicle_process, wall_clock_run, zenoh_bus)
 """What commands import when they run."""
 
 

@@ -24,8 +24,8 @@ class BendsAhead:
     """Speed limit by the poses that a source sent from the path ahead.
 
     A pose at the distance s ahead with curvature κ, its yaw rate over its speed, allows
-    v² <= a_lat/|κ| + 2 b s (elementary algebra). Of two poses only the later one counts if it allows less now: it will
-    then do so until it is passed.
+    v² <= a_lat/|κ| + 2 b s (elementary algebra). Of two poses only the later one counts if it
+    allows less now: it will then do so until it is passed.
     """
 
     def __init__(self, lateral: float, braking: float) -> None:

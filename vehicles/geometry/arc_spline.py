@@ -297,8 +297,8 @@ def points_along(
 ) -> list[tuple[float, float, float]]:
     """List points (east_m, north_m, yaw_rad) along arcs (Section III-A) and clothoids.
 
-    Both ends are included. Neighbours are at most `spacing_m` apart, and pieces share their common point. Skips pieces
-    with values that are not finite, as the message may be from any sender.
+    Both ends are included. Neighbours are at most `spacing_m` apart, and pieces share their common
+    point. Skips pieces with values that are not finite, as the message may be from any sender.
     """
     points: list[tuple[float, float, float]] = []
     left = LONGEST_M

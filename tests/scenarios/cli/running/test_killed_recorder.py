@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.cli import launching
+from scenarios.cli import wall_clock_run
 from scenarios.cli.common_options import DisplayOptions
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.files import SUMMARY_NAME
@@ -35,14 +35,14 @@ def test_a_recorder_killed_after_its_log_was_complete_fails_nothing(
         log.write_bytes(log.read_bytes()[:-2000])
 
     def launch(*_arguments: object, **_options: object) -> RunOutcome:
-        repaired = launching._complete(log)
+        repaired = wall_clock_run._complete(log)
         reason = "recorder was killed by signal 9"
         return RunOutcome(1, reason, repaired=repaired, recorder_killed=True)
 
-    monkeypatch.setattr(launching, "launch", launch)
+    monkeypatch.setattr(wall_clock_run, "launch", launch)
     plan = LaunchPlan(scenario, (), tmp_path, (), "mine")
     display = DisplayOptions(quiet=True)
-    code = launching.launch_and_report(plan, Stop(), Supervisor(lambda _: None), display)
+    code = wall_clock_run.launch_and_report(plan, Stop(), Supervisor(lambda _: None), display)
     assert code == exit_code
     completed = '"outcome": "completed"'
     if exit_code == 0 or cut:
