@@ -28,7 +28,7 @@ MODULES = {
     "vehicles": "received_pose schedule",
     "vehicles/geometry": "arc_spline driven_path geodesy sampled_path",
     "vehicles/preview": "arc_fits curve_fit samples trace trajectory",
-    "vehicles/car": "dynamics gnss imu noise path_history path_keeping tyres",
+    "vehicles/car": "dynamics gnss imu noise outline path_history path_keeping tyres",
     "vehicles/driver": "command_limit decision follower innovation_gate intended_path leader"
     " modes own_state own_track pose_estimator situation source sources"
     " speed speed_guard watch",

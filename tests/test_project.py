@@ -131,7 +131,7 @@ ROOMS = {
     "transport/log": 2_170,
     "transport/picture": 2_240,
     "vehicles": 600,
-    "vehicles/car": 3_790,
+    "vehicles/car": 3_800,
     "vehicles/driver": 6_870,
     "vehicles/geometry": 2_130,
     "vehicles/preview": 2_340,

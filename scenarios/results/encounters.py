@@ -10,7 +10,8 @@ from itertools import pairwise
 from math import cos, hypot, inf, sin
 from typing import Literal, NamedTuple
 
-from vehicles.car.parameters import Outline, VehicleParameters
+from vehicles.car.outline import Outline
+from vehicles.car.parameters import VehicleParameters
 from vehicles.messages import TruePose
 from vehicles.schedule import SECOND
 

@@ -3,7 +3,7 @@
 Lateral motion by eqs. (1), (2) in the body's lateral speed and yaw rate, steering by the
 second-order actuation of eq. (4), position by integrating the body's velocity. World frame:
 east-north, yaw counter-clockwise from east; left is positive. SI units. This is for linear tyres;
-for saturating tyres see `brush_motion`.
+for saturating tyres see `BrushMotion`.
 
 Integration: Runge-Kutta of order 4 with a constant command, in sub-steps h with
 h * rate <= STEP_PER_RATE, where `rate` is the fastest rate of tyres and steering. Tolerance: over

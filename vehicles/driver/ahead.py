@@ -15,7 +15,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vehicles.car.parameters import Outline, VehicleParameters, outline_of
+from vehicles.car.outline import Outline, outline_of
+from vehicles.car.parameters import VehicleParameters
 from vehicles.driver.controller import GapLimits, SpacingPolicy, VehiclesAhead
 from vehicles.driver.longitudinal_laws import DAMPING, GAP_STIFFNESS, gap_acceleration
 from vehicles.driver.settings import DegradationSettings

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from scenarios.results.encounters import overlap
 from tests.made.transport.received_poses import received
-from vehicles.car.parameters import LINCOLN_MKZ, Outline, outline_of
+from vehicles.car.outline import Outline, outline_of
+from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.driver.ahead import ConvoyAhead, ConvoyMember, Lane
 from vehicles.driver.controller import GapLimits, SpacingPolicy
 from vehicles.driver.settings import DegradationSettings
