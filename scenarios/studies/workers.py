@@ -33,7 +33,7 @@ POLL_INTERVAL_S = 1.0
 CONNECT_TIMEOUT_S = 10.0
 RETRY_DELAYS_S = (0.0, 0.05, 0.5)
 """Delay before each attempt to start a worker: the fork server may not be ready."""
-PRELOADED = ("scenarios.runs.virtual", "scenarios.runs.virtual")
+PRELOADED = ("scenarios.runs.virtual",)
 """Modules that the fork server imports once for all workers."""
 
 
