@@ -133,7 +133,7 @@ ROOMS = {
     "vehicles": 600,
     "vehicles/car": 3_800,
     "vehicles/driver": 6_870,
-    "vehicles/geometry": 2_130,
+    "vehicles/geometry": 2_140,
     "vehicles/preview": 2_340,
     "vehicles/theory": 1_750,
 }

@@ -298,7 +298,7 @@ def points_along(
     """List points (east_m, north_m, yaw_rad) along arcs (Section III-A) and clothoids.
 
     Both ends are included. Neighbours are at most `spacing_m` apart, and pieces share their common
-    point. Skips pieces with values that are not finite, as the message may be from any sender.
+    point. Skips pieces whose values or turn are not finite, as the message may be from any sender.
     """
     points: list[tuple[float, float, float]] = []
     left = LONGEST_M
@@ -315,6 +315,8 @@ def points_along(
             continue
         east, north, yaw, curvature, rate, length = piece
         length = max(0.0, min(length, left))
+        if not math.isfinite(length * (abs(curvature) + abs(rate) * length)):
+            continue
         left -= length
         cos_yaw, sin_yaw = math.cos(yaw), math.sin(yaw)
         steps = max(1, math.ceil(length / spacing_m))

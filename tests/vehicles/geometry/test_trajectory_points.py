@@ -60,3 +60,9 @@ def test_a_left_bend_turns_left() -> None:
     assert east > 0.0
     assert north > 0.0
     assert yaw == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("rate", [9e307, -1.7e308])
+def test_a_piece_that_turns_without_end_is_skipped(rate: float) -> None:
+    wild = replace(one_piece(0.0, 0.0, 0.0, 0.1, 37.0), piece_curvature_rate_per_m2=(rate,))
+    assert points_along(wild, 1.0) == []
