@@ -60,6 +60,8 @@ class GpsPose(_message.Message):
     HISTORY_LATITUDE_E7DEG_FIELD_NUMBER: _builtins.int
     HISTORY_LONGITUDE_E7DEG_FIELD_NUMBER: _builtins.int
     HISTORY_AGE_CS_FIELD_NUMBER: _builtins.int
+    LEAVING_FIELD_NUMBER: _builtins.int
+    RELAYED_STOPS_AT_NS_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     measured_at_ns: _builtins.int
@@ -80,12 +82,15 @@ class GpsPose(_message.Message):
     acceleration_mps2: _builtins.float
     path_offset_m: _builtins.float
     stops_at_ns: _builtins.int
+    leaving: _builtins.bool
     @_builtins.property
     def history_latitude_e7deg(self) -> _containers.RepeatedScalarFieldContainer[_builtins.int]: ...
     @_builtins.property
     def history_longitude_e7deg(self) -> _containers.RepeatedScalarFieldContainer[_builtins.int]: ...
     @_builtins.property
     def history_age_cs(self) -> _containers.RepeatedScalarFieldContainer[_builtins.int]: ...
+    @_builtins.property
+    def relayed_stops_at_ns(self) -> _containers.RepeatedScalarFieldContainer[_builtins.int]: ...
     def __init__(
         self,
         *,
@@ -112,10 +117,12 @@ class GpsPose(_message.Message):
         history_latitude_e7deg: _abc.Iterable[_builtins.int] | None = ...,
         history_longitude_e7deg: _abc.Iterable[_builtins.int] | None = ...,
         history_age_cs: _abc.Iterable[_builtins.int] | None = ...,
+        leaving: _builtins.bool | None = ...,
+        relayed_stops_at_ns: _abc.Iterable[_builtins.int] | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_altitude_m", b"_altitude_m", "_fix", b"_fix", "_hazard", b"_hazard", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_mode", b"_mode", "_path_offset_m", b"_path_offset_m", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_stops_at_ns", b"_stops_at_ns", "_true_distance_m", b"_true_distance_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "acceleration_mps2", b"acceleration_mps2", "altitude_m", b"altitude_m", "fix", b"fix", "hazard", b"hazard", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "mode", b"mode", "path_offset_m", b"path_offset_m", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "stops_at_ns", b"stops_at_ns", "true_distance_m", b"true_distance_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_altitude_m", b"_altitude_m", "_fix", b"_fix", "_hazard", b"_hazard", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_leaving", b"_leaving", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_mode", b"_mode", "_path_offset_m", b"_path_offset_m", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_stops_at_ns", b"_stops_at_ns", "_true_distance_m", b"_true_distance_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "acceleration_mps2", b"acceleration_mps2", "altitude_m", b"altitude_m", "fix", b"fix", "hazard", b"hazard", "heading_deg", b"heading_deg", "latitude_deg", b"latitude_deg", "leaving", b"leaving", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "mode", b"mode", "path_offset_m", b"path_offset_m", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "stops_at_ns", b"stops_at_ns", "true_distance_m", b"true_distance_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_altitude_m", b"_altitude_m", "_fix", b"_fix", "_hazard", b"_hazard", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_mode", b"_mode", "_path_offset_m", b"_path_offset_m", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_stops_at_ns", b"_stops_at_ns", "_true_distance_m", b"_true_distance_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "acceleration_mps2", b"acceleration_mps2", "altitude_m", b"altitude_m", "fix", b"fix", "hazard", b"hazard", "heading_deg", b"heading_deg", "history_age_cs", b"history_age_cs", "history_latitude_e7deg", b"history_latitude_e7deg", "history_longitude_e7deg", b"history_longitude_e7deg", "latitude_deg", b"latitude_deg", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "mode", b"mode", "path_offset_m", b"path_offset_m", "position_accuracy_m", b"position_accuracy_m", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "stops_at_ns", b"stops_at_ns", "true_distance_m", b"true_distance_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_altitude_m", b"_altitude_m", "_fix", b"_fix", "_hazard", b"_hazard", "_heading_deg", b"_heading_deg", "_latitude_deg", b"_latitude_deg", "_leaving", b"_leaving", "_longitude_deg", b"_longitude_deg", "_measured_at_ns", b"_measured_at_ns", "_mode", b"_mode", "_path_offset_m", b"_path_offset_m", "_position_accuracy_m", b"_position_accuracy_m", "_sent_at_ns", b"_sent_at_ns", "_seq", b"_seq", "_speed_mps", b"_speed_mps", "_stops_at_ns", b"_stops_at_ns", "_true_distance_m", b"_true_distance_m", "_true_east_m", b"_true_east_m", "_true_north_m", b"_true_north_m", "_vehicle", b"_vehicle", "_yaw_rate_radps", b"_yaw_rate_radps", "acceleration_mps2", b"acceleration_mps2", "altitude_m", b"altitude_m", "fix", b"fix", "hazard", b"hazard", "heading_deg", b"heading_deg", "history_age_cs", b"history_age_cs", "history_latitude_e7deg", b"history_latitude_e7deg", "history_longitude_e7deg", b"history_longitude_e7deg", "latitude_deg", b"latitude_deg", "leaving", b"leaving", "longitude_deg", b"longitude_deg", "measured_at_ns", b"measured_at_ns", "mode", b"mode", "path_offset_m", b"path_offset_m", "position_accuracy_m", b"position_accuracy_m", "relayed_stops_at_ns", b"relayed_stops_at_ns", "sent_at_ns", b"sent_at_ns", "seq", b"seq", "speed_mps", b"speed_mps", "stops_at_ns", b"stops_at_ns", "true_distance_m", b"true_distance_m", "true_east_m", b"true_east_m", "true_north_m", b"true_north_m", "vehicle", b"vehicle", "yaw_rate_radps", b"yaw_rate_radps"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__acceleration_mps2: _TypeAlias = _typing.Literal["acceleration_mps2"]  # noqa: Y015
     _WhichOneofArgType__acceleration_mps2: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2"]  # noqa: Y015
@@ -129,6 +136,8 @@ class GpsPose(_message.Message):
     _WhichOneofArgType__heading_deg: _TypeAlias = _typing.Literal["_heading_deg", b"_heading_deg"]  # noqa: Y015
     _WhichOneofReturnType__latitude_deg: _TypeAlias = _typing.Literal["latitude_deg"]  # noqa: Y015
     _WhichOneofArgType__latitude_deg: _TypeAlias = _typing.Literal["_latitude_deg", b"_latitude_deg"]  # noqa: Y015
+    _WhichOneofReturnType__leaving: _TypeAlias = _typing.Literal["leaving"]  # noqa: Y015
+    _WhichOneofArgType__leaving: _TypeAlias = _typing.Literal["_leaving", b"_leaving"]  # noqa: Y015
     _WhichOneofReturnType__longitude_deg: _TypeAlias = _typing.Literal["longitude_deg"]  # noqa: Y015
     _WhichOneofArgType__longitude_deg: _TypeAlias = _typing.Literal["_longitude_deg", b"_longitude_deg"]  # noqa: Y015
     _WhichOneofReturnType__measured_at_ns: _TypeAlias = _typing.Literal["measured_at_ns"]  # noqa: Y015
@@ -169,6 +178,8 @@ class GpsPose(_message.Message):
     def WhichOneof(self, oneof_group: _WhichOneofArgType__heading_deg) -> _WhichOneofReturnType__heading_deg | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__latitude_deg) -> _WhichOneofReturnType__latitude_deg | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__leaving) -> _WhichOneofReturnType__leaving | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__longitude_deg) -> _WhichOneofReturnType__longitude_deg | None: ...
     @_typing.overload
@@ -451,6 +462,7 @@ class Tracking(_message.Message):
     OTHER_RECEIVED_RATIO_FIELD_NUMBER: _builtins.int
     OTHER_KNOWN_M_FIELD_NUMBER: _builtins.int
     OTHER_WEIGHT_RATIO_FIELD_NUMBER: _builtins.int
+    STATE_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     decided_at_ns: _builtins.int
@@ -481,6 +493,7 @@ class Tracking(_message.Message):
     measured_gap_m: _builtins.float
     measured_gap_rate_mps: _builtins.float
     other_sources: _builtins.str
+    state: _builtins.str
     @_builtins.property
     def other_age_s(self) -> _containers.RepeatedScalarFieldContainer[_builtins.float]: ...
     @_builtins.property
@@ -526,10 +539,11 @@ class Tracking(_message.Message):
         other_received_ratio: _abc.Iterable[_builtins.float] | None = ...,
         other_known_m: _abc.Iterable[_builtins.float] | None = ...,
         other_weight_ratio: _abc.Iterable[_builtins.float] | None = ...,
+        state: _builtins.str | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_blind_m", b"_blind_m", "_comfortable_stop_m", b"_comfortable_stop_m", "_curvature_per_m", b"_curvature_per_m", "_decided_at_ns", b"_decided_at_ns", "_estimated_gap_m", b"_estimated_gap_m", "_firm_stop_m", b"_firm_stop_m", "_hazard", b"_hazard", "_heading_error_rad", b"_heading_error_rad", "_known_m", b"_known_m", "_lateral_deviation_m", b"_lateral_deviation_m", "_lateral_error_m", b"_lateral_error_m", "_lead_age_s", b"_lead_age_s", "_lead_known_m", b"_lead_known_m", "_lead_period_s", b"_lead_period_s", "_lead_received_ratio", b"_lead_received_ratio", "_lead_status", b"_lead_status", "_measured_gap_m", b"_measured_gap_m", "_measured_gap_rate_mps", b"_measured_gap_rate_mps", "_mode", b"_mode", "_other_sources", b"_other_sources", "_predecessor_age_s", b"_predecessor_age_s", "_predecessor_known_m", b"_predecessor_known_m", "_predecessor_period_s", b"_predecessor_period_s", "_predecessor_received_ratio", b"_predecessor_received_ratio", "_predecessor_status", b"_predecessor_status", "_predecessor_weight_ratio", b"_predecessor_weight_ratio", "_reason", b"_reason", "_seq", b"_seq", "_vehicle", b"_vehicle", "_yaw_rate_error_radps", b"_yaw_rate_error_radps", "blind_m", b"blind_m", "comfortable_stop_m", b"comfortable_stop_m", "curvature_per_m", b"curvature_per_m", "decided_at_ns", b"decided_at_ns", "estimated_gap_m", b"estimated_gap_m", "firm_stop_m", b"firm_stop_m", "hazard", b"hazard", "heading_error_rad", b"heading_error_rad", "known_m", b"known_m", "lateral_deviation_m", b"lateral_deviation_m", "lateral_error_m", b"lateral_error_m", "lead_age_s", b"lead_age_s", "lead_known_m", b"lead_known_m", "lead_period_s", b"lead_period_s", "lead_received_ratio", b"lead_received_ratio", "lead_status", b"lead_status", "measured_gap_m", b"measured_gap_m", "measured_gap_rate_mps", b"measured_gap_rate_mps", "mode", b"mode", "other_sources", b"other_sources", "predecessor_age_s", b"predecessor_age_s", "predecessor_known_m", b"predecessor_known_m", "predecessor_period_s", b"predecessor_period_s", "predecessor_received_ratio", b"predecessor_received_ratio", "predecessor_status", b"predecessor_status", "predecessor_weight_ratio", b"predecessor_weight_ratio", "reason", b"reason", "seq", b"seq", "vehicle", b"vehicle", "yaw_rate_error_radps", b"yaw_rate_error_radps"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_blind_m", b"_blind_m", "_comfortable_stop_m", b"_comfortable_stop_m", "_curvature_per_m", b"_curvature_per_m", "_decided_at_ns", b"_decided_at_ns", "_estimated_gap_m", b"_estimated_gap_m", "_firm_stop_m", b"_firm_stop_m", "_hazard", b"_hazard", "_heading_error_rad", b"_heading_error_rad", "_known_m", b"_known_m", "_lateral_deviation_m", b"_lateral_deviation_m", "_lateral_error_m", b"_lateral_error_m", "_lead_age_s", b"_lead_age_s", "_lead_known_m", b"_lead_known_m", "_lead_period_s", b"_lead_period_s", "_lead_received_ratio", b"_lead_received_ratio", "_lead_status", b"_lead_status", "_measured_gap_m", b"_measured_gap_m", "_measured_gap_rate_mps", b"_measured_gap_rate_mps", "_mode", b"_mode", "_other_sources", b"_other_sources", "_predecessor_age_s", b"_predecessor_age_s", "_predecessor_known_m", b"_predecessor_known_m", "_predecessor_period_s", b"_predecessor_period_s", "_predecessor_received_ratio", b"_predecessor_received_ratio", "_predecessor_status", b"_predecessor_status", "_predecessor_weight_ratio", b"_predecessor_weight_ratio", "_reason", b"_reason", "_seq", b"_seq", "_state", b"_state", "_vehicle", b"_vehicle", "_yaw_rate_error_radps", b"_yaw_rate_error_radps", "blind_m", b"blind_m", "comfortable_stop_m", b"comfortable_stop_m", "curvature_per_m", b"curvature_per_m", "decided_at_ns", b"decided_at_ns", "estimated_gap_m", b"estimated_gap_m", "firm_stop_m", b"firm_stop_m", "hazard", b"hazard", "heading_error_rad", b"heading_error_rad", "known_m", b"known_m", "lateral_deviation_m", b"lateral_deviation_m", "lateral_error_m", b"lateral_error_m", "lead_age_s", b"lead_age_s", "lead_known_m", b"lead_known_m", "lead_period_s", b"lead_period_s", "lead_received_ratio", b"lead_received_ratio", "lead_status", b"lead_status", "measured_gap_m", b"measured_gap_m", "measured_gap_rate_mps", b"measured_gap_rate_mps", "mode", b"mode", "other_sources", b"other_sources", "predecessor_age_s", b"predecessor_age_s", "predecessor_known_m", b"predecessor_known_m", "predecessor_period_s", b"predecessor_period_s", "predecessor_received_ratio", b"predecessor_received_ratio", "predecessor_status", b"predecessor_status", "predecessor_weight_ratio", b"predecessor_weight_ratio", "reason", b"reason", "seq", b"seq", "state", b"state", "vehicle", b"vehicle", "yaw_rate_error_radps", b"yaw_rate_error_radps"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_blind_m", b"_blind_m", "_comfortable_stop_m", b"_comfortable_stop_m", "_curvature_per_m", b"_curvature_per_m", "_decided_at_ns", b"_decided_at_ns", "_estimated_gap_m", b"_estimated_gap_m", "_firm_stop_m", b"_firm_stop_m", "_hazard", b"_hazard", "_heading_error_rad", b"_heading_error_rad", "_known_m", b"_known_m", "_lateral_deviation_m", b"_lateral_deviation_m", "_lateral_error_m", b"_lateral_error_m", "_lead_age_s", b"_lead_age_s", "_lead_known_m", b"_lead_known_m", "_lead_period_s", b"_lead_period_s", "_lead_received_ratio", b"_lead_received_ratio", "_lead_status", b"_lead_status", "_measured_gap_m", b"_measured_gap_m", "_measured_gap_rate_mps", b"_measured_gap_rate_mps", "_mode", b"_mode", "_other_sources", b"_other_sources", "_predecessor_age_s", b"_predecessor_age_s", "_predecessor_known_m", b"_predecessor_known_m", "_predecessor_period_s", b"_predecessor_period_s", "_predecessor_received_ratio", b"_predecessor_received_ratio", "_predecessor_status", b"_predecessor_status", "_predecessor_weight_ratio", b"_predecessor_weight_ratio", "_reason", b"_reason", "_seq", b"_seq", "_vehicle", b"_vehicle", "_yaw_rate_error_radps", b"_yaw_rate_error_radps", "blind_m", b"blind_m", "comfortable_stop_m", b"comfortable_stop_m", "curvature_per_m", b"curvature_per_m", "decided_at_ns", b"decided_at_ns", "estimated_gap_m", b"estimated_gap_m", "firm_stop_m", b"firm_stop_m", "hazard", b"hazard", "heading_error_rad", b"heading_error_rad", "known_m", b"known_m", "lateral_deviation_m", b"lateral_deviation_m", "lateral_error_m", b"lateral_error_m", "lead_age_s", b"lead_age_s", "lead_known_m", b"lead_known_m", "lead_period_s", b"lead_period_s", "lead_received_ratio", b"lead_received_ratio", "lead_status", b"lead_status", "measured_gap_m", b"measured_gap_m", "measured_gap_rate_mps", b"measured_gap_rate_mps", "mode", b"mode", "other_age_s", b"other_age_s", "other_known_m", b"other_known_m", "other_received_ratio", b"other_received_ratio", "other_sources", b"other_sources", "other_weight_ratio", b"other_weight_ratio", "predecessor_age_s", b"predecessor_age_s", "predecessor_known_m", b"predecessor_known_m", "predecessor_period_s", b"predecessor_period_s", "predecessor_received_ratio", b"predecessor_received_ratio", "predecessor_status", b"predecessor_status", "predecessor_weight_ratio", b"predecessor_weight_ratio", "reason", b"reason", "seq", b"seq", "vehicle", b"vehicle", "yaw_rate_error_radps", b"yaw_rate_error_radps"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_blind_m", b"_blind_m", "_comfortable_stop_m", b"_comfortable_stop_m", "_curvature_per_m", b"_curvature_per_m", "_decided_at_ns", b"_decided_at_ns", "_estimated_gap_m", b"_estimated_gap_m", "_firm_stop_m", b"_firm_stop_m", "_hazard", b"_hazard", "_heading_error_rad", b"_heading_error_rad", "_known_m", b"_known_m", "_lateral_deviation_m", b"_lateral_deviation_m", "_lateral_error_m", b"_lateral_error_m", "_lead_age_s", b"_lead_age_s", "_lead_known_m", b"_lead_known_m", "_lead_period_s", b"_lead_period_s", "_lead_received_ratio", b"_lead_received_ratio", "_lead_status", b"_lead_status", "_measured_gap_m", b"_measured_gap_m", "_measured_gap_rate_mps", b"_measured_gap_rate_mps", "_mode", b"_mode", "_other_sources", b"_other_sources", "_predecessor_age_s", b"_predecessor_age_s", "_predecessor_known_m", b"_predecessor_known_m", "_predecessor_period_s", b"_predecessor_period_s", "_predecessor_received_ratio", b"_predecessor_received_ratio", "_predecessor_status", b"_predecessor_status", "_predecessor_weight_ratio", b"_predecessor_weight_ratio", "_reason", b"_reason", "_seq", b"_seq", "_state", b"_state", "_vehicle", b"_vehicle", "_yaw_rate_error_radps", b"_yaw_rate_error_radps", "blind_m", b"blind_m", "comfortable_stop_m", b"comfortable_stop_m", "curvature_per_m", b"curvature_per_m", "decided_at_ns", b"decided_at_ns", "estimated_gap_m", b"estimated_gap_m", "firm_stop_m", b"firm_stop_m", "hazard", b"hazard", "heading_error_rad", b"heading_error_rad", "known_m", b"known_m", "lateral_deviation_m", b"lateral_deviation_m", "lateral_error_m", b"lateral_error_m", "lead_age_s", b"lead_age_s", "lead_known_m", b"lead_known_m", "lead_period_s", b"lead_period_s", "lead_received_ratio", b"lead_received_ratio", "lead_status", b"lead_status", "measured_gap_m", b"measured_gap_m", "measured_gap_rate_mps", b"measured_gap_rate_mps", "mode", b"mode", "other_age_s", b"other_age_s", "other_known_m", b"other_known_m", "other_received_ratio", b"other_received_ratio", "other_sources", b"other_sources", "other_weight_ratio", b"other_weight_ratio", "predecessor_age_s", b"predecessor_age_s", "predecessor_known_m", b"predecessor_known_m", "predecessor_period_s", b"predecessor_period_s", "predecessor_received_ratio", b"predecessor_received_ratio", "predecessor_status", b"predecessor_status", "predecessor_weight_ratio", b"predecessor_weight_ratio", "reason", b"reason", "seq", b"seq", "state", b"state", "vehicle", b"vehicle", "yaw_rate_error_radps", b"yaw_rate_error_radps"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__blind_m: _TypeAlias = _typing.Literal["blind_m"]  # noqa: Y015
     _WhichOneofArgType__blind_m: _TypeAlias = _typing.Literal["_blind_m", b"_blind_m"]  # noqa: Y015
@@ -587,6 +601,8 @@ class Tracking(_message.Message):
     _WhichOneofArgType__reason: _TypeAlias = _typing.Literal["_reason", b"_reason"]  # noqa: Y015
     _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
     _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
+    _WhichOneofReturnType__state: _TypeAlias = _typing.Literal["state"]  # noqa: Y015
+    _WhichOneofArgType__state: _TypeAlias = _typing.Literal["_state", b"_state"]  # noqa: Y015
     _WhichOneofReturnType__vehicle: _TypeAlias = _typing.Literal["vehicle"]  # noqa: Y015
     _WhichOneofArgType__vehicle: _TypeAlias = _typing.Literal["_vehicle", b"_vehicle"]  # noqa: Y015
     _WhichOneofReturnType__yaw_rate_error_radps: _TypeAlias = _typing.Literal["yaw_rate_error_radps"]  # noqa: Y015
@@ -648,6 +664,8 @@ class Tracking(_message.Message):
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
     @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__state) -> _WhichOneofReturnType__state | None: ...
+    @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__vehicle) -> _WhichOneofReturnType__vehicle | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__yaw_rate_error_radps) -> _WhichOneofReturnType__yaw_rate_error_radps | None: ...
@@ -666,6 +684,8 @@ class Command(_message.Message):
     FEEDBACK_RAD_FIELD_NUMBER: _builtins.int
     ACCELERATION_MPS2_FIELD_NUMBER: _builtins.int
     TARGET_SPEED_MPS_FIELD_NUMBER: _builtins.int
+    LAW_ACCELERATION_MPS2_FIELD_NUMBER: _builtins.int
+    OVERRIDE_FIELD_NUMBER: _builtins.int
     vehicle: _builtins.str
     seq: _builtins.int
     decided_at_ns: _builtins.int
@@ -674,6 +694,8 @@ class Command(_message.Message):
     feedback_rad: _builtins.float
     acceleration_mps2: _builtins.float
     target_speed_mps: _builtins.float
+    law_acceleration_mps2: _builtins.float
+    override: _builtins.str
     def __init__(
         self,
         *,
@@ -685,10 +707,12 @@ class Command(_message.Message):
         feedback_rad: _builtins.float | None = ...,
         acceleration_mps2: _builtins.float | None = ...,
         target_speed_mps: _builtins.float | None = ...,
+        law_acceleration_mps2: _builtins.float | None = ...,
+        override: _builtins.str | None = ...,
     ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_decided_at_ns", b"_decided_at_ns", "_feedback_rad", b"_feedback_rad", "_feedforward_rad", b"_feedforward_rad", "_seq", b"_seq", "_steering_rad", b"_steering_rad", "_target_speed_mps", b"_target_speed_mps", "_vehicle", b"_vehicle", "acceleration_mps2", b"acceleration_mps2", "decided_at_ns", b"decided_at_ns", "feedback_rad", b"feedback_rad", "feedforward_rad", b"feedforward_rad", "seq", b"seq", "steering_rad", b"steering_rad", "target_speed_mps", b"target_speed_mps", "vehicle", b"vehicle"]  # noqa: Y015
+    _HasFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_decided_at_ns", b"_decided_at_ns", "_feedback_rad", b"_feedback_rad", "_feedforward_rad", b"_feedforward_rad", "_law_acceleration_mps2", b"_law_acceleration_mps2", "_override", b"_override", "_seq", b"_seq", "_steering_rad", b"_steering_rad", "_target_speed_mps", b"_target_speed_mps", "_vehicle", b"_vehicle", "acceleration_mps2", b"acceleration_mps2", "decided_at_ns", b"decided_at_ns", "feedback_rad", b"feedback_rad", "feedforward_rad", b"feedforward_rad", "law_acceleration_mps2", b"law_acceleration_mps2", "override", b"override", "seq", b"seq", "steering_rad", b"steering_rad", "target_speed_mps", b"target_speed_mps", "vehicle", b"vehicle"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_decided_at_ns", b"_decided_at_ns", "_feedback_rad", b"_feedback_rad", "_feedforward_rad", b"_feedforward_rad", "_seq", b"_seq", "_steering_rad", b"_steering_rad", "_target_speed_mps", b"_target_speed_mps", "_vehicle", b"_vehicle", "acceleration_mps2", b"acceleration_mps2", "decided_at_ns", b"decided_at_ns", "feedback_rad", b"feedback_rad", "feedforward_rad", b"feedforward_rad", "seq", b"seq", "steering_rad", b"steering_rad", "target_speed_mps", b"target_speed_mps", "vehicle", b"vehicle"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2", "_decided_at_ns", b"_decided_at_ns", "_feedback_rad", b"_feedback_rad", "_feedforward_rad", b"_feedforward_rad", "_law_acceleration_mps2", b"_law_acceleration_mps2", "_override", b"_override", "_seq", b"_seq", "_steering_rad", b"_steering_rad", "_target_speed_mps", b"_target_speed_mps", "_vehicle", b"_vehicle", "acceleration_mps2", b"acceleration_mps2", "decided_at_ns", b"decided_at_ns", "feedback_rad", b"feedback_rad", "feedforward_rad", b"feedforward_rad", "law_acceleration_mps2", b"law_acceleration_mps2", "override", b"override", "seq", b"seq", "steering_rad", b"steering_rad", "target_speed_mps", b"target_speed_mps", "vehicle", b"vehicle"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType__acceleration_mps2: _TypeAlias = _typing.Literal["acceleration_mps2"]  # noqa: Y015
     _WhichOneofArgType__acceleration_mps2: _TypeAlias = _typing.Literal["_acceleration_mps2", b"_acceleration_mps2"]  # noqa: Y015
@@ -698,6 +722,10 @@ class Command(_message.Message):
     _WhichOneofArgType__feedback_rad: _TypeAlias = _typing.Literal["_feedback_rad", b"_feedback_rad"]  # noqa: Y015
     _WhichOneofReturnType__feedforward_rad: _TypeAlias = _typing.Literal["feedforward_rad"]  # noqa: Y015
     _WhichOneofArgType__feedforward_rad: _TypeAlias = _typing.Literal["_feedforward_rad", b"_feedforward_rad"]  # noqa: Y015
+    _WhichOneofReturnType__law_acceleration_mps2: _TypeAlias = _typing.Literal["law_acceleration_mps2"]  # noqa: Y015
+    _WhichOneofArgType__law_acceleration_mps2: _TypeAlias = _typing.Literal["_law_acceleration_mps2", b"_law_acceleration_mps2"]  # noqa: Y015
+    _WhichOneofReturnType__override: _TypeAlias = _typing.Literal["override"]  # noqa: Y015
+    _WhichOneofArgType__override: _TypeAlias = _typing.Literal["_override", b"_override"]  # noqa: Y015
     _WhichOneofReturnType__seq: _TypeAlias = _typing.Literal["seq"]  # noqa: Y015
     _WhichOneofArgType__seq: _TypeAlias = _typing.Literal["_seq", b"_seq"]  # noqa: Y015
     _WhichOneofReturnType__steering_rad: _TypeAlias = _typing.Literal["steering_rad"]  # noqa: Y015
@@ -714,6 +742,10 @@ class Command(_message.Message):
     def WhichOneof(self, oneof_group: _WhichOneofArgType__feedback_rad) -> _WhichOneofReturnType__feedback_rad | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__feedforward_rad) -> _WhichOneofReturnType__feedforward_rad | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__law_acceleration_mps2) -> _WhichOneofReturnType__law_acceleration_mps2 | None: ...
+    @_typing.overload
+    def WhichOneof(self, oneof_group: _WhichOneofArgType__override) -> _WhichOneofReturnType__override | None: ...
     @_typing.overload
     def WhichOneof(self, oneof_group: _WhichOneofArgType__seq) -> _WhichOneofReturnType__seq | None: ...
     @_typing.overload

@@ -37,6 +37,34 @@ MODES: dict[Mode, str] = {
     "straight": "straight ahead until the first poses give a trajectory",
 }
 
+State = Literal["", "start", "follow", "alone", "return", "stop"]
+"""State of a follower that reacts to missing messages (`vehicles.driver.modes`); empty for others.
+"""
+
+Override = Literal[
+    "",
+    "contact",
+    "announced stop",
+    "known path",
+    "alone",
+    "return",
+    "catch-up",
+    "unproven",
+    "position",
+]
+OVERRIDES: dict[Override, str] = {
+    "": "the longitudinal law acts",
+    "contact": "brakes for the vehicle ahead, as received or measured",
+    "announced stop": "brakes for a stop that the silent predecessor announced",
+    "known path": "slows down or stops within the known path",
+    "alone": "without the predecessor: drives as the lead does, or by the gap sensor",
+    "return": "slowly back to its path, or not yet faster after a silence",
+    "catch-up": "not faster than the lead's speed times speed.catch_up_ratio",
+    "unproven": "brakes more mildly than the law, as nothing received or measured requires more",
+    "position": "drives slower as its own position is uncertain",
+}
+"""Reasons why the acceleration of a follower is not that of its longitudinal law."""
+
 SourceStatus = Literal["unheard", "fresh", "late", "lost", "distrusted", "probation", "unused"]
 """Status of a source at its follower: no message yet; messages as expected; messages overdue; none
 for too long; poses rejected as implausible; poses accepted again, but not used yet; not received by
@@ -60,6 +88,8 @@ class Announcement(NamedTuple):
     acceleration_mps2: float = 0.0
     path_offset_m: float = float("nan")
     stops_at_ns: int = 0
+    leaving: bool = False
+    relayed_stops_at_ns: tuple[int, ...] = ()
 
 
 NO_ANNOUNCEMENT = Announcement()
@@ -80,8 +110,10 @@ class GpsPose:
     the vehicle is about to do. `path_offset_m` is the offset of the reported position to the left
     of the lead's path, as estimated by a follower; NaN from the lead and without an estimate.
     `stops_at_ns` is the instant from which the vehicle brakes to a stop unless it receives more
-    poses; 0 if no stop is planned. The true position of the antenna and the true distance driven
-    are for the emulated channel only; vehicles do not use them.
+    poses; 0 if no stop is planned. `leaving`: the vehicle leaves the convoy, a human drives it from
+    now on. `relayed_stops_at_ns`, from the lead only, repeats the `stops_at_ns` that it received
+    last from each follower, in their order; 0 for none. The true position of the antenna and the
+    true distance driven are for the emulated channel only; vehicles do not use them.
 
     The history is the path just driven (SAE J2735, path history): positions whose chords lie within
     5 cm of the measured ones, newest first. Each is a difference from the previous position in the
@@ -112,6 +144,8 @@ class GpsPose:
     history_latitude_e7deg: tuple[int, ...] = ()
     history_longitude_e7deg: tuple[int, ...] = ()
     history_age_cs: tuple[int, ...] = ()
+    leaving: bool = False
+    relayed_stops_at_ns: tuple[int, ...] = ()
 
 
 @dataclass(slots=True, kw_only=True)
@@ -222,6 +256,7 @@ class Tracking:
     other_received_ratio: tuple[FloatOrNan, ...] = ()
     other_known_m: tuple[FloatOrNan, ...] = ()
     other_weight_ratio: tuple[FloatOrNan, ...] = ()
+    state: State = ""
 
     def statuses(self) -> dict[str, SourceStatus]:
         return statuses_in(self.other_sources)
@@ -229,7 +264,11 @@ class Tracking:
 
 @dataclass(slots=True, kw_only=True)
 class Command:
-    """Command to steering and drive."""
+    """Command to steering and drive.
+
+    `law_acceleration_mps2` is that of the longitudinal law, NaN without one, and `override` the
+    reason why `acceleration_mps2` differs from it, one of `OVERRIDES`.
+    """
 
     vehicle: str
     seq: int
@@ -239,6 +278,8 @@ class Command:
     feedback_rad: float
     acceleration_mps2: float
     target_speed_mps: float
+    law_acceleration_mps2: FloatOrNan = float("nan")
+    override: Override = ""
 
 
 @dataclass(slots=True, kw_only=True)

@@ -35,6 +35,7 @@ def messages(draw: st.DrawFn, kind: type[Message]) -> Message:
         "sample": draw(st.integers(0, 20)),
         "history": draw(st.integers(0, 23)),
         "other": draw(st.integers(0, 4)),
+        "relayed": draw(st.integers(0, 4)),
     }
     values: dict[str, Any] = {}
     for field in fields(kind):

@@ -66,6 +66,9 @@ def test_a_field_with_a_default_may_be_missing_in_a_log_only(kind: type[Message]
         parsed = PROTOBUF[kind].FromString(encode(message))
         parsed.ClearField(field.name)
         data = parsed.SerializeToString()
+        if field.name == "relayed_stops_at_ns":  # a list of its own may be empty
+            assert getattr(decode(topic, data, exact=True), field.name) == ()
+            continue
         with pytest.raises(RefusedMessageError):
             decode(topic, data, exact=True)
         is_first = field.name in {"history_latitude_e7deg", "other_age_s"}  # of its columns
@@ -146,6 +149,7 @@ MAY_BE_NAN = {
     "blind_m",
     "predecessor_weight_ratio",
     "path_offset_m",
+    "law_acceleration_mps2",
 }
 
 

@@ -56,7 +56,7 @@ def library_name() -> str:
     return " ".join(f"{part} {version(part)}" for part in parts)
 
 
-FUTURE_INSTANTS = {"stops_at_ns"}
+FUTURE_INSTANTS = {"stops_at_ns", "relayed_stops_at_ns"}
 """Fields with instants that a vehicle announces; they do not bound what was recorded."""
 
 

@@ -181,6 +181,8 @@ def to_message(
         acceleration_mps2=announcement.acceleration_mps2,
         path_offset_m=announcement.path_offset_m,
         stops_at_ns=announcement.stops_at_ns,
+        leaving=announcement.leaving,
+        relayed_stops_at_ns=announcement.relayed_stops_at_ns,
         true_east_m=true_position[0],
         true_north_m=true_position[1],
         true_distance_m=true_position[2],

@@ -70,6 +70,7 @@ class RecordedVehicle:
                 measured_at_ns=p.measured_at_ns + shift,
                 sent_at_ns=p.sent_at_ns + shift,
                 stops_at_ns=p.stops_at_ns + shift if p.stops_at_ns else 0,
+                relayed_stops_at_ns=tuple(at + shift if at else 0 for at in p.relayed_stops_at_ns),
             )
             for seq, p in enumerate(poses)
         ]
