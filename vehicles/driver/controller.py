@@ -111,7 +111,9 @@ class VehiclesAhead:
     lead_speed                m/s
     predecessor_acceleration  m/s²
     lead_acceleration         m/s²
-    curvature_ahead           maps a distance ahead (m) to the curvature of the path (1/m)
+    curvature_ahead           maps a distance ahead (m) to the curvature of the path (1/m), which is
+                              extrapolated beyond the known path
+    known                     known path ahead (m)
     bend                      squared speed (m²/s²) that the received path allows, and the distance
                               of its bend (m), if any
     own                       `OwnMotion`
@@ -133,6 +135,7 @@ class VehiclesAhead:
     measured_gap: float = nan
     measured_gap_rate: float = nan
     measured_gap_age: float = nan
+    known: float = nan
 
     def replaced(
         self, spacing: float, lead_speed: float, lead_acceleration: float
@@ -162,6 +165,7 @@ class VehiclesAhead:
             self.measured_gap,
             self.measured_gap_rate,
             self.measured_gap_age,
+            self.known,
         )
 
 

@@ -364,7 +364,7 @@ class Follower:
         back that the place of the one that left, which a human drives, stays free.
         """
         ahead = VehiclesAhead(curvature_ahead=errors.curvature_ahead, bend=self._bend(pose))
-        ahead.own = self._own
+        ahead.own, ahead.known = self._own, situation.known
         if self._measured is not None:
             measured = self._measured.at(now)
             ahead.measured_gap, ahead.measured_gap_rate, ahead.measured_gap_age = measured
@@ -422,13 +422,15 @@ class Follower:
         self._own = OwnMotion(step, command, self._own.distance + pose.speed * step, achieved)
 
     def _bend(self, pose: Pose) -> tuple[float, float] | None:
-        """Bend of the received path that allows the lowest speed now (see `BendsAhead`)."""
-        lowest: tuple[float, float] | None = None
-        for bends in self._bends.values():
-            bend = bends.allowed(pose.east, pose.north)
-            if bend is not None and (lowest is None or bend[0] < lowest[0]):
-                lowest = bend
-        return lowest
+        """Bend of the received path that allows the lowest speed now (see `BendsAhead`).
+
+        By the lead alone while it is relied on: others turn to correct errors of their own.
+        """
+        lead = self._sources.lead
+        if lead is not None and lead.name in self._bends and lead.state.status in RELIED_ON:
+            return self._bends[lead.name].allowed(pose.east, pose.north)
+        found = [bends.allowed(pose.east, pose.north) for bends in self._bends.values()]
+        return min((bend for bend in found if bend is not None), default=None)
 
 
 def blended(

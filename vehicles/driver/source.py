@@ -34,9 +34,11 @@ PERIOD_WEIGHT: Final = 0.25  # Weight of a new message in the period
 class Reception:
     """Period and losses of the messages of one source, by their sequence numbers.
 
-    `lost_after` (s) is the silence that is improbable under the usual losses. With the loss ratio p
-    and the conditional one p_c = 1 - bursts/lost, n missing messages have the probability
-    p p_c^(n-1) (Gilbert, "Capacity of a burst-noise channel", 1960).
+    `lost_after` (s) is the silence that is improbable under the usual losses: n missing messages
+    have the probability Π (l + k) / (s + k), k < n, after l of s were lost, which accounts for the
+    few messages at the start (beta-binomial distribution); if losses come in b bursts, p p_c^(n-1)
+    with p = l/s and p_c = 1 - b/l (Gilbert, "Capacity of a burst-noise channel", 1960). The longer
+    silence of both counts.
     """
 
     def __init__(self, period: float, settings: DegradationSettings) -> None:
@@ -46,7 +48,7 @@ class Reception:
         self.received_at: int | None = None
         self._measured_at = self._seq = 0
         self._sent, self._lost, self._bursts = PRIOR_SENT, PRIOR_LOST, PRIOR_BURSTS
-        self.lost_after = settings.lost_after_silence(period)
+        self.lost_after = self._improbable_silence()
 
     def add(self, now: int, measured_at: int, seq: int) -> bool:
         """Count a message received at `now`; returns whether it is the newest by its stamp."""
@@ -68,17 +70,21 @@ class Reception:
             self._sent = kept * self._sent + missed + 1.0
             self._lost = kept * self._lost + missed
             self._bursts = kept * self._bursts + (missed > 0)
-        self._set_lost_after()
+        self.lost_after = self._improbable_silence()
         return True
 
-    def _set_lost_after(self) -> None:
-        settings = self._settings
+    def _improbable_silence(self) -> float:
+        """Silence (s) that is improbable, within the bounds of the settings."""
+        settings, sent, lost = self._settings, self._sent, self._lost
         least = settings.lost_after_silence(self.period)
-        loss = max(self._lost / self._sent, LEAST_LOSS)
-        again = 1.0 - (self._bursts + 0.2) / (self._lost + 0.4)
-        again = min(max(again, 0.05), 0.95)
-        silence = self.period * (1.0 + log(IMPROBABLE / loss) / log(again))
-        self.lost_after = min(max(silence, least), max(settings.lost_after_max, least))
+        most = max(settings.lost_after_max, least)
+        missing, probability = 0, 1.0
+        while probability > IMPROBABLE and missing * self.period < most:
+            probability *= (lost + missing) / (sent + missing)
+            missing += 1
+        again = min(max(1.0 - (self._bursts + 0.2) / (lost + 0.4), 0.05), 0.95)
+        in_bursts = 1.0 + log(IMPROBABLE / max(lost / sent, LEAST_LOSS)) / log(again)
+        return min(max(self.period * max(missing, in_bursts), least), most)
 
     def share(self, silence: float) -> float:
         """Received ratio; messages that are overdue after a `silence` (s) count as lost."""

@@ -87,18 +87,23 @@ class SpeedProfile:
 
 
 def bend_acceleration(
-    speed: float, curvature_ahead: Callable[[float], float] | None, limits: GapLimits
+    speed: float,
+    curvature_ahead: Callable[[float], float] | None,
+    limits: GapLimits,
+    known: float = math.inf,
 ) -> float:
     """Largest acceleration (m/s²) of a follower in the bends of its path (m/s, 1/m).
 
     A predecessor that leaves a bend accelerates while its followers are still in it. At a distance
     s the bend allows v² <= a_lat/|κ| + 2 b s, where b is half the braking limit; an excess is
-    reduced at `BEND_RATE`.
+    reduced at `BEND_RATE`. Beyond the `known` path (m) the curvature is a guess, and no reason.
     """
     if curvature_ahead is None or limits.lateral == math.inf:
         return math.inf
     allowed = math.inf
     for time in BEND_TIMES:
+        if time * speed > known:
+            break
         bend = abs(curvature_ahead(time * speed))
         if bend > 0.0:
             squared = limits.lateral / bend + limits.deceleration * time * speed
@@ -204,7 +209,7 @@ class GapKeeping:
         limits = self._limits
         wanted = self._controller.acceleration(pose.speed, ahead)
         wanted = min(max(wanted, -limits.deceleration), limits.acceleration)
-        bend = bend_acceleration(pose.speed, ahead.curvature_ahead, limits)
+        bend = bend_acceleration(pose.speed, ahead.curvature_ahead, limits, ahead.known)
         if ahead.bend is not None:
             bend = min(bend, known_bend_acceleration(pose.speed, ahead.bend, limits))
         target = ahead.predecessor_speed
