@@ -17,6 +17,7 @@ from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import (
     CREEP_SPEED,
     GUARD_MARGIN,
+    LASTING,
     LOST,
     RELIED_ON,
     STANDSTILL,
@@ -53,11 +54,8 @@ OTHER_SPEED: Final = 1.0  # Difference (m/s) of a predecessor that does not driv
 PLAN_BRAKING: Final = 1.0  # Braking (m/s²) announced beyond the common plan
 OLD_AFTER: Final = 2.5  # Periods after which the gap sensor replaces the predecessor's pose
 OVERDUE_AFTER: Final = 1.5  # Periods after which a message of the predecessor is missing
-JOINT_BRAKING: Final = -2.5  # Announced braking (m/s²) of the lead that its followers share
-JOINT_AGE: Final = 0.1
-JOINT_TIME: Final = 0.5
-"""The lead's pose may be this (s) older than the predecessor's, which began to brake up to this
-time (s) ago."""
+JOINT_AGE: Final = 0.1  # The lead's pose may be this (s) older than the predecessor's
+FAR: Final = 5.0  # Gap error (m) from which a car is catching up
 LEAST_CLOSING: Final = 0.2  # Closing speed (m/s) from which a contact is expected
 LEAST_ROOM: Final = 0.3
 LEAST_LEFT: Final = 0.05
@@ -190,6 +188,7 @@ class SpeedGuard:
         seen = self._seen(ahead, situation, view, speed, span)
         usual = self._usual(now, pose, seen, situation, view)
         law = wanted = usual.acceleration
+        policy, least = self._car.policy, self._car.least_spacing
         override: Override = ""
         if state == "alone":
             wanted, override = min(self._alone(seen, view, speed), usual.bend), "alone"
@@ -212,7 +211,9 @@ class SpeedGuard:
                 wanted, override = acceleration, reason
         cap = self._catch_up(seen, situation, speed, span)
         if cap < wanted:
-            wanted, override = max(cap, min(wanted, -self._comfort)), "catch-up"
+            mildest = -self._comfort if view.gap + least > policy.desired(speed) + FAR else 0.0
+            limited = max(cap, min(wanted, mildest))
+            wanted, override = limited, "catch-up" if limited < wanted else override
         if state != "follow" or override in SMOOTH:
             fall = inf if override == "contact" else self._settings.emergency_jerk * span
             wanted = min(max(wanted, self._last - fall), self._last + RELEASE_JERK * span)
@@ -255,16 +256,16 @@ class SpeedGuard:
         return view
 
     def _join(self, view: _View, ahead: VehiclesAhead, situation: Situation) -> None:
-        """Let the predecessor brake with a lead that was received later, and brakes hard."""
-        lead, predecessor = situation.lead, situation.predecessor
-        if lead is predecessor or not ahead.lead_acceleration < JOINT_BRAKING:
+        """Let a predecessor whose message is missing brake with the lead, if that brakes hard."""
+        lead, predecessor, braking = situation.lead, situation.predecessor, ahead.lead_acceleration
+        if lead is predecessor or not braking < min(LASTING, predecessor.acceleration):
             return
         missing = predecessor.silence > OVERDUE_AFTER * predecessor.period
         if missing and lead.age < predecessor.age + JOINT_AGE:
-            slower = min(view.speed, ahead.lead_speed)
-            view.gap -= 0.5 * (view.speed - slower) * min(predecessor.age, JOINT_TIME)
-            view.speed = slower
-            view.acceleration = min(view.acceleration, ahead.lead_acceleration)
+            speed, achieved, age = predecessor.speed, predecessor.achieved, predecessor.age
+            motion = predicted_motion(speed, achieved, braking, age, predecessor.lag)
+            view.gap += motion.driven - predecessor.predicted().driven
+            view.speed, view.acceleration = motion.speed, motion.acceleration
 
     def _seen(
         self,

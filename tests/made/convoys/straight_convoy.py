@@ -109,7 +109,11 @@ class StraightConvoy:
         x = [-place * spacing for place in range(count)]
         v, a, u = [self.speed] * count, [0.0] * count, [0.0] * count
         shape = ticks, count
-        self.places, self.speeds, self.accelerations = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        self.places, self.speeds, self.accelerations = (
+            np.zeros(shape),
+            np.zeros(shape),
+            np.zeros(shape),
+        )
         self.overrides = [[] for _ in range(count)]
         self.states = [[] for _ in range(count)]
         pairs = [(s, r) for r in range(1, count) for s in dict.fromkeys((0, r - 1))]
@@ -199,7 +203,9 @@ class StraightConvoy:
         return Follower(
             own_state=ExactState(),
             controller=nothing,
-            speed_guard=SpeedGuard(law, self.degradation, car) if self.degrades else NoOverride(law),
+            speed_guard=SpeedGuard(law, self.degradation, car)
+            if self.degrades
+            else NoOverride(law),
             control=Cadence(SECOND, 50.0),
             lead="v1",
             predecessor=names[-1],
