@@ -352,7 +352,7 @@ class SpeedGuard:
         closing = max(speed - view.speed, 0.0)
         relative = closing * closing / (2.0 * self._room(view, closing, span))
         begun = -self._last if closing > 0.0 else 0.0
-        return max(self._comfort, 1.5 * braking + 0.5, 1.5 * relative, begun)
+        return max(self._comfort, 1.2 * braking + 0.5, 1.5 * relative, begun)
 
     def _room(self, view: _View, closing: float, span: float) -> float:
         """Distance (m) left for braking, behind the margin and after the car's own delay."""
