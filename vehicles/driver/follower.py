@@ -14,14 +14,15 @@ from typing import Final
 from vehicles.car.dynamics import Actuation, Body, achieved_acceleration
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
+from vehicles.car.noise import GnssNoise
 from vehicles.car.sensors import GapMeasurement
 from vehicles.driver.command_limit import CommandLimit, PositionLimit
 from vehicles.driver.controller import OwnMotion, SourceMotion, SpacingPolicy, VehiclesAhead
 from vehicles.driver.decision import Decision
-from vehicles.driver.innovation_gate import InnovationGate, Trust
 from vehicles.driver.intended_path import path_offset
 from vehicles.driver.modes import ModesByReach, StateMachine
 from vehicles.driver.own_state import OwnState, Pose
+from vehicles.driver.plausibility import PoseJudge
 from vehicles.driver.reactions import ReactionPolicy
 from vehicles.driver.settings import DegradationSettings, InstantDraw
 from vehicles.driver.situation import RELIED_ON, Situation
@@ -83,7 +84,7 @@ class Follower:
         reaction: ReactionPolicy,
         limit: CommandLimit | None = None,
         load: LoadWatch | None = None,
-        gates: Mapping[str, InnovationGate] | None = None,
+        noises: Mapping[str, GnssNoise] | None = None,
         bends: Mapping[str, BendsAhead] | None = None,
         drive_lag: float,
         relay: int = 0,
@@ -94,7 +95,7 @@ class Follower:
         `places` has all sources from front to back, `lateral` and `longitudinal` name those of
         either direction of control (see `Source`: 0 is the lead, k the k-th vehicle ahead).
         `periods` (s) between messages, `delays` (s) of the first message, drive `lags` (s), spacing
-        `policies` and `gates` are by source; without a gate only jumps are refused. `bends` by
+        `policies` and receiver `noises` are by source; without noise only jumps are refused. `bends` by
         source limit the speed. `least_spacing` (m) to the predecessor is that at which the bumpers
         touch. `drive_lag` (s) is the car's. The lead's message repeats the predecessor's announced
         stop at the index `relay`. `draw` has the random numbers of controllers, fusion and
@@ -118,7 +119,7 @@ class Follower:
         self._position_limit = PositionLimit(degradation)
         self._bends = bends or {}
         self._remarks: list[str] = []
-        delays, gates, lags = delays or {}, gates or {}, lags or {}
+        delays, noises, lags = delays or {}, noises or {}, lags or {}
         self._sources = Sources(
             [
                 Source(
@@ -126,7 +127,7 @@ class Follower:
                     periods[name],
                     degradation,
                     delays.get(name, 0.0),
-                    Trust(name, gates.get(name), self._remarks),
+                    self._judge(name, noises.get(name), degradation),
                     place,
                     lags.get(name, 0.0),
                 )
@@ -156,6 +157,12 @@ class Follower:
         self._own = OwnMotion()
         self._measured: GapMeasurement | None = None
         self._decision: Decision | None = None
+
+    def _judge(
+        self, name: str, noise: GnssNoise | None, settings: DegradationSettings
+    ) -> PoseJudge:
+        gate, settle = settings.gate, settings.probation
+        return PoseJudge(name, noise, gate=gate, settle=settle, remarks=self._remarks)
 
     def step(
         self,

@@ -83,13 +83,12 @@ class DegradationSettings:
     gate: Annotated[
         float,
         Setting(
-            "largest deviation of a position from the expected one, in standard deviations",
+            "largest deviation of a position or heading from the expected one, in deviations",
             unit="deviations",
             minimum=1,
             maximum=1000,
         ),
     ] = 5.0
-    heading_gate: Annotated[float, Setting("the same for headings", "deviations", 1, 1000)] = 3.0
     predecessor_path: Annotated[
         PredecessorPath,
         Setting(

@@ -6,9 +6,9 @@ SI units; instants in ns.
 from math import hypot, log
 from typing import Final
 
-from vehicles.driver.innovation_gate import REFUSED, Trust
 from vehicles.driver.intended_path import IntendedPath, is_beside
 from vehicles.driver.own_state import Pose
+from vehicles.driver.plausibility import REFUSED, PoseJudge
 from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import LOST, OFF_PATH, RELIED_ON, SourceState
 from vehicles.preview.samples import Window
@@ -124,7 +124,7 @@ class Source:
         period: float,
         settings: DegradationSettings,
         delay: float = 0.0,
-        trust: Trust | None = None,
+        judge: PoseJudge | None = None,
         place: int = 0,
         lag: float = 0.0,
     ) -> None:
@@ -143,7 +143,7 @@ class Source:
         self.bend = 0.0
         self.refusal = ""
         self.may_leave_path = self.has_left_path = False
-        self._trust = trust or Trust(name)
+        self._judge = judge or PoseJudge(name)
         self._moved = False
         self._settings = settings
         self._degrades = settings.reaction == "degrade"
@@ -162,7 +162,7 @@ class Source:
 
     def receive(self, pose: ReceivedPose) -> None:
         """Check a pose, and add it to the trace if it is accepted (Section III-A)."""
-        reason, now, state = self._trust.judge(pose), pose.received_at, self.state
+        reason, now, state = self._judge.judge(pose), pose.received_at, self.state
         if reason in REFUSED:
             self._refused_at, self.refusal = now, reason
             return
@@ -171,12 +171,12 @@ class Source:
         lost = newer and state.status in LOST
         if self.may_leave_path and last is not None and self._is_off_path(pose):
             self.has_left_path = True
-            self._moved |= self._trust.at_new_place
+            self._moved |= self._judge.at_new_place
             self.trace.record_position(pose)
         else:
             # Baselines bridge no holes: the next pose after a silence is just another sample.
             hole = (lost and self._degrades) or (newer and self.has_left_path)
-            moved = newer and (self._moved or self._trust.at_new_place)
+            moved = newer and (self._moved or self._judge.at_new_place)
             self.has_left_path &= not newer
             self._moved &= not newer
             self.trace.add(pose, after_hole=hole, at_new_place=moved)

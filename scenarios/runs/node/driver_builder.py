@@ -11,12 +11,12 @@ from scenarios.runs.node.phases import Car, VehicleContext
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.gnss_errors import stated_errors
+from vehicles.car.noise import GnssNoise
 from vehicles.driver.ahead import ConvoyAhead, ConvoyMember
 from vehicles.driver.command_limit import CommandLimit, PositionLimit
 from vehicles.driver.controller import SpacingPolicy
 from vehicles.driver.decision import Driver
 from vehicles.driver.follower import Follower
-from vehicles.driver.innovation_gate import InnovationGate
 from vehicles.driver.leader import Leader, WaitingProfile
 from vehicles.driver.own_state import ExactState, OwnState
 from vehicles.driver.pose_estimator import LatePoseEstimator, PoseEstimator
@@ -120,7 +120,7 @@ class DriverBuilder:
             reaction=reaction,
             limit=self._command_limit(context.car),
             load=load,
-            gates=self._gates(),
+            noises=self._noises(),
             bends=self._bends(),
             drive_lag=setup.assumed_parameters.drive_lag,
             draw=self._draw,
@@ -215,20 +215,11 @@ class DriverBuilder:
         ahead = [name for name in self._setup.senders if self._source_place(name) >= 0]
         return {name: BendsAhead(lateral, braking) for name in ahead}
 
-    def _gates(self) -> dict[str, InnovationGate]:
-        """Gates of the sources; baseline reactions have none."""
-        degradation = self._setup.degradation
-        if degradation.reaction != "degrade":
+    def _noises(self) -> dict[str, GnssNoise]:
+        """Noise of the sources' receivers, by which poses are judged; not by baseline reactions."""
+        if self._setup.degradation.reaction != "degrade":
             return {}
-        return {
-            name: InnovationGate(
-                self._scenario.vehicle(name).gnss.noise,
-                gate=degradation.gate,
-                heading_gate=degradation.heading_gate,
-                settle=degradation.probation,
-            )
-            for name in self._setup.senders
-        }
+        return {name: self._scenario.vehicle(name).gnss.noise for name in self._setup.senders}
 
     def _own_profile(self, start_at: int) -> ProfileSpeed:
         """The planned speed, reduced while a lead waits or is uncertain of its position."""

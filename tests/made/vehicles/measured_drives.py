@@ -15,7 +15,7 @@ from vehicles.car.gnss import Fix, GnssReceiver, to_message
 from vehicles.car.gnss_errors import ReceiverErrors
 from vehicles.car.noise import GnssNoise
 from vehicles.car.parameters import LINCOLN_MKZ, VehicleParameters
-from vehicles.driver.innovation_gate import REFUSED, Distrust, InnovationGate
+from vehicles.driver.plausibility import REFUSED, Distrust, PoseJudge
 from vehicles.messages import GpsPose
 from vehicles.received_pose import ReceivedPose, receive
 from vehicles.schedule import MILLISECOND, SECOND
@@ -127,8 +127,8 @@ class Judged:
         return self.reason in REFUSED
 
 
-def judged(fixes: Iterable[Fix | ReceivedPose], gate: InnovationGate | None = None) -> list[Judged]:
-    gate = gate or InnovationGate()
+def judged(fixes: Iterable[Fix | ReceivedPose], gate: PoseJudge | None = None) -> list[Judged]:
+    gate = gate or PoseJudge(noise=GnssNoise())
     verdicts = []
     for fix in fixes:
         pose = fix

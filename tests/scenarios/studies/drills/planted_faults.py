@@ -6,7 +6,7 @@ from math import inf
 from typing import Any
 
 from vehicles.driver.follower import Follower
-from vehicles.driver.innovation_gate import InnovationGate
+from vehicles.driver.plausibility import PoseJudge
 from vehicles.driver.own_state import Pose
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
@@ -31,7 +31,7 @@ def _wheels_straight(
     return errors, replace(wanted, steering=0.0, feedforward=0.0, feedback=0.0)
 
 
-def _trust(_gate: InnovationGate, _pose: ReceivedPose) -> str:
+def _trust(_gate: PoseJudge, _pose: ReceivedPose) -> str:
     return ""
 
 
@@ -48,7 +48,7 @@ WHEELS_STRAIGHT = Fault("vehicles.driver.follower.Follower._steer", _wheels_stra
 """A follower without data steers straight."""
 WHEELS_ASKEW = Fault("vehicles.driver.follower.Follower._steer", _wheels_askew)
 """A follower without data steers two degrees to the left of its command."""
-TRUSTS_ALL = Fault("vehicles.driver.innovation_gate.InnovationGate.judge", _trust)
+TRUSTS_ALL = Fault("vehicles.driver.plausibility.PoseJudge.judge", _trust)
 NO_LASTING_ERRORS = Fault(
     "vehicles.driver.joint_covariance.JointCovariance._active",
     lambda _joint, axis, _state: [axis],

