@@ -144,8 +144,6 @@ MAY_BE_NAN = {
     "lead_known_m",
     "predecessor_known_m",
     "known_m",
-    "comfortable_stop_m",
-    "firm_stop_m",
     "blind_m",
     "predecessor_weight_ratio",
     "path_offset_m",

@@ -113,7 +113,6 @@ class VehiclesAhead:
     lead_acceleration         m/s²
     curvature_ahead           maps a distance ahead (m) to the curvature of the path (1/m), which is
                               extrapolated beyond the known path
-    known                     known path ahead (m)
     bend                      squared speed (m²/s²) that the received path allows, and the distance
                               of its bend (m), if any
     own                       `OwnMotion`
@@ -135,38 +134,6 @@ class VehiclesAhead:
     measured_gap: float = nan
     measured_gap_rate: float = nan
     measured_gap_age: float = nan
-    known: float = nan
-
-    def replaced(
-        self, spacing: float, lead_speed: float, lead_acceleration: float
-    ) -> "VehiclesAhead":
-        """Copy with another spacing and motion of the lead; `replace` costs 1 % of a tick.
-
-        The spacings to all sources change as that to the predecessor.
-        """
-        sources, wider = self.sources, self.spacing - spacing
-        if wider:  # also NaN, without the predecessor
-            sources = {
-                name: SourceMotion(
-                    one.spacing - wider, one.speed, one.acceleration, one.age, one.relied_on
-                )
-                for name, one in sources.items()
-            }
-        return VehiclesAhead(
-            spacing,
-            self.predecessor_speed,
-            lead_speed,
-            self.predecessor_acceleration,
-            lead_acceleration,
-            self.curvature_ahead,
-            self.bend,
-            self.own,
-            sources,
-            self.measured_gap,
-            self.measured_gap_rate,
-            self.measured_gap_age,
-            self.known,
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,8 +177,8 @@ class LongitudinalController(Protocol):
     The command is limited to [speed.gap] and to bends. With `reaction = "degrade"` the follower
     overrides it where evidence requires other braking (see `Command.override`). It is not called
     before the first pose of the predecessor, or of any source if the predecessor is not received:
-    until then the car keeps its speed. A class with `needs_poses = False` is also called without poses while the
-    on-board sensor measures the gap.
+    until then the car keeps its speed. A class with `needs_poses = False` is also called without
+    poses while the on-board sensor measures the gap.
     """
 
     def acceleration(self, speed: float, ahead: VehiclesAhead) -> float:

@@ -31,8 +31,9 @@ class Decision:
     own_pose is its estimate at the control instant. `path_offset` (m, left positive) is the offset
     of the last own fix from the lead's path, NaN if unknown. `law_acceleration` (m/s²) is that of
     the longitudinal law, NaN without one, `override` why the command differs from it; `achieved`
-    (m/s²) is what the drive has reached. `leaving`: the car leaves the convoy. `fresh` is False between two control instants, where the
-    last decision is held. `fit` is the trajectory if it was refitted. `remarks`
+    (m/s²) is what the drive has reached. `leaving`: the car leaves the convoy. `fresh` is False
+    between two control instants, where the last decision is held. `fit` is the trajectory if it was
+    refitted. `remarks`
     are lines for the log.
     """
 

@@ -30,7 +30,7 @@ from vehicles.driver.slip_estimator import LoadWatch
 from vehicles.driver.source import Source
 from vehicles.driver.sources import Sources
 from vehicles.driver.speed import SpeedCommand
-from vehicles.driver.speed_guard import SpeedOverride
+from vehicles.driver.speed_guard import NoOverride, SpeedGuard
 from vehicles.driver.steering import BendsAhead, LateralController, SteeringCommand
 from vehicles.driver.tracking import OwnPath, PathBehind, Rejoining, TrackingErrors, track
 from vehicles.messages import Mode
@@ -65,7 +65,7 @@ class Follower:
         *,
         own_state: OwnState,
         controller: LateralController,
-        speed_guard: SpeedOverride,
+        speed_guard: SpeedGuard | NoOverride,
         control: Cadence,
         lead: str,
         predecessor: str,
@@ -95,8 +95,8 @@ class Follower:
         `places` has all sources from front to back, `lateral` and `longitudinal` name those of
         either direction of control (see `Source`: 0 is the lead, k the k-th vehicle ahead).
         `periods` (s) between messages, `delays` (s) of the first message, drive `lags` (s), spacing
-        `policies` and receiver `noises` are by source; without noise only jumps are refused. `bends` by
-        source limit the speed. `least_spacing` (m) to the predecessor is that at which the bumpers
+        `policies` and receiver `noises` are by source; without noise only jumps are refused.
+        `bends` by source limit the speed. `least_spacing` (m) to the predecessor is that at which the bumpers
         touch. `drive_lag` (s) is the car's. The lead's message repeats the predecessor's announced
         stop at the index `relay`. `draw` has the random numbers of controllers, fusion and
         reaction.
@@ -218,7 +218,7 @@ class Follower:
         steering = self._limit.limited(command)
         self._position_limit.observe(self._own_state.lateral_deviation)
         margin = self._position_limit.gap_margin(self._period)
-        ahead = situation.ahead = self._vehicles_ahead(now, pose, errors, situation, margin)
+        ahead = situation.ahead = self._vehicles_ahead(now, pose, errors, margin)
         self._load.record_command(steering.steering)
         situation.weights = sources.weights(self._alpha)
         situation.predecessor_weight = sources.predecessor_weight(self._alpha, situation.weights)
@@ -227,9 +227,8 @@ class Follower:
         self._speed_guard.is_slowed = self._position_limit.is_active
         situation.speed_limit = self._rejoining.speed_limit
         guarded = self._speed_guard.command(now, pose, ahead, situation)
-        usual = SpeedCommand(guarded.acceleration, guarded.target_speed)
-        speed = self._position_limit.limited(usual, pose.speed, acceleration, self._period)
-        override = guarded.override if speed is usual else "position"
+        speed = self._position_limit.limited(guarded, pose.speed, acceleration, self._period)
+        override = guarded.override if speed is guarded else "position"
         wanted = self._reaction.acceleration(situation, self._mode, pose.speed, speed.acceleration)
         if wanted != speed.acceleration:
             speed = SpeedCommand(wanted, min(speed.target_speed, pose.speed))
@@ -362,7 +361,7 @@ class Follower:
                 )
 
     def _vehicles_ahead(
-        self, now: int, pose: Pose, errors: TrackingErrors, situation: Situation, margin: float
+        self, now: int, pose: Pose, errors: TrackingErrors, margin: float
     ) -> VehiclesAhead:
         """Motion of the longitudinal sources, and of the predecessor if it is received.
 
@@ -371,7 +370,7 @@ class Follower:
         back that the place of the one that left, which a human drives, stays free.
         """
         ahead = VehiclesAhead(curvature_ahead=errors.curvature_ahead, bend=self._bend(pose))
-        ahead.own, ahead.known = self._own, situation.known
+        ahead.own = self._own
         if self._measured is not None:
             measured = self._measured.at(now)
             ahead.measured_gap, ahead.measured_gap_rate, ahead.measured_gap_age = measured

@@ -2,7 +2,6 @@
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final, Protocol
@@ -16,13 +15,13 @@ from vehicles.driver.controller import (
 )
 from vehicles.driver.longitudinal_laws import GapLaw
 from vehicles.driver.own_state import Pose
+from vehicles.messages import Override
 from vehicles.schedule import SECOND
 
 PROFILE_CORRECTION: Final = 0.5  # Acceleration per speed error when following a profile (1/s)
 CORRECTION_MAX: Final = 2.0  # Limit (m/s²) of that correction, reached for example after a restart
 BEND_RATE: Final = 2.0  # Deceleration per excess speed in a bend (1/s)
 BRAKING_BEFORE: Final = 0.5  # Driving time (s) before a bend in which braking fades out
-BEND_TIMES = (0.0, 0.4, 0.8)  # Times ahead (s) of the curvature, up to the paper's preview
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,32 +85,7 @@ class SpeedProfile:
         return self.times[-1] + (distance - driven) / last if last > 0.0 else math.inf
 
 
-def bend_acceleration(
-    speed: float,
-    curvature_ahead: Callable[[float], float] | None,
-    limits: GapLimits,
-    known: float = math.inf,
-) -> float:
-    """Largest acceleration (m/s²) of a follower in the bends of its path (m/s, 1/m).
-
-    A predecessor that leaves a bend accelerates while its followers are still in it. At a distance
-    s the bend allows v² <= a_lat/|κ| + 2 b s, where b is half the braking limit; an excess is
-    reduced at `BEND_RATE`. Beyond the `known` path (m) the curvature is a guess, and no reason.
-    """
-    if curvature_ahead is None or limits.lateral == math.inf:
-        return math.inf
-    allowed = math.inf
-    for time in BEND_TIMES:
-        if time * speed > known:
-            break
-        bend = abs(curvature_ahead(time * speed))
-        if bend > 0.0:
-            squared = limits.lateral / bend + limits.deceleration * time * speed
-            allowed = min(allowed, squared)
-    return max(BEND_RATE * (math.sqrt(allowed) - speed), -limits.deceleration)
-
-
-def known_bend_acceleration(speed: float, bend: tuple[float, float], limits: GapLimits) -> float:
+def bend_acceleration(speed: float, bend: tuple[float, float], limits: GapLimits) -> float:
     """Largest acceleration (m/s²) of a follower before and in bends of the received path.
 
     `bend` is that of `VehiclesAhead`. The allowed speed decreases at `limits.before_bends`
@@ -130,13 +104,18 @@ def known_bend_acceleration(speed: float, bend: tuple[float, float], limits: Gap
 class SpeedCommand:
     """Acceleration (m/s²), dv_x/dt of Section IV-A, and target speed (m/s).
 
-    `bend` is the largest acceleration that bends permit, `unbent` the one wanted without them.
+    `bend` is the largest acceleration that bends permit, `unbent` the one wanted without them. Of a
+    follower, `law` is the acceleration of its longitudinal law, `override` why it was replaced, and
+    `evidence` says so in words and figures.
     """
 
     acceleration: float
     target_speed: float
     bend: float = math.inf
     unbent: float = 0.0
+    law: float = math.nan
+    override: Override = ""
+    evidence: str = ""
 
 
 class SpeedLaw(Protocol):
@@ -180,7 +159,7 @@ class ProfileSpeed:
         wanted = (next_speed - speed) / self._period + profile_correction(speed, pose.speed)
         if self._limits is None or ahead.bend is None:
             return SpeedCommand(wanted, next_speed, math.inf, wanted)
-        bend = known_bend_acceleration(pose.speed, ahead.bend, self._limits)
+        bend = bend_acceleration(pose.speed, ahead.bend, self._limits)
         return SpeedCommand(min(wanted, bend), next_speed, bend, wanted)
 
 
@@ -209,9 +188,9 @@ class GapKeeping:
         limits = self._limits
         wanted = self._controller.acceleration(pose.speed, ahead)
         wanted = min(max(wanted, -limits.deceleration), limits.acceleration)
-        bend = bend_acceleration(pose.speed, ahead.curvature_ahead, limits, ahead.known)
+        bend = math.inf
         if ahead.bend is not None:
-            bend = min(bend, known_bend_acceleration(pose.speed, ahead.bend, limits))
+            bend = bend_acceleration(pose.speed, ahead.bend, limits)
         target = ahead.predecessor_speed
         target = pose.speed if math.isnan(target) else target
         return SpeedCommand(min(wanted, bend), target, bend, wanted)

@@ -6,9 +6,9 @@ measured, an announced stop, the end of the known path, or the silence of a sour
 losses do not explain (see `source.Reception`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite, isnan, nan, sqrt
-from typing import Final, Protocol
+from typing import Final
 
 from vehicles.driver.controller import GapLimits, SpacingPolicy, VehiclesAhead
 from vehicles.driver.longitudinal_laws import STABLE_HEADWAY
@@ -68,34 +68,6 @@ IN_PACE: Final = 0.3
 speed (m/s) at which it resumes it."""
 
 
-@dataclass(slots=True)
-class GuardedCommand:
-    """Acceleration (m/s²) and target speed (m/s), and what they replace.
-
-    `law` (m/s²) is the acceleration of the longitudinal law, `override` names why it was replaced,
-    with the `evidence` in words and figures.
-    """
-
-    acceleration: float
-    target_speed: float
-    law: float = nan
-    override: Override = ""
-    evidence: str = ""
-
-
-class SpeedOverride(Protocol):
-    """Decides on the speed of a follower, given its law."""
-
-    is_slowed: bool
-    """Whether the car falls back for another reason, and has to catch up."""
-
-    def command(
-        self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation
-    ) -> GuardedCommand:
-        """Command at `now` (ns), once per control instant."""
-        ...
-
-
 class NoOverride:
     """Leaves the speed law of a follower as it is, whatever is received."""
 
@@ -105,9 +77,10 @@ class NoOverride:
 
     def command(
         self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation
-    ) -> GuardedCommand:
+    ) -> SpeedCommand:
         usual = self._law.command(now, pose, ahead)
-        return GuardedCommand(usual.acceleration, usual.target_speed, usual.acceleration)
+        usual.law = usual.acceleration
+        return usual
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,7 +152,7 @@ class SpeedGuard:
 
     def command(
         self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation
-    ) -> GuardedCommand:
+    ) -> SpeedCommand:
         span = 0.0 if self._at is None else (now - self._at) / SECOND
         self._at = now
         speed, state = pose.speed, situation.state
@@ -218,11 +191,12 @@ class SpeedGuard:
             fall = inf if override == "contact" else self._settings.emergency_jerk * span
             wanted = min(max(wanted, self._last - fall), self._last + RELEASE_JERK * span)
         self._last = wanted
-        if wanted == law:
-            return GuardedCommand(law, usual.target_speed, law)
-        override = override or BY_STATE[state]
-        words = self._words(override, view, situation, needed)
-        return GuardedCommand(wanted, min(usual.target_speed, speed), law, override, words)
+        usual.law, usual.acceleration = law, wanted
+        if wanted != law:
+            usual.override = override or BY_STATE[state]
+            usual.evidence = self._words(usual.override, view, situation, needed)
+            usual.target_speed = min(usual.target_speed, speed)
+        return usual
 
     # ---- The vehicle ahead, and what the law sees
 
@@ -293,10 +267,14 @@ class SpeedGuard:
             and not lost
         ):
             return ahead
-        lead_acceleration = nan if lost else ahead.lead_acceleration
-        seen = ahead.replaced(spacing, lead_speed, lead_acceleration)
-        seen.predecessor_speed, seen.predecessor_acceleration = view.speed, view.acceleration
-        return seen
+        return replace(
+            ahead,
+            spacing=spacing,
+            predecessor_speed=view.speed,
+            predecessor_acceleration=view.acceleration,
+            lead_speed=lead_speed,
+            lead_acceleration=nan if lost else ahead.lead_acceleration,
+        )
 
     def _usual(
         self, now: int, pose: Pose, seen: VehiclesAhead, situation: Situation, view: _View

@@ -23,7 +23,7 @@ from vehicles.driver.pose_estimator import LatePoseEstimator, PoseEstimator
 from vehicles.driver.reactions import ReactionPolicy
 from vehicles.driver.slip_estimator import LoadWatch, ParameterUser, SlipEstimator
 from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw
-from vehicles.driver.speed_guard import GuardedCar, NoOverride, SpeedGuard, SpeedOverride
+from vehicles.driver.speed_guard import GuardedCar, NoOverride, SpeedGuard
 from vehicles.driver.steering import BendsAhead
 from vehicles.driver.watch import ConvoyBehind, ConvoyWatch
 from vehicles.geometry.geodesy import wrap_angle
@@ -263,7 +263,7 @@ class DriverBuilder:
             policies[name] = SpacingPolicy(standstill, headway)
         return policies
 
-    def _speed_guard(self, law: SpeedLaw) -> SpeedOverride:
+    def _speed_guard(self, law: SpeedLaw) -> SpeedGuard | NoOverride:
         """What overrides `law` while messages are missing; nothing with a baseline reaction."""
         scenario, setup = self._scenario, self._setup
         if setup.degradation.reaction != "degrade":

@@ -6,16 +6,21 @@ link, independently or in bursts (Gilbert).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from math import exp, inf
+from dataclasses import dataclass, field, replace
+from math import exp
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vehicles.car.dynamics import Body
-from vehicles.car.parameters import LINCOLN_MKZ, VehicleParameters
+from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.sensors import GapMeasurement
-from vehicles.driver.controller import GapLimits, LongitudinalSetup, SpacingPolicy
+from vehicles.driver.controller import (
+    GapLimits,
+    LongitudinalController,
+    LongitudinalSetup,
+    SpacingPolicy,
+)
 from vehicles.driver.follower import Follower
 from vehicles.driver.longitudinal_laws import (
     Acc,
@@ -75,7 +80,7 @@ class StraightConvoy:
     """`count` cars at `speed` (m/s), the lead driven by `lead`; SI units.
 
     `law` is "same" (a common speed), "gap" or one of Plexe's, with a `standstill` gap and a
-    `headway`. Of each link `loss` of the messages are lost, in bursts of mean length `burst`;
+    `headway`; a `controller` replaces it. Of each link `loss` of the messages are lost, in bursts of mean length `burst`;
     delays up to `jitter` (s) keep the order. After `run`, arrays of (instants, cars): `places`,
     `speeds`, `accelerations` (commanded), and `overrides`, a list for each car.
     """
@@ -97,6 +102,7 @@ class StraightConvoy:
     degrades: bool = True
     limits: GapLimits = GapLimits()
     degradation: DegradationSettings = DegradationSettings()
+    controller: LongitudinalController | None = None
     overrides: list[list[str]] = field(default_factory=list)
     states: list[list[str]] = field(default_factory=list)
 
@@ -227,6 +233,8 @@ class StraightConvoy:
         )
 
     def _law(self, policy: SpacingPolicy, predecessor: str) -> SpeedLaw:
+        if self.controller is not None:
+            return GapKeeping(policy, self.limits, self.controller)
         if self.law == "same":
             return ProfileSpeed(SpeedProfile((0.0,), (self.speed,)), SECOND, STEP)
         if self.law == "gap":
@@ -236,7 +244,7 @@ class StraightConvoy:
             self.limits,
             LENGTH,
             STEP,
-            parameters=_with_lag(self.lag),
+            parameters=replace(LINCOLN_MKZ, drive_lag=self.lag),
             lead="v1",
             predecessor=predecessor,
         )
@@ -260,12 +268,6 @@ class StraightConvoy:
     def hardest(self, since: float = 0.0) -> Floats:
         """Hardest commanded braking (m/s²) of each follower."""
         return -self.accelerations[round(since / STEP) :, 1:].min(axis=0)
-
-
-def _with_lag(lag: float) -> VehicleParameters:
-    from dataclasses import replace
-
-    return replace(LINCOLN_MKZ, drive_lag=lag)
 
 
 def _message(
@@ -300,6 +302,3 @@ def _message(
 
 def _pose(message: GpsPose, now: int, east: float, speed: float) -> ReceivedPose:
     return ReceivedPose(message, now, message.measured_at_ns, east, 0.0, 0.0, speed, 0.0, 0.02)
-
-
-NEVER = inf

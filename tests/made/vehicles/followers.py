@@ -14,7 +14,7 @@ from vehicles.driver.follower import Follower
 from vehicles.driver.pose_estimator import PoseEstimator
 from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.speed import ProfileSpeed, SpeedLaw, SpeedProfile
-from vehicles.driver.speed_guard import GuardedCar
+from vehicles.driver.speed_guard import GuardedCar, NoOverride, SpeedGuard
 from vehicles.driver.steering import SlipCompensated
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.messages import GpsPose
@@ -26,6 +26,13 @@ STRAIGHT = path_from_segments([Segment(600.0, 0.0)])
 BEND = path_from_segments([Segment(60.0, 0.0), Segment(500.0, 1 / 100)])
 SPACING = 15.0
 EXTRAPOLATES = DegradationSettings(reaction="extrapolate")
+GUARDED = GuardedCar(
+    least_spacing=CAR.length,
+    friction=CAR.friction,
+    policy=SpacingPolicy(SPACING),
+    limits=GapLimits(),
+    initial_spacing=SPACING,
+)
 Spans = Sequence[tuple[float, float]]
 ALWAYS: Spans = ((0.0, math.inf),)
 
@@ -51,18 +58,9 @@ def follower(
     return Follower(
         own_state=PoseEstimator(CAR),
         controller=SlipCompensated(CAR),
-        speed_guard=REACTION_OF[degradation.reaction].guard(
-            law,
-            degradation,
-            GuardedCar(
-                least_spacing=CAR.length,
-                friction=CAR.friction,
-                policy=SpacingPolicy(SPACING),
-                limits=GapLimits(),
-                initial_spacing=SPACING,
-                period=1.0 / GNSS_HZ,
-            ),
-        ),
+        speed_guard=SpeedGuard(law, degradation, GUARDED)
+        if degradation.reaction == "degrade"
+        else NoOverride(law),
         control=Cadence(START, CONTROL_HZ),
         lead=lead,
         predecessor=predecessor,

@@ -38,13 +38,13 @@ def story() -> Iterator[Message]:
         for place, name in enumerate(VEHICLES):
             yield truth(name, seq, 0.6 * seq - 15.0 * place, 0.0)
         yield tracking("v1", seq, mode="path")
-        yield tracking("v2", seq, mode="lead", known_m=nan, comfortable_stop_m=nan, firm_stop_m=nan)
+        yield tracking("v2", seq, mode="lead", known_m=nan, blind_m=nan)
         mode = "composite" if seq < 40 else "coast" if seq < 50 else "stop"
         status = "fresh" if seq < 24 else "late" if seq < 40 else "lost"
         yield tracking(
             "v3", seq, mode=mode, hazard=mode == "stop", known_m=known(seq),
-            lead_status=status, predecessor_status=status, firm_stop_m=90.0 - seq,
-            comfortable_stop_m=220.0 - seq, lead_received_ratio=0.75,
+            lead_status=status, predecessor_status=status, blind_m=90.0 - seq,
+            lead_received_ratio=0.75,
             predecessor_received_ratio=nan, predecessor_weight_ratio=0.25,
         )  # fmt: skip
         if seq == 20:
@@ -74,13 +74,12 @@ def states(table: Table, entity: str) -> list[tuple[float, str]]:
     return [(when / 1e9, state[0]) for when, state in pairs if state]
 
 
-def test_known_path_and_stopping_distances_are_curves(drawn: Table) -> None:
+def test_known_path_and_blind_distance_are_curves(drawn: Table) -> None:
     curve_known = curve(drawn, "closing/v3/known")
     assert set(curve_known) == set(range(0, TICKS, 2))
     assert curve_known == pytest.approx({seq: known(seq) for seq in curve_known})
-    firm = curve(drawn, "closing/v3/firm_stop")
-    assert firm == pytest.approx({seq: 90.0 - seq for seq in firm})
-    assert curve(drawn, "closing/v3/comfortable_stop")[10] == pytest.approx(210.0)
+    blind = curve(drawn, "closing/v3/blind")
+    assert blind == pytest.approx({seq: 90.0 - seq for seq in blind})
     for series in PANELS["closing"].series:
         names = drawn[f"/plots/closing/v3/{series.name}"]["SeriesLines:names"][0]
         assert names == [series.label]

@@ -3,7 +3,7 @@ import numpy as np
 from tests.made.vehicles.decision_messages import log_messages
 from vehicles.car.dynamics import Actuation
 from vehicles.driver.decision import Decision
-from vehicles.driver.situation import Situation, SourceFreshness
+from vehicles.driver.situation import Situation, SourceState
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.geometry.arc_spline import ArcSpline, Piece
@@ -35,15 +35,11 @@ DECISION = Decision(
     measured_gap_rate=0.3,
     path_offset=-0.12,
     situation=Situation(
-        lead=SourceFreshness(
-            status="late", age=0.07, silence=0.05, period=0.05, share=0.9, known=28.0
-        ),
-        predecessor=SourceFreshness(
+        lead=SourceState(status="late", age=0.07, silence=0.05, period=0.05, share=0.9, known=28.0),
+        predecessor=SourceState(
             status="fresh", age=0.02, silence=0.01, period=0.1, share=1.0, known=13.0
         ),
         known=28.0,
-        comfortable_stop=250.0,
-        firm_stop=90.0,
         blind=4.0,
         predecessor_weight=0.6,
         hazard=True,
@@ -78,8 +74,6 @@ def test_a_decision_logs_tracking_and_command() -> None:
         lead_status="late",
         predecessor_status="fresh",
         known_m=28.0,
-        comfortable_stop_m=250.0,
-        firm_stop_m=90.0,
         blind_m=4.0,
         predecessor_weight_ratio=0.6,
         hazard=True,

@@ -20,7 +20,7 @@ from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.tyres import tyre_use
 from vehicles.driver.decision import Decision
-from vehicles.driver.situation import Situation, SourceFreshness
+from vehicles.driver.situation import Situation, SourceState
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.geometry.arc_spline import ArcSpline, Piece
@@ -56,15 +56,13 @@ DECISION = Decision(
     measured_gap=13.9,
     measured_gap_rate=-0.4,
     situation=Situation(
-        lead=SourceFreshness(
+        lead=SourceState(
             status="fresh", age=0.02, silence=0.01, period=0.05, share=1.0, known=28.0
         ),
-        predecessor=SourceFreshness(
+        predecessor=SourceState(
             status="late", age=0.04, silence=0.03, period=0.05, share=0.9, known=12.0
         ),
         known=28.0,
-        comfortable_stop=120.0,
-        firm_stop=50.0,
         blind=0.0,
         predecessor_weight=0.5,
     ),
