@@ -39,6 +39,7 @@ from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw, SpeedProfi
 from vehicles.driver.speed_guard import GuardedCar, NoOverride, SpeedGuard
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
+from vehicles.geometry.sampled_path import Place
 from vehicles.messages import Announcement, GpsPose
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.fusion import Trajectories
@@ -50,6 +51,7 @@ Floats = NDArray[np.float64]
 TICK, LATENCY = 20 * MILLISECOND, 20 * MILLISECOND
 STEP = TICK / SECOND
 LENGTH = LINCOLN_MKZ.length
+HISTORY_STEPS = 20  # Positions of a path history, half a second apart
 Lead = Callable[[float, float], float]
 """Commanded acceleration (m/s²) of the lead at a time (s) and its speed (m/s)."""
 
@@ -80,9 +82,10 @@ class StraightConvoy:
     """`count` cars at `speed` (m/s), the lead driven by `lead`; SI units.
 
     `law` is "same" (a common speed), "gap" or one of Plexe's, with a `standstill` gap and a
-    `headway`; a `controller` replaces it. Of each link `loss` of the messages are lost, in bursts of mean length `burst`;
-    delays up to `jitter` (s) keep the order. After `run`, arrays of (instants, cars): `places`,
-    `speeds`, `accelerations` (commanded), and `overrides`, a list for each car.
+    `headway`; a `controller` replaces it. Of each link `loss` of the messages are lost, in bursts
+    of mean length `burst`; delays up to `jitter` (s) keep the order. After `run`, arrays of
+    (instants, cars): `places`, `speeds`, `accelerations` (commanded), and lists of `overrides` and
+    `states` for each car.
     """
 
     count: int = 8
@@ -100,8 +103,8 @@ class StraightConvoy:
     cuts: Sequence[Cut] = ()
     sensor: bool = False
     degrades: bool = True
-    limits: GapLimits = GapLimits()
-    degradation: DegradationSettings = DegradationSettings()
+    limits: GapLimits = field(default_factory=GapLimits)
+    degradation: DegradationSettings = field(default_factory=DegradationSettings)
     controller: LongitudinalController | None = None
     overrides: list[list[str]] = field(default_factory=list)
     states: list[list[str]] = field(default_factory=list)
@@ -300,5 +303,15 @@ def _message(
     )
 
 
+class _StraightPose(ReceivedPose):
+    """A pose with the path history of a car on the straight."""
+
+    def path_history(self) -> list[Place]:
+        steps = range(HISTORY_STEPS, 0, -1)
+        times = [self.measured_at - step * SECOND // 2 for step in steps]
+        driven = [max(self.speed, 1.0) * 0.5 * step for step in steps]
+        return [(at, self.east - back, 0.0) for at, back in zip(times, driven, strict=True)]
+
+
 def _pose(message: GpsPose, now: int, east: float, speed: float) -> ReceivedPose:
-    return ReceivedPose(message, now, message.measured_at_ns, east, 0.0, 0.0, speed, 0.0, 0.02)
+    return _StraightPose(message, now, message.measured_at_ns, east, 0.0, 0.0, speed, 0.0, 0.02)
