@@ -15,8 +15,7 @@ from math import cos, hypot, isfinite, remainder, sin, sqrt, tau
 from typing import Final, Literal, NamedTuple
 
 from vehicles.car.noise import GnssNoise
-from vehicles.geometry.sampled_path import HARDEST_BRAKING
-from vehicles.preview.samples import reachable
+from vehicles.geometry.sampled_path import HARDEST_BRAKING, drivable
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
@@ -233,8 +232,8 @@ class PoseJudge:
         self.at_new_place = False
         if used is not None and pose.measured_at <= used.measured_at:
             return ""
-        if used is not None and not reachable(used, pose):
-            if away and not reachable(away[-1], pose):
+        if used is not None and not self._reachable(used, pose):
+            if away and not self._reachable(away[-1], pose):
                 away.clear()
             away.append(pose)
             if len(away) < RESTART_POSES:
@@ -243,6 +242,15 @@ class PoseJudge:
         away.clear()
         self._used = pose
         return ""
+
+    def _reachable(self, first: ReceivedPose, second: ReceivedPose) -> bool:
+        """Whether one car can have been at both positions, but for their stated deviations."""
+        distance = hypot(second.east - first.east, second.north - first.north)
+        if self._noise is not None:
+            stated = stated_variance(first.accuracy) + stated_variance(second.accuracy)
+            distance -= self._gate * sqrt(stated)
+        span = abs(second.measured_at - first.measured_at)
+        return drivable(distance, span, max(abs(first.speed), abs(second.speed)))
 
     def _verdict(self, pose: ReceivedPose, noise: GnssNoise) -> Distrust:
         """Compare a pose with the trusted track of its source."""

@@ -58,7 +58,7 @@ from vehicles.car.sensors import GapSensor
 from vehicles.driver.decision import Driver
 from vehicles.driver.speed import ProfileSpeed
 from vehicles.geometry.geodesy import LocalPlane
-from vehicles.schedule import SECOND, Cadence, instants
+from vehicles.schedule import MILLISECOND, SECOND, Cadence, instants
 
 # ---- Builds the GNSS receiver and the sender of a node
 
@@ -181,15 +181,19 @@ class VehicleBuilder:
     def stagger_ns(self) -> int:
         """Delay (ns) of the vehicle's ticks after their instants, on the wall clock.
 
-        Vehicles take turns over a control period, from the lead back, to spread the load. Each
-        receives only from vehicles before it, so none loses time for its messages. All begin at
-        once if a vehicle receives others behind it.
+        Vehicles take turns, from the lead back, to spread the load: over a control period where
+        each receives only from vehicles before it, so that none loses time for its messages; over
+        half of it where the lead receives its followers, at latencies of a period or more; else all
+        begin at once.
         """
-        names = self._scenario.vehicle_names
-        if any(names.index(sender) > names.index(to) for sender, to in self._scenario.links):
-            return 0
-        vehicles = len(names)
-        return round(self._setup.place * SECOND / (self.control_rate_hz * vehicles))
+        names, period = self._scenario.vehicle_names, SECOND / self.control_rate_hz
+        from_behind = [
+            link.latency_ms * MILLISECOND
+            for (sender, to), link in self._scenario.links.items()
+            if names.index(sender) > names.index(to)
+        ]
+        share = 1.0 if not from_behind else 0.5 if min(from_behind) >= period else 0.0
+        return round(share * self._setup.place * period / len(names))
 
     def node(
         self, start_at: int, sink: Sink, probe: Probe, handover: SoftwareHandover | None = None

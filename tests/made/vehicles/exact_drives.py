@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from tests.made.vehicles.driving import advance
@@ -65,9 +65,21 @@ def drive(
     ticks = instants(seconds, control_hz)
     for now, after in pairwise(ticks):
         decision = driver.step(now, fix(body, now), body, receive_at(now))
-        steps.append(Step(now, body, decision))
+        steps.append(Step(now, body, frozen(decision)))
         body = advance(body, decision.actuation, (after - now) / SECOND, CAR)
     return steps
+
+
+def frozen(decision: Decision) -> Decision:
+    """Copy with the state of the sources, which the follower updates in place."""
+    now = decision.situation
+    situation = replace(
+        now,
+        lead=replace(now.lead),
+        predecessor=replace(now.predecessor),
+        others={name: replace(state) for name, state in now.others.items()},
+    )
+    return replace(decision, situation=situation)
 
 
 def on(path: SampledPath, station: float, speed: float, left: float = 0.0) -> Body:

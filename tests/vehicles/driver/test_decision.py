@@ -29,6 +29,9 @@ DECISION = Decision(
     reason="example",
     fit=FIT,
     target_speed=29.5,
+    law_acceleration=-1.0,
+    override="contact",
+    achieved=-1.2,
     estimated_gap=14.8,
     lateral_deviation=0.04,
     measured_gap=14.6,
@@ -78,7 +81,9 @@ def test_a_decision_logs_tracking_and_command() -> None:
         predecessor_weight_ratio=0.6,
         hazard=True,
     )
-    assert DECISION.announcement == Announcement("composite", True, -1.5, -0.12)
+    assert DECISION.announcement == Announcement(
+        "composite", True, -1.5, -0.12, achieved_acceleration_mps2=-1.2
+    )
     assert command == Command(
         vehicle="v3",
         seq=17,
@@ -88,4 +93,6 @@ def test_a_decision_logs_tracking_and_command() -> None:
         feedback_rad=-0.01,
         acceleration_mps2=-1.5,
         target_speed_mps=29.5,
+        law_acceleration_mps2=-1.0,
+        override="contact",
     )

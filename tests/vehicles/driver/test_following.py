@@ -13,7 +13,7 @@ from tests.made.vehicles.laps import TICK, Place, bulb, eight, lap
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.controller import GapLimits
-from vehicles.driver.speed import known_bend_acceleration
+from vehicles.driver.speed import bend_acceleration
 from vehicles.driver.steering import BendsAhead, SlipCompensated
 from vehicles.driver.tracking import track
 from vehicles.geometry.sampled_path import Segment, path_from_segments
@@ -118,7 +118,7 @@ def test_a_car_that_brakes_in_time_enters_a_bend_no_faster_than_it_allows() -> N
         place = PATH.at(station)
         bend = bends.allowed(place.east, place.north)
         assert bend is not None
-        acceleration = min(known_bend_acceleration(speed, bend, limits), 0.0)
+        acceleration = min(bend_acceleration(speed, bend, limits), 0.0)
         hardest = min(hardest, acceleration)
         if 99.0 < station < 100.0:
             assert speed < math.sqrt(LATERAL * 40.0) + 0.6

@@ -16,7 +16,7 @@ from vehicles.driver.longitudinal_laws import (
     gap_acceleration,
 )
 from vehicles.driver.own_state import Pose
-from vehicles.driver.situation import SourceFreshness
+from vehicles.driver.situation import SourceState
 from vehicles.driver.speed import (
     BEND_RATE,
     PROFILE_CORRECTION,
@@ -159,17 +159,19 @@ class String:
 
     def command(self, i: int, now: float) -> float:
         predecessor = self.freshness(i - 1, now)
-        driven, speed, acceleration = predecessor.predicted_motion()
+        driven, speed, acceleration = predecessor.predicted()
         lead_speed = lead_acceleration = math.nan
         if self.receives_lead:
-            _, lead_speed, lead_acceleration = self.freshness(0, now).predicted_motion()
+            _, lead_speed, lead_acceleration = self.freshness(0, now).predicted()
         spacing = self.received[i - 1][1] + driven - self.places[i]
         ahead = VehiclesAhead(spacing, speed, lead_speed, acceleration, lead_acceleration)
         return gap_acceleration(ahead, self.speeds[i], self.policy, GapLimits())
 
-    def freshness(self, i: int, now: float) -> SourceFreshness:
+    def freshness(self, i: int, now: float) -> SourceState:
         at, _, speed, acceleration = self.received[i]
-        return SourceFreshness(age=now - at, speed=speed, acceleration=acceleration)
+        return SourceState(
+            age=now - at, speed=speed, achieved=acceleration, acceleration=acceleration
+        )
 
     def worst(self) -> list[float]:
         return [max(abs(row[i]) for row in self.errors) for i in range(4)]
@@ -257,18 +259,14 @@ def test_a_follower_settles_at_the_gap_of_the_policy() -> None:
 
 
 def test_a_bend_limits_the_speed_before_and_within_it() -> None:
-    limits = GapLimits(lateral=3.0)
-    assert bend_acceleration(12.0, None, limits) == math.inf
-    assert bend_acceleration(12.0, lambda _: 0.1, GapLimits()) == math.inf  # no limit
-    assert bend_acceleration(12.0, lambda _: 0.0, limits) == math.inf  # no bend
-    right = math.sqrt(3.0 / 0.03)
-    assert bend_acceleration(right, lambda _: -0.03, limits) == pytest.approx(0.0, abs=1e-12)
-    assert bend_acceleration(right + 1.0, lambda _: 0.03, limits) == -BEND_RATE
-    assert bend_acceleration(30.0, lambda _: 0.1, limits) == -limits.deceleration
-    ahead = bend_acceleration(12.0, lambda distance: 0.1 if distance > 6.0 else 0.0, limits)
-    assert (
-        -limits.deceleration < ahead < BEND_RATE * (math.sqrt(3.0 / 0.1 + 6.0 * 9.6) - 12.0) + 1e-9
-    )
+    limits = GapLimits(lateral=3.0, before_bends=2.5)
+    assert bend_acceleration(12.0, (math.inf, 5.0), limits) == math.inf
+    squared = 3.0 / 0.03
+    right = math.sqrt(squared)
+    assert bend_acceleration(right, (squared, 0.0), limits) == pytest.approx(0.0, abs=1e-12)
+    assert bend_acceleration(right + 1.0, (squared, 0.0), limits) == pytest.approx(-BEND_RATE)
+    assert bend_acceleration(right, (squared, 50.0), limits) == pytest.approx(-2.5)
+    assert bend_acceleration(30.0, (squared, 5.0), limits) == -limits.deceleration
 
 
 def test_at_the_profile_s_speed_the_command_is_its_acceleration() -> None:

@@ -55,6 +55,7 @@ DECISION = Decision(
     lateral_deviation=0.03,
     measured_gap=13.9,
     measured_gap_rate=-0.4,
+    law_acceleration=0.5,
     situation=Situation(
         lead=SourceState(
             status="fresh", age=0.02, silence=0.01, period=0.05, share=1.0, known=28.0

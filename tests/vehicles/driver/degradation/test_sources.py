@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,7 +14,7 @@ from tests.made.transport.received_poses import received
 from tests.made.vehicles.exact_drives import GNSS_HZ, START
 from vehicles.driver.own_state import Pose
 from vehicles.driver.settings import DegradationSettings
-from vehicles.driver.source import SLOW_PROBATION, SLOW_SPEED, Source
+from vehicles.driver.source import Reception, Source
 from vehicles.messages import SourceStatus
 from vehicles.schedule import SECOND, instant
 
@@ -29,7 +30,7 @@ class Look:
     silence: float
     known: float
     weight: float
-    probation: float
+    lost_after: float
 
 
 def observed(
@@ -52,9 +53,14 @@ def observed(
             sent += 1
         pose = Pose(own_speed * tick / 50, 0.0, 0.0, own_speed, 0.0)
         source.update(now, pose, TICK / SECOND, refit=True)
-        seen = source.freshness
+        seen = source.state
         yield Look(
-            tick / 50, seen.status, seen.silence, seen.known, source.weight, source.probation.length
+            tick / 50,
+            seen.status,
+            seen.silence,
+            seen.known,
+            source.weight,
+            source.reception.lost_after,
         )
 
 
@@ -75,7 +81,7 @@ def test_a_silent_source_is_late_then_lost_then_on_probation() -> None:
         ("late", pytest.approx(3.98 + 0.15, abs=0.021)),
         ("lost", pytest.approx(3.98 + 0.5, abs=0.021)),
         ("probation", 6.02),
-        ("fresh", pytest.approx(7.02, abs=0.021)),
+        ("fresh", pytest.approx(6.52, abs=0.021)),
     ]
 
 
@@ -99,18 +105,46 @@ def test_the_status_does_not_flap_and_the_weight_has_no_steps(
     comes = [c for received, lost in pattern for c in [True] * received + [False] * lost]
     seconds = len(comes) / GNSS_HZ
     looks = list(observed(lambda seq: comes[seq % len(comes)], seconds, own_speed=own_speed))
-    given_up: list[float] = []
+    returned: list[float] = []
     for before, look in pairwise(looks):
-        if look.status == "lost" != before.status:
-            assert before.status != "unheard"
-            given_up.append(look.seconds)
+        if look.status == "probation" != before.status:
+            returned.append(look.seconds)
         if before.status == "probation" and look.status in ("fresh", "late"):
-            served = min(look.probation, math.inf if own_speed >= SLOW_SPEED else SLOW_PROBATION)
-            assert look.seconds - given_up[-1] >= served - 1e-9
+            assert look.seconds - returned[-1] >= DEGRADE.probation - 1e-9
         assert look.status not in ("fresh", "late") or before.status != "lost"
         assert 0.0 <= look.weight <= 1.0
-        assert look.weight <= before.weight + 0.02 + 1e-9
+        assert look.weight <= before.weight + 0.04 + 1e-9
         if look.known > 0.0 and before.known > 0.0:
             # It fades with the share of the known path driven meanwhile, and no faster.
             fades = before.weight * own_speed * 0.02 / before.known
             assert look.weight >= before.weight - fades - 1e-9, look
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.2, 0.4])
+@pytest.mark.parametrize("rate_hz", [10.0, 20.0])
+def test_a_source_is_lost_after_a_silence_that_its_losses_do_not_explain(
+    loss: float, rate_hz: float
+) -> None:
+    """With independent losses, n missing messages in a row have the probability loss to the n."""
+    random, reception = np.random.default_rng(1), Reception(1.0 / rate_hz, DEGRADE)
+    for seq in range(round(60.0 * rate_hz)):
+        if random.random() >= loss:
+            reception.add(at := round(seq / rate_hz * SECOND), at, seq)
+    usual = max(0.5, 10.0 / rate_hz)
+    expected = math.log(1e-6) / math.log(loss) / rate_hz if loss else 0.0
+    longest = max(1.5, usual)
+    assert reception.lost_after == pytest.approx(min(max(expected, usual), longest), rel=0.25)
+    assert reception.share(0.0) == pytest.approx(1.0 - loss, abs=0.08)
+
+
+def test_bursts_prolong_the_silence_and_a_cut_does_not() -> None:
+    def after(missing: set[int]) -> float:
+        reception = Reception(0.05, DEGRADE)
+        for seq in range(400):
+            if seq not in missing:
+                reception.add(at := seq * SECOND // 20, at, seq)
+        return reception.lost_after
+
+    bursts = {first + k for first in range(20, 400, 40) for k in range(6)}
+    assert after(bursts) > 1.4
+    assert after(set(range(100, 140))) == after(set()) == 0.5
