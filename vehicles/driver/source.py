@@ -24,7 +24,7 @@ PRIOR_SENT: Final = 6.0
 PRIOR_LOST: Final = 0.5
 PRIOR_BURSTS: Final = 0.35
 """Messages assumed before the first one: half of one in six is lost, as a burst of its own."""
-LEAST_LOSS: Final = 0.01  # Smallest assumed loss ratio
+LEAST_BURST: Final = 2.0  # Lost messages from which bursts are taken into account
 IMPROBABLE: Final = 1e-6
 """Probability of a silence that is taken for the loss of its source: 16 cars with two links each at
 20 Hz see a few false ones in 200 runs of 30 s."""
@@ -82,9 +82,11 @@ class Reception:
         while probability > IMPROBABLE and missing * self.period < most:
             probability *= (lost + missing) / (sent + missing)
             missing += 1
-        again = min(max(1.0 - (self._bursts + 0.2) / (lost + 0.4), 0.05), 0.95)
-        in_bursts = 1.0 + log(IMPROBABLE / max(lost / sent, LEAST_LOSS)) / log(again)
-        return min(max(self.period * max(missing, in_bursts), least), most)
+        if lost > LEAST_BURST:
+            again = min(max(1.0 - (self._bursts + 0.2) / (lost + 0.4), 0.05), 0.95)
+            in_bursts = 1.0 + log(IMPROBABLE * sent / lost) / log(again)
+            missing = max(missing, round(in_bursts))
+        return min(max(self.period * missing, least), most)
 
     def share(self, silence: float) -> float:
         """Received ratio; messages that are overdue after a `silence` (s) count as lost."""

@@ -45,7 +45,7 @@ def test_stops_calculated_by_hand() -> None:
 @given(SPEEDS, st.floats(0.5, 500.0))
 def test_the_needed_deceleration_stops_within_the_distance(speed: float, distance: float) -> None:
     braking = Braking(needed_deceleration(speed, distance), 1e6)
-    assert stopping_distance(speed, 0.0, braking) == pytest.approx(distance, rel=1e-3)
+    assert stopping_distance(speed, 0.0, braking) == pytest.approx(distance, rel=5e-3)
     assert needed_deceleration(speed, 0.0) == math.inf
 
 

@@ -160,7 +160,8 @@ def test_vehicles_take_turns_after_their_sources(vehicles: int) -> None:
     assert turns["v1"] == 0
     assert max(turns.values()) < SECOND // 50
     for before, after in pairwise(turns.values()):
-        assert after - before == pytest.approx(SECOND / 100 / vehicles, abs=1.0)
+        share = 0.5 if vehicles > 2 else 1.0  # the lead of two repeats no stops
+        assert after - before == pytest.approx(share * SECOND / 50 / vehicles, abs=1.0)
     alone = scenario(f"convoy.vehicles={vehicles}", "control.degradation.reaction='extrapolate'")
     for place, name in enumerate(alone.vehicle_names):
         turn = VehicleBuilder(alone, name).stagger_ns
