@@ -1,25 +1,25 @@
 """Covariance of a pose estimate together with the lasting errors of its receiver.
 
-Errors that last from fix to fix cannot be averaged out. Each is a state of the filter, per axis, as
-a first-order Gauss–Markov process (R. G. Brown, P. Y. C. Hwang, "Introduction to Random Signals and
-Applied Kalman Filtering"). The unknown load of the car is considered but not estimated
-(S. F. Schmidt, "Application of State-Space Methods to Navigation Problems", 1966): in a long bend
-its error of the slip does not average out either.
-
-All errors are true value minus estimate, in the east-north plane.
+A Kalman filter of errors, each the true value minus the estimate, in the east-north plane
+(R. E. Kalman, Journal of Basic Engineering 82, 1960). Errors of fixes that last cannot be averaged
+out. Each is a state of the filter, per axis, as a first-order Gauss–Markov process (R. G. Brown,
+P. Y. C. Hwang, "Introduction to Random Signals and Applied Kalman Filtering"). The unknown load of
+the car is considered but not estimated (S. F. Schmidt, "Application of State-Space Methods to
+Navigation Problems", 1966): in a long bend its error of the slip does not average out either.
 """
 
 import math
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vehicles.car.gnss_errors import StatedErrors
 from vehicles.car.imu import UNKNOWN_LOAD
-from vehicles.driver.own_state import AcrossCovariance, AlongCovariance
 from vehicles.messages import FixState
+
+FloatArray = NDArray[np.float64]
 
 EAST: Final = 0
 NORTH: Final = 1
@@ -28,155 +28,142 @@ SPEED_BIAS: Final = 3
 GYRO_BIAS: Final = 4
 LOAD: Final = 5
 FIRST_ERROR: Final = 6  # Index of the first lasting error; each has two states, east and north
+MEASURED: Final = 5  # Number of measured states of a fix, which are the first ones
+
+GATE: Final = 6.0  # Innovations beyond this number of standard deviations are outliers
+LEAST_VARIANCE: Final = (
+    1e-12  # Of a measurement, so that exact ones of exact states are no special case
+)
+IGNORED: Final = 1e12  # Variance of a measurement that is not used
 
 
-class Step:
-    """A step of dead reckoning: displacement (m), span (s), yaw (rad), sensitivities, noise.
+class Densities(NamedTuple):
+    """Random walks along and across the body (m²/s), and of its heading (rad²/s)."""
 
-    `lever` (m) is the lateral speed per yaw rate, `load_effect` (m) the lateral displacement per
-    relative error of the load. Densities of random walks are `along` and `across` the body (m²/s)
-    and `turning` (rad²/s).
+    along: float
+    across: float
+    heading: float
+
+
+class Step(NamedTuple):
+    """A step of dead reckoning: duration (s), displacement (m), initial yaw (rad), slip.
+
+    `lever` (m) is the lateral displacement per yaw rate times duration, `load_effect` (m) that per
+    relative error of the load.
     """
 
-    def __init__(  # noqa: PLR0917 - its fields
-        self,
-        span: float,
-        east: float,
-        north: float,
-        yaw: float,
-        lever: float,
-        load_effect: float,
-        along: float,
-        across: float,
-        turning: float,
-    ) -> None:
-        self.span = span
-        self.east, self.north = east, north
-        self.cos, self.sin = math.cos(yaw), math.sin(yaw)
-        self.lever = lever
-        self.load_effect = load_effect
-        self.along, self.across, self.turning = along, across, turning
+    span: float
+    east: float
+    north: float
+    yaw: float
+    lever: float
+    load_effect: float
+
+    def reversed(self) -> "Step":
+        return Step(
+            -self.span, -self.east, -self.north, self.yaw, self.lever, -self.load_effect
+        )  # fmt: skip
 
 
 class JointCovariance:
-    """Joint covariance, estimated lasting errors, and the corrections that a fix implies.
+    """Joint covariance and estimated lasting errors.
 
-    `values` are position (m), heading (rad), biases of speed (m/s) and gyroscope (rad/s), relative
-    error of the load, and the lasting errors (m). Corrections add up in `change` until taken.
+    `values` are of the position (m), heading (rad), biases of speed (m/s) and gyroscope (rad/s),
+    relative error of the load, and the lasting errors (m), which are estimated as `errors`.
     """
 
-    def __init__(self, stated: StatedErrors) -> None:
-        """Start with unknown lasting errors, at their stationary variance."""
+    def __init__(
+        self, stated: StatedErrors, densities: Densities, deviations: Sequence[float]
+    ) -> None:
+        """`deviations` are those of biases of speed (m/s) and gyroscope (rad/s) at the start."""
+        self._stated, self._densities = stated, densities
         size = FIRST_ERROR + 2 * len(stated.lasting)
-        self._stated = stated
-        self.values: NDArray[np.float64] = np.zeros((size, size))
-        self.values[LOAD, LOAD] = UNKNOWN_LOAD**2
-        self.change: NDArray[np.float64] = np.zeros(size)
-        self.errors = [0.0] * (size - FIRST_ERROR)
-        for index, error in enumerate(stated.lasting):
-            self._restart(index, error.deviation)
+        self.values: FloatArray = np.zeros((size, size))
+        for column, deviation in enumerate((*deviations, UNKNOWN_LOAD), SPEED_BIAS):
+            self.values[column, column] = deviation**2
+        self.errors: FloatArray = np.zeros(size - FIRST_ERROR)
+        self._transition: FloatArray = np.eye(size)
+        self._noise: FloatArray = np.zeros((size, size))
+        self._rows = {state: self._measurement(state, size) for state in stated.white}
         self._state: FixState | None = None
         self._fixed_at = 0
-        self._span = -1.0
-        self._kept = self._growth = self.change
 
-    @classmethod
-    def joined(
-        cls, stated: StatedErrors, along: AlongCovariance, across: AcrossCovariance, yaw: float
-    ) -> "JointCovariance":
-        """Continue the covariances of an estimate whose fixes had white noise only."""
-        joint, p = cls(stated), np.zeros((5, 5))
-        p[:2, :2] = np.diag((along.aa, across.cc))
-        p[0, 3], p[1, 2], p[1, 4] = along.sa, across.hc, across.gc
-        p[3, 3] = along.ss
-        p[2, 2], p[4, 4], p[2, 4] = across.hh, across.gg, across.gh
-        p = np.triu(p) + np.triu(p, 1).T
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        east, north = cos * p[0] - sin * p[1], sin * p[0] + cos * p[1]
-        p[0], p[1] = east, north
-        east, north = cos * p[:, 0] - sin * p[:, 1], sin * p[:, 0] + cos * p[:, 1]
-        p[:, 0], p[:, 1] = east, north
-        joint.values[:5, :5] = p
-        return joint
-
-    @classmethod
-    def at_fix(
-        cls, stated: StatedErrors, state: FixState, at: int, deviations: Sequence[float]
-    ) -> "JointCovariance":
-        """Start at a fix at `at` (ns); the position has the errors of the fix.
-
-        `deviations` are of heading (rad), speed bias (m/s) and gyroscope bias (rad/s).
-        """
-        joint = cls(stated)
-        joint._state, joint._fixed_at = state, at
-        p = joint.values
-        for index, deviation in enumerate(deviations):
-            p[HEADING + index, HEADING + index] = deviation**2
+    def _measurement(self, state: FixState, size: int) -> FloatArray:
+        """Matrix (5, size) from the states to the measured values of a fix."""
+        rows: FloatArray = np.eye(MEASURED, size)
         for axis in (EAST, NORTH):
-            p[axis, axis] = stated.white[state]
-            for column in joint._active(axis, state)[1:]:
+            rows[axis, self._active(axis, state)] = 1.0
+        return rows
+
+    def _active(self, axis: int, state: FixState) -> list[int]:
+        """Columns of the states that add up to a measured coordinate."""
+        errors = [
+            FIRST_ERROR + 2 * index + axis
+            for index, error in enumerate(self._stated.lasting)
+            if state in error.states
+        ]
+        return [axis, *errors]
+
+    def start(self, position: float, heading: float) -> None:
+        """Start at a known pose with these variances (m², rad²), keeping those of the biases.
+
+        The lasting errors of the receiver are unknown: they have their stationary variance.
+        """
+        p = self.values
+        variances = p.diagonal().copy()
+        variances[:SPEED_BIAS] = position, position, heading
+        p[:] = np.diag(variances)
+        self.errors[:] = 0.0
+        self._state = None
+        for index, error in enumerate(self._stated.lasting):
+            self._restart(index, error.deviation)
+
+    def start_at_fix(self, state: FixState, at: int, variance: float, heading: float) -> None:
+        """Start at a fix at `at` (ns) with white noise of `variance` (m²); see `start`."""
+        self.start(variance, heading)
+        self._state, self._fixed_at = state, at
+        p = self.values
+        for axis in (EAST, NORTH):
+            for column in self._active(axis, state)[1:]:
                 p[axis, axis] += p[column, column]
                 p[axis, column] = p[column, axis] = -p[column, column]
-        return joint
-
-    def copy(self) -> "JointCovariance":
-        other = JointCovariance(self._stated)
-        other.values, other.errors = self.values.copy(), list(self.errors)
-        other._state, other._fixed_at = self._state, self._fixed_at
-        return other
 
     def grow(self, step: Step) -> None:
-        p, span = self.values, step.span
-        cos, sin, lever = step.cos, step.sin, -step.lever * span
-        half = 0.5 * span
-        rows = (
-            (-step.north, -cos * span, half * step.north - sin * lever, -sin * step.load_effect),
-            (step.east, -sin * span, -half * step.east + cos * lever, cos * step.load_effect),
-        )
-        for view in (p, p.T):
-            for axis, (heading, speed, gyro, load) in enumerate(rows):
-                view[axis] += (
-                    heading * view[HEADING]
-                    + speed * view[SPEED_BIAS]
-                    + gyro * view[GYRO_BIAS]
-                    + load * view[LOAD]
-                )
-            view[HEADING] -= span * view[GYRO_BIAS]
-        self._add_noise(step)
-        self._age(span)
-
-    def _add_noise(self, step: Step) -> None:
-        p, span, cos, sin = self.values, step.span, step.cos, step.sin
-        along, across, turning = step.along * span, step.across * span, step.turning * span
-        common = self._stated.common_density * span
+        """Predict over a step of dead reckoning."""
+        transition, q, span = self._transition_of(step), self._noise, step.span
+        cos, sin = math.cos(step.yaw), math.sin(step.yaw)
+        along, across, turning = [span * density for density in self._densities]
+        common = span * self._stated.common_density
         east, north = step.east, step.north
-        p[EAST, EAST] += along * cos * cos + across * sin * sin + common + turning * north**2 / 3.0
-        p[NORTH, NORTH] += along * sin * sin + across * cos * cos + common + turning * east**2 / 3.0
-        both = (along - across) * cos * sin - turning * east * north / 3.0
-        p[EAST, NORTH] += both
-        p[NORTH, EAST] += both
-        for axis, displacement in ((EAST, -north), (NORTH, east)):
-            p[axis, HEADING] += 0.5 * turning * displacement
-            p[HEADING, axis] += 0.5 * turning * displacement
-        p[HEADING, HEADING] += turning
+        q[EAST, EAST] = along * cos * cos + across * sin * sin + common + turning * north**2 / 3.0
+        q[NORTH, NORTH] = along * sin * sin + across * cos * cos + common + turning * east**2 / 3.0
+        q[EAST, NORTH] = q[NORTH, EAST] = (
+            along - across
+        ) * cos * sin - turning * east * north / 3.0
+        q[EAST, HEADING] = q[HEADING, EAST] = -0.5 * turning * north
+        q[NORTH, HEADING] = q[HEADING, NORTH] = 0.5 * turning * east
+        q[HEADING, HEADING] = turning
+        for column, error in enumerate(self._stated.lasting):
+            first = FIRST_ERROR + 2 * column
+            q[first, first] = q[first + 1, first + 1] = error.growth(span)
+        if self._stated.lasting:
+            self.errors *= transition.diagonal()[FIRST_ERROR:]
+        self.values = transition @ self.values @ transition.T + q
 
-    def _age(self, span: float) -> None:
-        """Let the lasting errors change over `span` (s), exactly."""
-        lasting = self._stated.lasting
-        if not lasting:
-            return
-        if span != self._span:
-            kept = [1.0] * FIRST_ERROR
-            growth = [0.0] * FIRST_ERROR
-            for error in lasting:
-                kept += [error.kept(span)] * 2
-                growth += [error.growth(span)] * 2
-            self._span, self._kept, self._growth = span, np.array(kept), np.array(growth)
-        self.values *= self._kept
-        self.values *= self._kept[:, None]
-        self.values.flat[:: len(self._kept) + 1] += self._growth
-        kept_list = self._kept[FIRST_ERROR:].tolist()
-        self.errors = [k * error for k, error in zip(kept_list, self.errors, strict=True)]
+    def _transition_of(self, step: Step) -> FloatArray:
+        """Matrix by which errors change over a step; valid until the next call."""
+        f, span, cos, sin = self._transition, step.span, math.cos(step.yaw), math.sin(step.yaw)
+        half, lever = 0.5 * span, step.lever
+        f[EAST, HEADING], f[NORTH, HEADING] = -step.north, step.east
+        f[EAST, SPEED_BIAS], f[NORTH, SPEED_BIAS] = -cos * span, -sin * span
+        f[EAST, GYRO_BIAS] = half * step.north + sin * lever
+        f[NORTH, GYRO_BIAS] = -half * step.east - cos * lever
+        f[EAST, LOAD], f[NORTH, LOAD] = -sin * step.load_effect, cos * step.load_effect
+        f[HEADING, GYRO_BIAS] = -span
+        for column, error in enumerate(self._stated.lasting):
+            first = FIRST_ERROR + 2 * column
+            f[first, first] = f[first + 1, first + 1] = error.kept(span)
+        return f
 
     def enter(self, state: FixState, at: int) -> None:
         """Restart the errors that a fix in this state at `at` (ns) restarts."""
@@ -194,91 +181,53 @@ class JointCovariance:
             self.values[column, column] = deviation**2
             self.errors[column - FIRST_ERROR] = 0.0
 
-    def _active(self, axis: int, state: FixState) -> list[int]:
-        """Columns of the states that add up to a measured coordinate."""
-        errors = [
-            FIRST_ERROR + 2 * index + axis
-            for index, error in enumerate(self._stated.lasting)
-            if state in error.states
-        ]
-        return [axis, *errors]
+    def white_variance(self, state: FixState, accuracy: float) -> float:
+        """Variance (m²) of the white noise of a fix with a stated `accuracy` (m, per axis)."""
+        lasting = [one.deviation**2 for one in self._stated.lasting if state in one.states]
+        rest = accuracy**2 - sum(lasting) - self._stated.common_variance
+        return max(rest, self._stated.white[state])
 
-    def position_variance(self, state: FixState) -> float:
-        """Variance (m²) of the distance of the next fix from the estimate, both axes."""
-        total = 2.0 * self._stated.white[state]
-        for axis in (EAST, NORTH):
-            columns = self._active(axis, state)
-            total += float(self.values[np.ix_(columns, columns)].sum())
-        return total
+    def correct(
+        self,
+        state: FixState,
+        off: FloatArray,
+        noise: Sequence[float],
+        free: tuple[float, float],
+        since: Step | None = None,
+    ) -> FloatArray | None:
+        """Correct by a fix that is `off` the estimate in the first five states.
 
-    def variance(self, column: int) -> float:
-        return float(self.values[column, column])
-
-    def without_errors(self, east: float, north: float, state: FixState) -> tuple[float, float]:
-        """Subtract the estimated lasting errors from a difference of positions (m)."""
-        for column in self._active(EAST, state)[1:]:
-            east -= self.errors[column - FIRST_ERROR]
-            north -= self.errors[column - FIRST_ERROR + 1]
-        return east, north
-
-    def by_position(self, east: float, north: float, state: FixState) -> None:
-        """Correct by a measured position, relative to the estimated one (m)."""
-        both = self.without_errors(east, north, state)
-        for axis, innovation in zip((EAST, NORTH), both, strict=True):
-            self._correct(self._active(axis, state), innovation, self._stated.white[state])
-
-    def by_state(
-        self, column: int, innovation: float, variance: float, gate: float = math.inf
-    ) -> None:
-        """Correct by a measured heading or bias, relative to the estimated one.
-
-        Innovations beyond `gate` standard deviations are ignored.
+        `noise` has the variances of its white noise. The fix may be off by `free` (m, rad) beyond
+        the gate; otherwise it is an outlier, and None is returned. `since` is the movement since a
+        fix that is late. Returns the corrections of the first five states.
         """
-        left = innovation - float(self.change[column])
-        if left * left <= gate * gate * (variance + self.variance(column)):
-            self._correct([column], innovation, variance)
-
-    def adopt_biases(self, other: "JointCovariance") -> None:
-        """Take over the variances of the sensor biases of another estimate."""
-        for column in (SPEED_BIAS, GYRO_BIAS):
-            self.values[column, column] = other.values[column, column]
-
-    def _correct(self, columns: list[int], innovation: float, variance: float) -> None:
+        rows = self._rows[state]
+        off = off - rows[:, FIRST_ERROR:] @ self.errors
+        if since is not None:
+            rows = rows @ self._transition_of(since.reversed())
         p = self.values
-        gain = p[columns[0]].copy()
-        for column in columns[1:]:
-            gain += p[column]
-        total = variance
-        for column in columns:
-            total += float(gain[column])
-            innovation -= float(self.change[column])
-        if total <= 0.0:
-            return
-        load = float(p[LOAD, LOAD])
-        p -= gain * (gain[:, None] / total)
+        gains = rows @ p
+        spread = gains @ rows.T
+        spread.flat[:: MEASURED + 1] += np.maximum(noise, LEAST_VARIANCE)
+        reach = free[0] + GATE * math.sqrt(spread[EAST, EAST] + spread[NORTH, NORTH])
+        turn = free[1] + GATE * math.sqrt(spread[HEADING, HEADING])
+        if math.hypot(off[EAST], off[NORTH]) > reach or abs(off[HEADING]) > turn:
+            return None
+        for column in (SPEED_BIAS, GYRO_BIAS):
+            if off[column] ** 2 > GATE**2 * spread[column, column]:
+                spread[column, column] = IGNORED
+        weights = np.linalg.solve(spread, gains)
+        change: FloatArray = off @ weights
+        load = p[LOAD, LOAD]
+        p -= gains.T @ weights
         p[LOAD, LOAD] = load
-        gain[LOAD] = 0.0
-        self.change += gain * (innovation / total)
+        self.values = 0.5 * (p + p.T)
+        self.errors += change[FIRST_ERROR:]
+        return change[:MEASURED]
 
-    def taken(self) -> list[float]:
-        """Corrections of position, heading and biases; those of the errors are applied."""
-        change: list[float] = self.change.tolist()
-        self.change[:] = 0.0
-        self.errors = [a + b for a, b in zip(self.errors, change[FIRST_ERROR:], strict=True)]
-        return change[:FIRST_ERROR]
-
-    def deviations(self, yaw: float) -> tuple[float, float, float]:
-        """Standard deviations along and across a direction (m), and of the heading (rad).
-
-        Errors shared by all receivers are included.
-        """
-        p, cos, sin = self.values, math.cos(yaw), math.sin(yaw)
-        common = self._stated.common_variance
-        east, north, both = float(p[0, 0]), float(p[1, 1]), float(2.0 * cos * sin * p[0, 1])
-        along = cos * cos * east + sin * sin * north + both + common
-        across = sin * sin * east + cos * cos * north - both + common
-        return (
-            math.sqrt(max(along, 0.0)),
-            math.sqrt(max(across, 0.0)),
-            math.sqrt(max(float(p[HEADING, HEADING]), 0.0)),
-        )
+    def deviation(self, direction: float) -> float:
+        """Standard deviation (m) in a direction (rad), with errors shared by all receivers."""
+        p, cos, sin = self.values, math.cos(direction), math.sin(direction)
+        square = cos * cos * p[EAST, EAST] + sin * sin * p[NORTH, NORTH]
+        square += 2.0 * cos * sin * p[EAST, NORTH] + self._stated.common_variance
+        return math.sqrt(max(square, 0.0))

@@ -1,9 +1,9 @@
 """Pose estimate of the own car: dead reckoning, corrected by its own fixes.
 
 An error-state Kalman filter. The pose is predicted from the readings of the inertial sensor, with
-the lateral slip of the single-track model (`vehicles.car.imu`). A fix corrects position,
-heading and the sensor biases. The gains follow from the stated noise of both and the covariance
-since the last fix, so there is nothing to tune.
+the lateral slip of the single-track model (`vehicles.car.imu`). A fix corrects position, heading
+and the sensor biases. The gains follow from the stated noise of both and the covariance since the
+last fix (`joint_covariance`), so there is nothing to tune.
 
 At 30 m/s with the usual sensors (50 Hz; fixes of 2 cm and 0.1 deg at 20 Hz) the gain of a fix is
 0.1 on a straight, and 0.3 on an arc of 500 m, where the slip is uncertain because the load is
@@ -20,25 +20,47 @@ from collections import deque
 from math import nan
 from typing import Final
 
+import numpy as np
+
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.gnss_errors import StatedErrors
+from vehicles.car.gnss_settings import STATES_WITH_FIX
 from vehicles.car.imu import DriftModel, InertialNoise, Motion, SlipModel
 from vehicles.car.noise import GnssNoise
 from vehicles.car.parameters import VehicleParameters
+from vehicles.driver.joint_covariance import (
+    GATE,
+    HEADING,
+    Densities,
+    JointCovariance,
+    Step,
+)
 from vehicles.driver.own_state import Pose
-from vehicles.driver.own_track import OwnTrack, TrackModel
+from vehicles.geometry.geodesy import wrap_angle
+from vehicles.schedule import SECOND
 
 JUMPS_ACCEPTED: Final = 3  # Consecutive outliers in agreement that restart the filter
+
+JUMP_DISTANCE: Final = 0.5
+JUMP_GROWTH: Final = 3.0
+"""Largest distance of a sliding car from dead reckoning (m, and m/s times the age of the last fix).
+"""
+
+JUMP_HEADING: Final = 0.1
+JUMP_TURNING: Final = 0.5  # The same for its heading (rad, rad/s)
+
+ACCELERATION: Final = 3.0
+YAW_ACCELERATION: Final = 1.0  # Assumed rates (m/s², rad/s²) since the last reading
 
 
 class PoseEstimator:
     """Kalman filter for the pose of a vehicle with `parameters` (integrated GPS and IMU of V-D).
 
     `imu_rate_hz` is the rate of the readings. Before the first reading, speed and yaw rate are
-    those of the first fix. `by_accuracy` weights each fix by the accuracy stated by its receiver,
-    instead of `gnss`. `stated` is the error model of the receiver, if its errors may last. `start`
-    serves as the first fix if the pose is requested before there is one.
+    those of the first fix. Fixes are weighted by the accuracy that their receiver states, with its
+    error model `stated` if its errors may last. `start` serves as the first fix if the pose is
+    requested before there is one. Fixes arrive up to `latency` (ns) late.
     """
 
     def __init__(
@@ -48,18 +70,29 @@ class PoseEstimator:
         imu: InertialNoise | None = None,
         imu_rate_hz: float = 50.0,
         *,
-        by_accuracy: bool = False,
         stated: StatedErrors | None = None,
         start: Fix | None = None,
+        latency: int = 0,
     ) -> None:
-        slip, noise = SlipModel(parameters), imu or InertialNoise()
-        drift = DriftModel(slip, noise, imu_rate_hz)
-        self._model = TrackModel(slip, drift, gnss or GnssNoise(), noise, by_accuracy, stated)
-        self._parameters, self._imu_rate_hz = parameters, imu_rate_hz
-        self._start = start
+        gnss, imu = gnss or GnssNoise(), imu or InertialNoise()
+        self._slip = SlipModel(parameters)
+        drift = DriftModel(self._slip, imu, imu_rate_hz)
+        self._joint = JointCovariance(
+            stated or StatedErrors(dict.fromkeys(STATES_WITH_FIX, 0.0), (), None, 0),
+            Densities(drift.along, drift.across(0.0, 0.0), drift.heading),
+            (imu.speed_bias, imu.yaw_rate_bias),
+        )
+        self._heading = gnss.heading**2
+        self._speed_noise = gnss.speed**2 + imu.speed**2
+        self._yaw_rate_noise = gnss.yaw_rate**2 + imu.yaw_rate**2
+        self._start, self._latency = start, latency
         self._motion: Motion | None = None
-        self._track: OwnTrack | None = None
-        self._rival: OwnTrack | None = None
+        self._pose: Pose | None = None  # with the speed and yaw rate of the last reading
+        self._lateral_speed = self._speed_bias = self._yaw_rate_bias = 0.0
+        self._at = self._read_at = self._fixed_at = 0
+        self._past: deque[tuple[int, Pose]] = deque()
+        self._refused: tuple[Fix, Pose] | None = None
+        self._refusals = 0
 
     def update(self, now: int, fix: Fix | None, motion: Motion | Body | None) -> None:
         """Process the measurements at `now` (ns): first the reading, then the fix."""
@@ -68,6 +101,10 @@ class PoseEstimator:
         if fix is not None:
             self.correct(fix)
 
+    def assume(self, parameters: VehicleParameters) -> None:
+        """Assume other parameters of the car for its slip, by eqs. (1), (2), from now on."""
+        self._slip = SlipModel(parameters)
+
     def move(self, now: int, speed: float, yaw_rate: float) -> None:
         """Predict to a reading at `now` (ns) by eqs. (1), (2), interpolating linearly.
 
@@ -75,62 +112,176 @@ class PoseEstimator:
         """
         if not math.isfinite(speed + yaw_rate):
             return
-        if self._track is None:
+        if self._pose is None:
             self._motion = Motion(speed, yaw_rate)
-        elif now >= self._track.at:
-            self._track.read(now, speed, yaw_rate)
-            if self._rival is not None:
-                self._rival.read(now, speed, yaw_rate)
+        elif now >= self._at:
+            self._predict(self._pose, now, speed, yaw_rate)
+            self._read_at = now
 
-    def assume(self, parameters: VehicleParameters) -> None:
-        """Assume other parameters of the car for its slip, by eqs. (1), (2), from now on."""
-        slip = SlipModel(parameters)
-        self._model.slip = slip
-        self._model.drift = DriftModel(slip, self._model.imu, self._imu_rate_hz)
-
-    def copy(self) -> "PoseEstimator":
-        other = PoseEstimator(self._parameters, imu_rate_hz=self._imu_rate_hz, start=self._start)
-        other._model, other._motion = self._model, self._motion
-        other._track = self._track and self._track.copy()
-        return other
+    def _predict(self, pose: Pose, now: int, speed: float, yaw_rate: float) -> Pose:
+        """Predict pose and covariance to `now` (ns), where speed and yaw rate are these."""
+        span, slip = (now - self._at) / SECOND, self._slip
+        if span <= 0.0:
+            self._pose = Pose(pose.east, pose.north, pose.yaw, speed, yaw_rate)
+            return self._pose
+        forward = 0.5 * (pose.speed + speed) - self._speed_bias
+        forward = forward if forward > 0.0 else 0.0
+        first, last = pose.yaw_rate - self._yaw_rate_bias, yaw_rate - self._yaw_rate_bias
+        turning, before = 0.5 * (first + last), self._lateral_speed
+        self._lateral_speed = slip.after(span, forward, first, last, before)
+        sideways = 0.5 * (before + self._lateral_speed)
+        east, north, yaw = _moved(pose, span, forward, sideways, turning)
+        self._joint.grow(
+            Step(
+                span,
+                east - pose.east,
+                north - pose.north,
+                pose.yaw,
+                span * slip.steady(forward, 1.0),
+                span * slip.load_effect(forward, turning),
+            )
+        )
+        if self._latency:
+            self._past.append((self._at, pose))
+            while len(self._past) > 1 and self._past[1][0] <= now - self._latency:
+                self._past.popleft()
+        self._pose, self._at = Pose(east, north, yaw, speed, yaw_rate), now
+        return self._pose
 
     def correct(self, fix: Fix) -> None:
         """Correct by a fix of the own receiver; fixes are in order of measurement.
 
-        The first one initialises the filter. Fixes that are not finite, older than the estimate or
-        not newer than the last fix are ignored, as are outliers (see GATE). The third consecutive
-        outlier that agrees with the others by dead reckoning restarts the filter.
+        The first one initialises the filter. Fixes that are not finite, not newer than the last
+        fix, or later than the latency are ignored, as are outliers (see GATE). The third
+        consecutive outlier that agrees with the others by dead reckoning restarts the filter.
         """
         if not math.isfinite(fix.east + fix.north + fix.yaw + fix.speed + fix.yaw_rate):
             return
-        if self._track is None:
-            self._track = OwnTrack.from_fix(fix, self._motion_at(fix), self._model)
-        elif fix.measured_at > self._track.fixed_at and fix.measured_at >= self._track.at:
-            self._correct(self._track, fix)
+        pose = self._pose
+        if pose is None:
+            self._begin(fix, self._motion)
+            self._joint.start_at_fix(fix.state, fix.measured_at, self._white(fix), self._heading)
+        elif fix.measured_at > self._fixed_at:
+            if fix.measured_at >= self._at:
+                pose = self._predict(pose, fix.measured_at, pose.speed, pose.yaw_rate)
+                self._correct(fix, pose, pose)
+            elif self._past and fix.measured_at >= self._past[0][0]:
+                self._correct(fix, self._pose_then(fix.measured_at, pose), pose)
 
     def begin(self, start: Fix) -> None:
         """Initialise by a known pose with white errors, which is not from the receiver."""
-        self._track = OwnTrack.from_known(start, self._motion_at(start), self._model)
+        self._begin(start, self._motion)
+        self._joint.start(start.accuracy**2, self._heading)
 
-    def _motion_at(self, fix: Fix) -> Motion:
-        return self._motion or Motion(fix.speed, fix.yaw_rate)
+    def _begin(self, fix: Fix, motion: Motion | None) -> None:
+        speed, yaw_rate = (motion.speed, motion.yaw_rate) if motion else (fix.speed, fix.yaw_rate)
+        self._pose = Pose(fix.east, fix.north, wrap_angle(fix.yaw), speed, yaw_rate)
+        self._lateral_speed = self._slip.steady(speed, yaw_rate)
+        self._at = self._read_at = self._fixed_at = fix.measured_at
 
-    def _correct(self, track: OwnTrack, fix: Fix) -> None:
-        if track.correct(fix):
-            self._rival = None
+    def _white(self, fix: Fix) -> float:
+        return self._joint.white_variance(fix.state, fix.accuracy)
+
+    def _pose_then(self, at: int, pose: Pose) -> Pose:
+        """Estimated pose at a past instant (ns), between two measurements."""
+        after_at, after = self._at, pose
+        for before_at, before in reversed(self._past):
+            if before_at <= at:
+                break
+            after_at, after = before_at, before
+        share = (at - before_at) / (after_at - before_at)
+        return Pose(
+            before.east + share * (after.east - before.east),
+            before.north + share * (after.north - before.north),
+            wrap_angle(before.yaw + share * wrap_angle(after.yaw - before.yaw)),
+            before.speed + share * (after.speed - before.speed),
+            before.yaw_rate + share * (after.yaw_rate - before.yaw_rate),
+        )
+
+    def _correct(self, fix: Fix, then: Pose, pose: Pose) -> None:
+        """Correct by a fix, at whose instant the estimate was `then`; it is now `pose`."""
+        joint, at = self._joint, fix.measured_at
+        joint.enter(fix.state, at)
+        off = np.array(
+            (
+                fix.east - then.east,
+                fix.north - then.north,
+                wrap_angle(fix.yaw - then.yaw),
+                then.speed - fix.speed - self._speed_bias,
+                then.yaw_rate - fix.yaw_rate - self._yaw_rate_bias,
+            )
+        )
+        age = max(at - self._read_at, 0) / SECOND
+        white = self._white(fix)
+        noise = (
+            white,
+            white,
+            self._heading,
+            self._speed_noise + (ACCELERATION * age) ** 2,
+            self._yaw_rate_noise + (YAW_ACCELERATION * age) ** 2,
+        )
+        step = None
+        if pose is not then:
+            span = (self._at - at) / SECOND
+            step = Step(
+                span,
+                pose.east - then.east,
+                pose.north - then.north,
+                then.yaw + 0.5 * wrap_angle(pose.yaw - then.yaw),
+                span * self._slip.steady(then.speed, 1.0),
+                span * self._slip.load_effect(then.speed, then.yaw_rate),
+            )
+        change = joint.correct(fix.state, off, noise, _free((at - self._fixed_at) / SECOND), step)
+        if change is None:
+            self._refuse(fix, then, pose)
             return
-        if self._rival is None or not self._rival.correct(fix):
-            self._rival = track.restarted(fix)
-        if self._rival.fixes >= JUMPS_ACCEPTED:
-            self._track, self._rival = self._rival, None
+        east, north, turned, speed_bias, yaw_rate_bias = change.tolist()
+        self._speed_bias += speed_bias
+        self._yaw_rate_bias += yaw_rate_bias
+        for one in (*[past for _, past in self._past], pose):
+            ahead_east, ahead_north = pose.east - one.east, pose.north - one.north
+            one.east += east + turned * ahead_north
+            one.north += north - turned * ahead_east
+            one.yaw = wrap_angle(one.yaw + turned)
+        self._fixed_at, self._refused = at, None
+
+    def _refuse(self, fix: Fix, then: Pose, pose: Pose) -> None:
+        """Count an outlier, and restart at the third one in agreement."""
+        agrees = False
+        if self._refused is not None:
+            before, estimate = self._refused
+            expected = _carried(before, estimate, then)
+            away = math.hypot(fix.east - expected.east, fix.north - expected.north)
+            turned = abs(wrap_angle(fix.yaw - expected.yaw))
+            reach, turn = _free((fix.measured_at - before.measured_at) / SECOND)
+            agrees = away <= reach + 2.0 * GATE * fix.accuracy
+            agrees = agrees and turned <= turn + GATE * math.sqrt(2.0 * self._heading)
+        self._refusals = self._refusals + 1 if agrees else 1
+        self._refused = fix, then
+        if self._refusals >= JUMPS_ACCEPTED:
+            self._pose = _carried(fix, then, pose)
+            self._past.clear()
+            self._joint.start_at_fix(fix.state, fix.measured_at, self._white(fix), self._heading)
+            self._fixed_at, self._refused = fix.measured_at, None
 
     def at(self, now: int) -> Pose:
         """Pose at `now` (ns) by dead reckoning; ValueError before the first fix."""
-        if self._track is None and self._start is not None:
+        if self._pose is None and self._start is not None:
             self.begin(self._start)
-        if self._track is None:
+        pose = self._known_pose()
+        speed, yaw_rate = pose.speed - self._speed_bias, pose.yaw_rate - self._yaw_rate_bias
+        speed = speed if speed > 0.0 else 0.0
+        span = (now - self._at) / SECOND
+        if span <= 0.0:
+            return Pose(pose.east, pose.north, pose.yaw, speed, yaw_rate)
+        before = self._lateral_speed
+        sideways = 0.5 * (before + self._slip.after(span, speed, yaw_rate, yaw_rate, before))
+        return Pose(*_moved(pose, span, speed, sideways, yaw_rate), speed, yaw_rate)
+
+    def _known_pose(self) -> Pose:
+        if self._pose is None:
             raise ValueError("no pose before the first fix")
-        return self._track.pose(now)
+        return self._pose
 
     @property
     def deviations(self) -> tuple[float, float, float]:
@@ -138,58 +289,44 @@ class PoseEstimator:
 
         Raises ValueError before the first fix.
         """
-        if self._track is None:
-            raise ValueError("no pose before the first fix")
-        return self._track.deviations
+        joint, yaw = self._joint, self._known_pose().yaw
+        heading = math.sqrt(joint.values[HEADING, HEADING])
+        return joint.deviation(yaw), joint.deviation(yaw + 0.5 * math.pi), heading
 
     @property
     def lateral_deviation(self) -> float:
-        return nan if self._track is None else self._track.lateral_deviation  # m
+        return nan if self._pose is None else self._joint.deviation(self._pose.yaw + 0.5 * math.pi)
 
 
-# ---- Own fixes that arrive late
-#
-# A Kalman filter needs measurements in order of time. So one filter stays at the instant of the
-# last fix, and later readings are stored. A late fix corrects it at the fix's own instant, and the
-# stored readings are then applied again (out-of-sequence measurements by recomputation; Y. Bar-
-# Shalom, X. R. Li, T. Kirubarajan, "Estimation with Applications to Tracking and Navigation",
-# 2001).
+def _free(span: float) -> tuple[float, float]:
+    """Largest distance (m) and angle (rad) from dead reckoning that a car slides in `span` (s)."""
+    return JUMP_DISTANCE + JUMP_GROWTH * span, JUMP_HEADING + JUMP_TURNING * span
 
 
-class LatePoseEstimator:
-    """A `PoseEstimator` (Kalman, Section V-D) for fixes that arrive `latency` (ns) late."""
+def _carried(fix: Fix, before: Pose, after: Pose) -> Pose:
+    """Pose of a car at `fix` after the movement of an estimate, with its speed and yaw rate."""
+    turned = fix.yaw - before.yaw
+    cos, sin = math.cos(turned), math.sin(turned)
+    east, north = after.east - before.east, after.north - before.north
+    return Pose(
+        fix.east + cos * east - sin * north,
+        fix.north + sin * east + cos * north,
+        wrap_angle(after.yaw + turned),
+        after.speed,
+        after.yaw_rate,
+    )
 
-    def __init__(self, estimator: PoseEstimator, latency: int) -> None:
-        """`estimator` needs a `start` if the first fix arrives after the first reading."""
-        self._past, self._present = estimator, estimator.copy()
-        self._latency = latency
-        self._readings: deque[tuple[int, Motion]] = deque()
 
-    def update(self, now: int, fix: Fix | None, motion: Motion | Body | None) -> None:
-        if motion is not None:
-            self._readings.append((now, Motion(motion.speed, motion.yaw_rate)))
-            self._present.move(now, motion.speed, motion.yaw_rate)
-        # No later fix is older than this, so stored readings do not accumulate in a tunnel.
-        until = now - self._latency if fix is None else fix.measured_at
-        while self._readings and self._readings[0][0] <= until:
-            at, reading = self._readings.popleft()
-            self._past.move(at, reading.speed, reading.yaw_rate)
-        if fix is not None:
-            self._past.correct(fix)
-            self._present = self._past.copy()
-            for at, reading in self._readings:
-                self._present.move(at, reading.speed, reading.yaw_rate)
-
-    def assume(self, parameters: VehicleParameters) -> None:
-        self._past.assume(parameters)  # its copies share the model
-
-    @property
-    def deviations(self) -> tuple[float, float, float]:
-        return self._present.deviations
-
-    @property
-    def lateral_deviation(self) -> float:
-        return self._present.lateral_deviation
-
-    def at(self, now: int) -> Pose:
-        return self._present.at(now)
+def _moved(
+    pose: Pose, span: float, speed: float, sideways: float, yaw_rate: float
+) -> tuple[float, float, float]:
+    """East, north, yaw after `span` (s) at constant speeds and yaw rate, exactly."""
+    half = 0.5 * yaw_rate * span
+    # At a constant yaw rate the displacement is the chord, turned by half the change of yaw.
+    chord = span * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
+    cos, sin = math.cos(pose.yaw + half), math.sin(pose.yaw + half)
+    return (
+        pose.east + chord * (speed * cos - sideways * sin),
+        pose.north + chord * (speed * sin + sideways * cos),
+        wrap_angle(pose.yaw + 2.0 * half),
+    )

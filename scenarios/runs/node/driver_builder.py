@@ -18,7 +18,7 @@ from vehicles.driver.follower import Follower
 from vehicles.driver.innovation_gate import InnovationGate
 from vehicles.driver.leader import Leader, WaitingProfile
 from vehicles.driver.own_state import ExactState, OwnState
-from vehicles.driver.pose_estimator import LatePoseEstimator, PoseEstimator
+from vehicles.driver.pose_estimator import PoseEstimator
 from vehicles.driver.reactions import ReactionPolicy
 from vehicles.driver.slip_estimator import LoadWatch, ParameterUser, SlipEstimator
 from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw
@@ -151,16 +151,13 @@ class DriverBuilder:
             gnss.noise,
             setup.imu.noise,
             setup.imu_rate_hz,
-            by_accuracy=True,
             stated=stated_errors(gnss),
             start=start,
+            latency=gnss.latency,
         )
-        if gnss.has_fix_every_instant and now == context.start_at:
-            return estimator
-        estimator.begin(start)
-        if not gnss.latency:
-            return estimator
-        return LatePoseEstimator(estimator, gnss.latency)
+        if not gnss.has_fix_every_instant or now != context.start_at:
+            estimator.begin(start)
+        return estimator
 
     def _command_limit(self, car: Car) -> CommandLimit:
         limits = self._setup.parameters
