@@ -31,9 +31,6 @@ FIRST_ERROR: Final = 6  # Index of the first lasting error; each has two states,
 MEASURED: Final = 5  # Number of measured states of a fix, which are the first ones
 
 GATE: Final = 6.0  # Innovations beyond this number of standard deviations are outliers
-LEAST_VARIANCE: Final = (
-    1e-12  # Of a measurement, so that exact ones of exact states are no special case
-)
 IGNORED: Final = 1e12  # Variance of a measurement that is not used
 
 
@@ -46,23 +43,16 @@ class Densities(NamedTuple):
 
 
 class Step(NamedTuple):
-    """A step of dead reckoning: duration (s), displacement (m), initial yaw (rad), slip.
+    """A step of dead reckoning: duration (s), displacement (m), initial yaw (rad), load.
 
-    `lever` (m) is the lateral displacement per yaw rate times duration, `load_effect` (m) that per
-    relative error of the load.
+    `load_effect` (m) is the lateral displacement per relative error of the load.
     """
 
     span: float
     east: float
     north: float
     yaw: float
-    lever: float
     load_effect: float
-
-    def reversed(self) -> "Step":
-        return Step(
-            -self.span, -self.east, -self.north, self.yaw, self.lever, -self.load_effect
-        )  # fmt: skip
 
 
 class JointCovariance:
@@ -129,40 +119,32 @@ class JointCovariance:
                 p[axis, column] = p[column, axis] = -p[column, column]
 
     def grow(self, step: Step) -> None:
-        """Predict over a step of dead reckoning."""
-        transition, q, span = self._transition_of(step), self._noise, step.span
+        """Predict over a step of dead reckoning; within it a change of heading has no effect."""
+        f, q, span = self._transition_of(step), self._noise, step.span
+        along, across, turning = self._densities
         cos, sin = math.cos(step.yaw), math.sin(step.yaw)
-        along, across, turning = [span * density for density in self._densities]
-        common = span * self._stated.common_density
-        east, north = step.east, step.north
-        q[EAST, EAST] = along * cos * cos + across * sin * sin + common + turning * north**2 / 3.0
-        q[NORTH, NORTH] = along * sin * sin + across * cos * cos + common + turning * east**2 / 3.0
-        q[EAST, NORTH] = q[NORTH, EAST] = (
-            along - across
-        ) * cos * sin - turning * east * north / 3.0
-        q[EAST, HEADING] = q[HEADING, EAST] = -0.5 * turning * north
-        q[NORTH, HEADING] = q[HEADING, NORTH] = 0.5 * turning * east
-        q[HEADING, HEADING] = turning
-        for column, error in enumerate(self._stated.lasting):
-            first = FIRST_ERROR + 2 * column
-            q[first, first] = q[first + 1, first + 1] = error.growth(span)
+        common, difference = across + self._stated.common_density, along - across
+        q[EAST, EAST] = span * (common + difference * cos * cos)
+        q[NORTH, NORTH] = span * (common + difference * sin * sin)
+        q[EAST, NORTH] = q[NORTH, EAST] = span * difference * cos * sin
+        q[HEADING, HEADING] = span * turning
         if self._stated.lasting:
-            self.errors *= transition.diagonal()[FIRST_ERROR:]
-        self.values = transition @ self.values @ transition.T + q
+            self.errors *= f.diagonal()[FIRST_ERROR:]
+            for index, error in enumerate(self._stated.lasting, FIRST_ERROR // 2):
+                q[2 * index, 2 * index] = q[2 * index + 1, 2 * index + 1] = error.growth(span)
+        self.values = f.dot(self.values).dot(f.T)
+        self.values += q
 
     def _transition_of(self, step: Step) -> FloatArray:
         """Matrix by which errors change over a step; valid until the next call."""
-        f, span, cos, sin = self._transition, step.span, math.cos(step.yaw), math.sin(step.yaw)
-        half, lever = 0.5 * span, step.lever
-        f[EAST, HEADING], f[NORTH, HEADING] = -step.north, step.east
+        f, (span, east, north, yaw, load_effect) = self._transition, step
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        f[EAST, HEADING], f[NORTH, HEADING] = -north, east
         f[EAST, SPEED_BIAS], f[NORTH, SPEED_BIAS] = -cos * span, -sin * span
-        f[EAST, GYRO_BIAS] = half * step.north + sin * lever
-        f[NORTH, GYRO_BIAS] = -half * step.east - cos * lever
-        f[EAST, LOAD], f[NORTH, LOAD] = -sin * step.load_effect, cos * step.load_effect
+        f[EAST, LOAD], f[NORTH, LOAD] = -sin * load_effect, cos * load_effect
         f[HEADING, GYRO_BIAS] = -span
-        for column, error in enumerate(self._stated.lasting):
-            first = FIRST_ERROR + 2 * column
-            f[first, first] = f[first + 1, first + 1] = error.kept(span)
+        for index, error in enumerate(self._stated.lasting, FIRST_ERROR // 2):
+            f[2 * index, 2 * index] = f[2 * index + 1, 2 * index + 1] = error.kept(span)
         return f
 
     def enter(self, state: FixState, at: int) -> None:
@@ -193,35 +175,35 @@ class JointCovariance:
         off: FloatArray,
         noise: Sequence[float],
         free: tuple[float, float],
-        since: Step | None = None,
+        back: Step | None = None,
     ) -> FloatArray | None:
         """Correct by a fix that is `off` the estimate in the first five states.
 
         `noise` has the variances of its white noise. The fix may be off by `free` (m, rad) beyond
-        the gate; otherwise it is an outlier, and None is returned. `since` is the movement since a
-        fix that is late. Returns the corrections of the first five states.
+        the gate; otherwise it is an outlier, and None is returned. `back` is the movement back
+        to a fix that is late. Returns the corrections of the first five states.
         """
-        rows = self._rows[state]
-        off = off - rows[:, FIRST_ERROR:] @ self.errors
-        if since is not None:
-            rows = rows @ self._transition_of(since.reversed())
-        p = self.values
-        gains = rows @ p
-        spread = gains @ rows.T
-        spread.flat[:: MEASURED + 1] += np.maximum(noise, LEAST_VARIANCE)
-        reach = free[0] + GATE * math.sqrt(spread[EAST, EAST] + spread[NORTH, NORTH])
-        turn = free[1] + GATE * math.sqrt(spread[HEADING, HEADING])
-        if math.hypot(off[EAST], off[NORTH]) > reach or abs(off[HEADING]) > turn:
+        rows, p = self._rows[state], self.values
+        off = off - rows[:, FIRST_ERROR:].dot(self.errors)
+        if back is not None:
+            rows = rows.dot(self._transition_of(back))
+        gains = rows.dot(p)
+        spread = gains.dot(rows.T)
+        spread.flat[:: MEASURED + 1] += noise
+        east, north, heading, speed, gyro = spread.diagonal().tolist()
+        if math.hypot(off[EAST], off[NORTH]) > free[0] + GATE * math.sqrt(east + north):
             return None
-        for column in (SPEED_BIAS, GYRO_BIAS):
-            if off[column] ** 2 > GATE**2 * spread[column, column]:
+        if abs(off[HEADING]) > free[1] + GATE * math.sqrt(heading):
+            return None
+        for column, variance in ((SPEED_BIAS, speed), (GYRO_BIAS, gyro)):
+            if off[column] ** 2 > GATE**2 * variance:
                 spread[column, column] = IGNORED
         weights = np.linalg.solve(spread, gains)
-        change: FloatArray = off @ weights
+        change: FloatArray = off.dot(weights)
         load = p[LOAD, LOAD]
-        p -= gains.T @ weights
+        p -= gains.T.dot(weights)
         p[LOAD, LOAD] = load
-        self.values = 0.5 * (p + p.T)
+        self.values = 0.5 * (p + p.T)  # otherwise errors of rounding grow
         self.errors += change[FIRST_ERROR:]
         return change[:MEASURED]
 

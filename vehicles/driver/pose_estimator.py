@@ -53,6 +53,8 @@ JUMP_TURNING: Final = 0.5  # The same for its heading (rad, rad/s)
 ACCELERATION: Final = 3.0
 YAW_ACCELERATION: Final = 1.0  # Assumed rates (m/s², rad/s²) since the last reading
 
+LEAST_VARIANCE: Final = 1e-12  # Of a measurement, so that an exact one of an exact state is usable
+
 
 class PoseEstimator:
     """Kalman filter for the pose of a vehicle with `parameters` (integrated GPS and IMU of V-D).
@@ -82,9 +84,9 @@ class PoseEstimator:
             Densities(drift.along, drift.across(0.0, 0.0), drift.heading),
             (imu.speed_bias, imu.yaw_rate_bias),
         )
-        self._heading = gnss.heading**2
-        self._speed_noise = gnss.speed**2 + imu.speed**2
-        self._yaw_rate_noise = gnss.yaw_rate**2 + imu.yaw_rate**2
+        self._heading = gnss.heading**2 + LEAST_VARIANCE
+        self._speed_noise = gnss.speed**2 + imu.speed**2 + LEAST_VARIANCE
+        self._yaw_rate_noise = gnss.yaw_rate**2 + imu.yaw_rate**2 + LEAST_VARIANCE
         self._start, self._latency = start, latency
         self._motion: Motion | None = None
         self._pose: Pose | None = None  # with the speed and yaw rate of the last reading
@@ -137,7 +139,6 @@ class PoseEstimator:
                 east - pose.east,
                 north - pose.north,
                 pose.yaw,
-                span * slip.steady(forward, 1.0),
                 span * slip.load_effect(forward, turning),
             )
         )
@@ -222,13 +223,12 @@ class PoseEstimator:
         )
         step = None
         if pose is not then:
-            span = (self._at - at) / SECOND
+            span = (at - self._at) / SECOND
             step = Step(
                 span,
-                pose.east - then.east,
-                pose.north - then.north,
+                then.east - pose.east,
+                then.north - pose.north,
                 then.yaw + 0.5 * wrap_angle(pose.yaw - then.yaw),
-                span * self._slip.steady(then.speed, 1.0),
                 span * self._slip.load_effect(then.speed, then.yaw_rate),
             )
         change = joint.correct(fix.state, off, noise, _free((at - self._fixed_at) / SECOND), step)

@@ -67,9 +67,7 @@ class EstimatedDrive:
         gnss = self.gnss
         start = Fix(0, 0, body.east, body.north, wrap_angle(body.yaw), body.speed, body.yaw_rate)
         stated = None if self.white_only else stated_errors(gnss)
-        estimator = PoseEstimator(
-            CAR, gnss.noise, stated=stated, start=start, latency=gnss.latency
-        )
+        estimator = PoseEstimator(CAR, gnss.noise, stated=stated, start=start, latency=gnss.latency)
         if not gnss.has_fix_every_instant:
             estimator.begin(start)
         return estimator
