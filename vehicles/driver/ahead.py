@@ -10,7 +10,7 @@ from bisect import bisect_left
 from collections import deque
 from collections.abc import Sequence
 from math import cos, floor, inf, pi, sin, sqrt
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from vehicles.driver.controller import GapLimits, SpacingPolicy, VehiclesAhead
 from vehicles.driver.longitudinal_laws import DAMPING, GAP_STIFFNESS, gap_acceleration
 from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import SourceFreshness
-from vehicles.driver.watch import MemberTrack
+from vehicles.driver.watch import ConvoyMember, MemberTrack
 from vehicles.geometry.sampled_path import FloatArray, SampledPath
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
@@ -150,15 +150,6 @@ def approach_acceleration(
     return min(max(wanted, -limits.deceleration), limits.acceleration)
 
 
-class ConvoyMember(NamedTuple):
-    """A follower: its name and car, the period (s) of its messages, and its first station (m)."""
-
-    name: str
-    car: VehicleParameters
-    period: float
-    station: float
-
-
 class ConvoyAhead:
     """Limits the lead's acceleration behind the last member of its convoy on its path ahead.
 
@@ -185,41 +176,32 @@ class ConvoyAhead:
 
         `policy` gives the gap between bumpers.
         """
-        self._lap, self._start_at = lap, start_at
+        self._lap = lap
         self._front = 0.5 * car.length + car.body_offset
         self._settings, self._policy, self._limits = settings, policy, limits
-        self._members = list(members)
-        self._tracks = {one.name: MemberTrack(path, one.station, start_at) for one in members}
-        self._poses: dict[str, ReceivedPose] = {}
+        self._tracks = {one.name: MemberTrack(one, path, start_at) for one in members}
         self._reserved = ReservedPath(path, (car, *[one.car for one in members]))
         self.reason = ""
         self.silent: SourceFreshness | None = None
 
     def observe(self, received: Sequence[ReceivedPose]) -> None:
         for pose in received:
-            name = pose.message.vehicle
-            track, newest = self._tracks.get(name), self._poses.get(name)
-            if track is not None and (newest is None or pose.measured_at > newest.measured_at):
-                self._poses[name] = pose
-                track.move(pose)
-                if pose.message.leaving:
-                    self._members = [one for one in self._members if one.name != name]
+            if pose.message.vehicle in self._tracks:
+                self._tracks[pose.message.vehicle].receive(pose)
 
-    def acceleration(self, now: int, station: float, speed: float, last: float) -> float:
-        """Largest acceleration (m/s²) at `station` (m) and `speed` (m/s), infinite if free.
-
-        `last` (m/s²) is the last command.
-        """
+    def acceleration(self, now: int, station: float, speed: float) -> float:
+        """Largest acceleration (m/s²) at `station` (m) and `speed` (m/s), infinite if free."""
         most, self.reason, self.silent = inf, "", None
-        if not self._members:
+        present = [track for track in self._tracks.values() if not track.has_left]
+        if not present:
             return most
-        member = self._members[-1]
-        pose, rear = self._poses.get(member.name), self._tracks[member.name].station
-        rear -= 0.5 * member.car.length - member.car.body_offset
+        last = present[-1]
+        member, pose = last.member, last.newest
+        rear = last.station - 0.5 * member.car.length + member.car.body_offset
         rear -= pose.accuracy if pose is not None else 0.0
         lost = self._settings.lost_after_silence(member.period)
         driven, its_speed, acceleration = self._motion(now, pose, lost)
-        silence = (now - (self._start_at if pose is None else pose.received_at)) / SECOND
+        silence = (now - last.received_at) / SECOND
         entries = [self._reserved.entry(rear, station - self._front)]
         if self._lap:
             entries.append((rear + self._lap, 1.0))

@@ -17,7 +17,7 @@ from vehicles.driver.controller import VehiclesAhead
 from vehicles.driver.decision import Decision
 from vehicles.driver.own_state import OwnState, Pose
 from vehicles.driver.settings import Braking, InstantDraw
-from vehicles.driver.situation import STANDSTILL, Situation
+from vehicles.driver.situation import STANDSTILL, Situation, SourceFreshness
 from vehicles.driver.slip_estimator import LoadWatch
 from vehicles.driver.speed import (
     ProfileSpeed,
@@ -123,13 +123,14 @@ class Leader:
         ahead: ConvoyAhead | None = None,
         position_limit: PositionLimit | None = None,
         draw: InstantDraw | None = None,
+        followers: Sequence[str] = (),
     ) -> None:
         """`station` (m) is the initial arc length, `limit` that of the steering command.
 
         `watch` decides whether it waits for its followers, `ahead` keeps its distance from them,
         and `position_limit` slows it down while its position is uncertain. All three are optional
         and require a `WaitingProfile` as the speed law. `draw` has the random numbers of the
-        controller.
+        controller. The lead repeats the announced stops of its `followers`, from front to back.
         """
         self._own_state = own_state
         self._controller = controller
@@ -144,7 +145,8 @@ class Leader:
         self._position_limit = position_limit
         self._draw = draw
         self._waiting = speed_law if isinstance(speed_law, WaitingProfile) else None
-        self._held: Situation | None = None
+        self._stops = dict.fromkeys(followers, (-1, 0))
+        self._held: SourceFreshness | None = None
         self._decision: Decision | None = None
 
     def step(
@@ -161,6 +163,10 @@ class Leader:
         """
         self._load.observe(now, motion)
         self._own_state.update(now, fix, motion)
+        for pose in received:
+            name, stops_at = pose.message.vehicle, pose.message.stops_at_ns
+            if name in self._stops and pose.measured_at > self._stops[name][0]:
+                self._stops[name] = pose.measured_at, stops_at
         if self._watch is not None:
             self._watch.observe(now, received, self._near)
         if self._ahead is not None:
@@ -169,11 +175,11 @@ class Leader:
             return self._decision.held()
         if self._draw is not None:
             self._draw.now = now
-        pose = self._own_state.at(now)
-        errors = self._track(pose)
-        steering = self._limit.limited(self._controller.steer(errors, pose.speed))
+        own = self._own_state.at(now)
+        errors = self._track(own)
+        steering = self._limit.limited(self._controller.steer(errors, own.speed))
         self._load.record_command(steering.steering)
-        speed, reason = self._speed(now, pose, errors.station)
+        speed, reason = self._speed(now, own, errors.station)
         self._decision = Decision(
             actuation=Actuation(steering.steering, speed.acceleration),
             steering=steering,
@@ -182,8 +188,8 @@ class Leader:
             reason=reason,
             target_speed=speed.target_speed,
             lateral_deviation=self._own_state.lateral_deviation,
-            own_pose=pose,
-            situation=self._situation(pose.speed) or Situation(),
+            own_pose=own,
+            situation=self._situation(own.speed),
         )
         return self._decision
 
@@ -200,23 +206,23 @@ class Leader:
             law.limit = self._position_limit.speed
             reason = self._position_limit.joined(reason)
         planned = law.command(now, pose, VehiclesAhead())
-        if ahead is None:
-            return planned, reason
-        last = self._decision.actuation.acceleration if self._decision else 0.0
-        most = ahead.acceleration(now, station, pose.speed, last)
-        if most >= planned.acceleration:
+        most = inf if ahead is None else ahead.acceleration(now, station, pose.speed)
+        if ahead is None or most >= planned.acceleration:
             return planned, reason
         reason = f"{ahead.reason}; {reason}" if reason else ahead.reason
         return law.restrained(planned, most, pose.speed), reason
 
-    def _situation(self, speed: float) -> Situation | None:
-        """State of a silent member of the convoy behind which the lead stands, until it drives."""
+    def _situation(self, speed: float) -> Situation:
+        """Announced stops, and the state of a silent member behind which the lead stands."""
+        situation = Situation(relayed_stops=tuple([stop for _, stop in self._stops.values()]))
         silent = self._ahead.silent if self._ahead else None
         if silent is not None and speed < STANDSTILL:
-            self._held = Situation(predecessor=silent, known=silent.known)
+            self._held = silent
         elif speed > SLOWEST:
             self._held = None
-        return self._held
+        if self._held is not None:
+            situation.predecessor, situation.known = self._held, self._held.known
+        return situation
 
     def _track(self, pose: Pose) -> TrackingErrors:
         foot = self._path.project(pose.east, pose.north, self._near)

@@ -91,6 +91,7 @@ class Situation:
     others: Mapping[str, SourceFreshness] = field(default_factory=dict)
     weights: Mapping[str, float] = field(default_factory=dict)
     ahead: VehiclesAhead | None = None
+    relayed_stops: tuple[int, ...] = ()  # `stops_at` (ns) of the followers, as the lead received it
 
 
 # ---- Braking distances, required decelerations, and announced stops; SI units

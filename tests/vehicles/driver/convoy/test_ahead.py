@@ -11,9 +11,10 @@ from scenarios.results.encounters import overlap
 from tests.made.transport.received_poses import received
 from vehicles.car.outline import Outline, outline_of
 from vehicles.car.parameters import LINCOLN_MKZ
-from vehicles.driver.ahead import ConvoyAhead, ConvoyMember, ReservedPath
+from vehicles.driver.ahead import ConvoyAhead, ReservedPath
 from vehicles.driver.controller import GapLimits, SpacingPolicy
 from vehicles.driver.settings import DegradationSettings
+from vehicles.driver.watch import ConvoyMember
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.messages import Announcement
 from vehicles.received_pose import ReceivedPose
@@ -68,7 +69,7 @@ def pose_on(
 
 def convoy(path: SampledPath, lap: float = 0.0, station: float = 0.0) -> ConvoyAhead:
     """A lead with one follower, which is at `station` (m)."""
-    members = [ConvoyMember("v5", CAR, PERIOD, station)]
+    members = [ConvoyMember("v5", CAR, PERIOD, station, POLICY)]
     return ConvoyAhead(path, lap, CAR, members, SETTINGS, POLICY, LIMITS)
 
 
@@ -76,11 +77,11 @@ def test_the_lead_waits_before_a_crossing_that_its_last_car_has_yet_to_pass() ->
     ahead, before = convoy(EIGHT), SECOND_LEG - FRONT - 6.0
     for second, station in enumerate((2.0, 10.0, CROSSING + 0.5 * CAR.width)):
         ahead.observe([pose_on(EIGHT, station, at=second * SECOND, speed=5.0)])
-        assert ahead.acceleration(second * SECOND, before, 5.0, 0.0) < -1.0
+        assert ahead.acceleration(second * SECOND, before, 5.0) < -1.0
         assert "v5" in ahead.reason
     passed = CROSSING + 0.5 * CAR.width + REAR + 2.0
     ahead.observe([pose_on(EIGHT, passed, at=4 * SECOND, speed=5.0)])
-    assert ahead.acceleration(4 * SECOND, before, 5.0, 0.0) == inf
+    assert ahead.acceleration(4 * SECOND, before, 5.0) == inf
 
 
 def test_on_a_lap_the_lead_follows_its_last_car_as_on_any_road() -> None:
@@ -90,7 +91,7 @@ def test_on_a_lap_the_lead_follows_its_last_car_as_on_any_road() -> None:
         now = round(tick * PERIOD * SECOND)
         ahead.observe([pose_on(CIRCLE, its, at=now, speed=5.0)])
         gap = POLICY.desired(5.0)
-        wanted.append(ahead.acceleration(now, its + LAP - REAR - FRONT - gap, 5.0, 0.0))
+        wanted.append(ahead.acceleration(now, its + LAP - REAR - FRONT - gap, 5.0))
     assert wanted == pytest.approx([0.0] * len(wanted), abs=0.2)
 
 
@@ -119,7 +120,7 @@ def approached(gap: float, speed: float, until: float, ahead: ConvoyAhead) -> tu
     """Smallest gap (m) and hardest braking (m/s²) of a lead that approaches v5 at `STANDS`."""
     station, least, hardest, last = STANDS - REAR - FRONT - gap, inf, 0.0, 0.0
     for now in range(0, round(until * SECOND), TICK):
-        last = min(ahead.acceleration(now, station, speed, last), 0.0)
+        last = min(ahead.acceleration(now, station, speed), 0.0)
         hardest = min(hardest, last)
         after = max(speed + last * TICK / SECOND, 0.0)
         station += 0.5 * (speed + after) * TICK / SECOND
@@ -142,6 +143,6 @@ def test_a_car_that_leaves_the_convoy_no_longer_counts() -> None:
     ahead = convoy(CIRCLE, LAP, STANDS - LAP)
     pose = pose_on(CIRCLE, STANDS - LAP, at=1)
     ahead.observe([pose])
-    assert ahead.acceleration(1, STANDS - 10.0, 5.0, 0.0) < 0.0
+    assert ahead.acceleration(1, STANDS - 10.0, 5.0) < 0.0
     ahead.observe([replace(pose, measured_at=2, message=replace(pose.message, leaving=True))])
-    assert ahead.acceleration(2, STANDS - 10.0, 5.0, 0.0) == inf
+    assert ahead.acceleration(2, STANDS - 10.0, 5.0) == inf
