@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from vehicles.car.gnss import Fix
 from vehicles.car.gnss_errors import StatedErrors
 from vehicles.car.imu import UNKNOWN_LOAD
 from vehicles.messages import FixState
@@ -32,14 +33,6 @@ MEASURED: Final = 5  # Number of measured states of a fix, which are the first o
 
 GATE: Final = 6.0  # Innovations beyond this number of standard deviations are outliers
 IGNORED: Final = 1e12  # Variance of a measurement that is not used
-
-
-class Densities(NamedTuple):
-    """Random walks along and across the body (m²/s), and of its heading (rad²/s)."""
-
-    along: float
-    across: float
-    heading: float
 
 
 class Step(NamedTuple):
@@ -63,9 +56,13 @@ class JointCovariance:
     """
 
     def __init__(
-        self, stated: StatedErrors, densities: Densities, deviations: Sequence[float]
+        self, stated: StatedErrors, densities: Sequence[float], deviations: Sequence[float]
     ) -> None:
-        """`deviations` are those of biases of speed (m/s) and gyroscope (rad/s) at the start."""
+        """`deviations` are those of biases of speed (m/s) and gyroscope (rad/s) at the start.
+
+        `densities` are those of random walks along and across the body (m²/s), and of its heading
+        (rad²/s).
+        """
         self._stated, self._densities = stated, densities
         size = FIRST_ERROR + 2 * len(stated.lasting)
         self.values: FloatArray = np.zeros((size, size))
@@ -94,25 +91,22 @@ class JointCovariance:
         ]
         return [axis, *errors]
 
-    def start(self, position: float, heading: float) -> None:
+    def start(
+        self, position: float, heading: float, state: FixState | None = None, at: int = 0
+    ) -> None:
         """Start at a known pose with these variances (m², rad²), keeping those of the biases.
 
-        The lasting errors of the receiver are unknown: they have their stationary variance.
+        The lasting errors of the receiver have their stationary variance. If the position is that
+        of a fix in `state` at `at` (ns), it also has the lasting errors of the fix.
         """
-        p = self.values
-        variances = p.diagonal().copy()
+        variances = self.values.diagonal().copy()
         variances[:SPEED_BIAS] = position, position, heading
-        p[:] = np.diag(variances)
-        self.errors[:] = 0.0
-        self._state = None
+        self.values = p = np.diag(variances)
         for index, error in enumerate(self._stated.lasting):
             self._restart(index, error.deviation)
-
-    def start_at_fix(self, state: FixState, at: int, variance: float, heading: float) -> None:
-        """Start at a fix at `at` (ns) with white noise of `variance` (m²); see `start`."""
-        self.start(variance, heading)
         self._state, self._fixed_at = state, at
-        p = self.values
+        if state is None:
+            return
         for axis in (EAST, NORTH):
             for column in self._active(axis, state)[1:]:
                 p[axis, axis] += p[column, column]
@@ -163,20 +157,20 @@ class JointCovariance:
             self.values[column, column] = deviation**2
             self.errors[column - FIRST_ERROR] = 0.0
 
-    def white_variance(self, state: FixState, accuracy: float) -> float:
-        """Variance (m²) of the white noise of a fix with a stated `accuracy` (m, per axis)."""
-        lasting = [one.deviation**2 for one in self._stated.lasting if state in one.states]
-        rest = accuracy**2 - sum(lasting) - self._stated.common_variance
-        return max(rest, self._stated.white[state])
+    def white_variance(self, fix: Fix) -> float:
+        """Variance (m²) per axis of the white noise of a fix: its accuracy without other errors."""
+        lasting = [one.deviation**2 for one in self._stated.lasting if fix.state in one.states]
+        rest = fix.accuracy**2 - sum(lasting) - self._stated.common_variance
+        return max(rest, self._stated.white[fix.state])
 
     def correct(
         self,
         state: FixState,
-        off: FloatArray,
+        off: Sequence[float],
         noise: Sequence[float],
         free: tuple[float, float],
         back: Step | None = None,
-    ) -> FloatArray | None:
+    ) -> list[float] | None:
         """Correct by a fix that is `off` the estimate in the first five states.
 
         `noise` has the variances of its white noise. The fix may be off by `free` (m, rad) beyond
@@ -184,28 +178,29 @@ class JointCovariance:
         to a fix that is late. Returns the corrections of the first five states.
         """
         rows, p = self._rows[state], self.values
-        off = off - rows[:, FIRST_ERROR:].dot(self.errors)
+        left = np.subtract(off, rows[:, FIRST_ERROR:].dot(self.errors))
+        away = math.hypot(left[EAST], left[NORTH])
         if back is not None:
             rows = rows.dot(self._transition_of(back))
         gains = rows.dot(p)
         spread = gains.dot(rows.T)
         spread.flat[:: MEASURED + 1] += noise
         east, north, heading, speed, gyro = spread.diagonal().tolist()
-        if math.hypot(off[EAST], off[NORTH]) > free[0] + GATE * math.sqrt(east + north):
-            return None
-        if abs(off[HEADING]) > free[1] + GATE * math.sqrt(heading):
+        turned = abs(off[HEADING]) - free[1]
+        if away > free[0] + GATE * math.sqrt(east + north) or turned > GATE * math.sqrt(heading):
             return None
         for column, variance in ((SPEED_BIAS, speed), (GYRO_BIAS, gyro)):
             if off[column] ** 2 > GATE**2 * variance:
                 spread[column, column] = IGNORED
         weights = np.linalg.solve(spread, gains)
-        change: FloatArray = off.dot(weights)
+        change = left.dot(weights)
         load = p[LOAD, LOAD]
         p -= gains.T.dot(weights)
         p[LOAD, LOAD] = load
         self.values = 0.5 * (p + p.T)  # otherwise errors of rounding grow
         self.errors += change[FIRST_ERROR:]
-        return change[:MEASURED]
+        corrections: list[float] = change[:MEASURED].tolist()
+        return corrections
 
     def deviation(self, direction: float) -> float:
         """Standard deviation (m) in a direction (rad), with errors shared by all receivers."""

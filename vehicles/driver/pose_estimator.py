@@ -20,8 +20,6 @@ from collections import deque
 from math import nan
 from typing import Final
 
-import numpy as np
-
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.gnss_errors import StatedErrors
@@ -32,12 +30,12 @@ from vehicles.car.parameters import VehicleParameters
 from vehicles.driver.joint_covariance import (
     GATE,
     HEADING,
-    Densities,
     JointCovariance,
     Step,
 )
 from vehicles.driver.own_state import Pose
 from vehicles.geometry.geodesy import wrap_angle
+from vehicles.messages import FixState
 from vehicles.schedule import SECOND
 
 JUMPS_ACCEPTED: Final = 3  # Consecutive outliers in agreement that restart the filter
@@ -81,19 +79,18 @@ class PoseEstimator:
         drift = DriftModel(self._slip, imu, imu_rate_hz)
         self._joint = JointCovariance(
             stated or StatedErrors(dict.fromkeys(STATES_WITH_FIX, 0.0), (), None, 0),
-            Densities(drift.along, drift.across(0.0, 0.0), drift.heading),
+            (drift.along, drift.across(0.0, 0.0), drift.heading),
             (imu.speed_bias, imu.yaw_rate_bias),
         )
         self._heading = gnss.heading**2 + LEAST_VARIANCE
         self._speed_noise = gnss.speed**2 + imu.speed**2 + LEAST_VARIANCE
         self._yaw_rate_noise = gnss.yaw_rate**2 + imu.yaw_rate**2 + LEAST_VARIANCE
         self._start, self._latency = start, latency
-        self._motion: Motion | None = None
         self._pose: Pose | None = None  # with the speed and yaw rate of the last reading
         self._lateral_speed = self._speed_bias = self._yaw_rate_bias = 0.0
         self._at = self._read_at = self._fixed_at = 0
         self._past: deque[tuple[int, Pose]] = deque()
-        self._refused: tuple[Fix, Pose] | None = None
+        self._refused: tuple[int, list[float]] | None = None
         self._refusals = 0
 
     def update(self, now: int, fix: Fix | None, motion: Motion | Body | None) -> None:
@@ -112,11 +109,7 @@ class PoseEstimator:
 
         Readings that are not finite, or older than the estimate, are ignored.
         """
-        if not math.isfinite(speed + yaw_rate):
-            return
-        if self._pose is None:
-            self._motion = Motion(speed, yaw_rate)
-        elif now >= self._at:
+        if self._pose is not None and math.isfinite(speed + yaw_rate) and now >= self._at:
             self._predict(self._pose, now, speed, yaw_rate)
             self._read_at = now
 
@@ -158,84 +151,60 @@ class PoseEstimator:
         """
         if not math.isfinite(fix.east + fix.north + fix.yaw + fix.speed + fix.yaw_rate):
             return
-        pose = self._pose
+        pose, at = self._pose, fix.measured_at
         if pose is None:
-            self._begin(fix, self._motion)
-            self._joint.start_at_fix(fix.state, fix.measured_at, self._white(fix), self._heading)
-        elif fix.measured_at > self._fixed_at:
-            if fix.measured_at >= self._at:
-                pose = self._predict(pose, fix.measured_at, pose.speed, pose.yaw_rate)
-                self._correct(fix, pose, pose)
-            elif self._past and fix.measured_at >= self._past[0][0]:
-                self._correct(fix, self._pose_then(fix.measured_at, pose), pose)
+            self._start_at(fix, fix.state)
+        elif at > self._fixed_at and at >= self._at:
+            pose = self._predict(pose, at, pose.speed, pose.yaw_rate)
+            self._correct(fix, self._read_at, pose, pose)
+        elif at > self._fixed_at and self._past and at >= self._past[0][0]:
+            read_at, then = next(one for one in reversed(self._past) if one[0] <= at)
+            speed, yaw_rate = then.speed - self._speed_bias, then.yaw_rate - self._yaw_rate_bias
+            sideways = self._slip.steady(speed, yaw_rate)
+            place = _moved(then, (at - read_at) / SECOND, speed, sideways, yaw_rate)
+            self._correct(fix, read_at, Pose(*place, then.speed, then.yaw_rate), pose)
 
     def begin(self, start: Fix) -> None:
         """Initialise by a known pose with white errors, which is not from the receiver."""
-        self._begin(start, self._motion)
-        self._joint.start(start.accuracy**2, self._heading)
+        self._start_at(start, None)
 
-    def _begin(self, fix: Fix, motion: Motion | None) -> None:
-        speed, yaw_rate = (motion.speed, motion.yaw_rate) if motion else (fix.speed, fix.yaw_rate)
-        self._pose = Pose(fix.east, fix.north, wrap_angle(fix.yaw), speed, yaw_rate)
-        self._lateral_speed = self._slip.steady(speed, yaw_rate)
+    def _start_at(self, fix: Fix, state: FixState | None) -> None:
+        """Start with a fix in `state` of the receiver, or with another pose."""
+        self._pose = Pose(fix.east, fix.north, wrap_angle(fix.yaw), fix.speed, fix.yaw_rate)
+        self._lateral_speed = self._slip.steady(fix.speed, fix.yaw_rate)
         self._at = self._read_at = self._fixed_at = fix.measured_at
+        white = fix.accuracy**2 if state is None else self._joint.white_variance(fix)
+        self._joint.start(white, self._heading, state, fix.measured_at)
 
-    def _white(self, fix: Fix) -> float:
-        return self._joint.white_variance(fix.state, fix.accuracy)
+    def _correct(self, fix: Fix, read_at: int, then: Pose, pose: Pose) -> None:
+        """Correct by a fix, at whose instant the estimate was `then`; it is now `pose`.
 
-    def _pose_then(self, at: int, pose: Pose) -> Pose:
-        """Estimated pose at a past instant (ns), between two measurements."""
-        after_at, after = self._at, pose
-        for before_at, before in reversed(self._past):
-            if before_at <= at:
-                break
-            after_at, after = before_at, before
-        share = (at - before_at) / (after_at - before_at)
-        return Pose(
-            before.east + share * (after.east - before.east),
-            before.north + share * (after.north - before.north),
-            wrap_angle(before.yaw + share * wrap_angle(after.yaw - before.yaw)),
-            before.speed + share * (after.speed - before.speed),
-            before.yaw_rate + share * (after.yaw_rate - before.yaw_rate),
-        )
-
-    def _correct(self, fix: Fix, then: Pose, pose: Pose) -> None:
-        """Correct by a fix, at whose instant the estimate was `then`; it is now `pose`."""
+        The last reading before the fix was at `read_at` (ns).
+        """
         joint, at = self._joint, fix.measured_at
         joint.enter(fix.state, at)
-        off = np.array(
-            (
-                fix.east - then.east,
-                fix.north - then.north,
-                wrap_angle(fix.yaw - then.yaw),
-                then.speed - fix.speed - self._speed_bias,
-                then.yaw_rate - fix.yaw_rate - self._yaw_rate_bias,
-            )
-        )
-        age = max(at - self._read_at, 0) / SECOND
-        white = self._white(fix)
-        noise = (
-            white,
-            white,
-            self._heading,
-            self._speed_noise + (ACCELERATION * age) ** 2,
-            self._yaw_rate_noise + (YAW_ACCELERATION * age) ** 2,
-        )
-        step = None
+        off = [
+            fix.east - then.east,
+            fix.north - then.north,
+            wrap_angle(fix.yaw - then.yaw),
+            then.speed - fix.speed - self._speed_bias,
+            then.yaw_rate - fix.yaw_rate - self._yaw_rate_bias,
+        ]
+        age, white = (at - read_at) / SECOND, joint.white_variance(fix)
+        speed_noise = self._speed_noise + (ACCELERATION * age) ** 2
+        yaw_rate_noise = self._yaw_rate_noise + (YAW_ACCELERATION * age) ** 2
+        noise = white, white, self._heading, speed_noise, yaw_rate_noise
+        back = None
         if pose is not then:
             span = (at - self._at) / SECOND
-            step = Step(
-                span,
-                then.east - pose.east,
-                then.north - pose.north,
-                then.yaw + 0.5 * wrap_angle(pose.yaw - then.yaw),
-                span * self._slip.load_effect(then.speed, then.yaw_rate),
-            )
-        change = joint.correct(fix.state, off, noise, _free((at - self._fixed_at) / SECOND), step)
+            effect = span * self._slip.load_effect(then.speed, then.yaw_rate)
+            middle = then.yaw + 0.5 * wrap_angle(pose.yaw - then.yaw)
+            back = Step(span, then.east - pose.east, then.north - pose.north, middle, effect)
+        change = joint.correct(fix.state, off, noise, _free((at - self._fixed_at) / SECOND), back)
         if change is None:
-            self._refuse(fix, then, pose)
+            self._refuse(fix, off, pose)
             return
-        east, north, turned, speed_bias, yaw_rate_bias = change.tolist()
+        east, north, turned, speed_bias, yaw_rate_bias = change
         self._speed_bias += speed_bias
         self._yaw_rate_bias += yaw_rate_bias
         for one in (*[past for _, past in self._past], pose):
@@ -245,23 +214,23 @@ class PoseEstimator:
             one.yaw = wrap_angle(one.yaw + turned)
         self._fixed_at, self._refused = at, None
 
-    def _refuse(self, fix: Fix, then: Pose, pose: Pose) -> None:
-        """Count an outlier, and restart at the third one in agreement."""
-        agrees = False
+    def _refuse(self, fix: Fix, off: list[float], pose: Pose) -> None:
+        """Count an outlier, `off` the estimate (m, rad), and restart at the third in agreement."""
+        agrees, noise = False, 2.0 * GATE * math.sqrt(self._heading)
         if self._refused is not None:
-            before, estimate = self._refused
-            expected = _carried(before, estimate, then)
-            away = math.hypot(fix.east - expected.east, fix.north - expected.north)
-            turned = abs(wrap_angle(fix.yaw - expected.yaw))
-            reach, turn = _free((fix.measured_at - before.measured_at) / SECOND)
-            agrees = away <= reach + 2.0 * GATE * fix.accuracy
-            agrees = agrees and turned <= turn + GATE * math.sqrt(2.0 * self._heading)
+            at, before = self._refused
+            reach, turn = _free((fix.measured_at - at) / SECOND)
+            away = math.hypot(off[0] - before[0], off[1] - before[1])
+            turned = abs(wrap_angle(off[2] - before[2]))
+            agrees = away <= reach + 2.0 * GATE * fix.accuracy and turned <= turn + noise
         self._refusals = self._refusals + 1 if agrees else 1
-        self._refused = fix, then
+        self._refused = fix.measured_at, off
         if self._refusals >= JUMPS_ACCEPTED:
-            self._pose = _carried(fix, then, pose)
+            pose.east, pose.north = pose.east + off[0], pose.north + off[1]
+            pose.yaw = wrap_angle(pose.yaw + off[2])
             self._past.clear()
-            self._joint.start_at_fix(fix.state, fix.measured_at, self._white(fix), self._heading)
+            white = self._joint.white_variance(fix)
+            self._joint.start(white, self._heading, fix.state, fix.measured_at)
             self._fixed_at, self._refused = fix.measured_at, None
 
     def at(self, now: int) -> Pose:
@@ -301,20 +270,6 @@ class PoseEstimator:
 def _free(span: float) -> tuple[float, float]:
     """Largest distance (m) and angle (rad) from dead reckoning that a car slides in `span` (s)."""
     return JUMP_DISTANCE + JUMP_GROWTH * span, JUMP_HEADING + JUMP_TURNING * span
-
-
-def _carried(fix: Fix, before: Pose, after: Pose) -> Pose:
-    """Pose of a car at `fix` after the movement of an estimate, with its speed and yaw rate."""
-    turned = fix.yaw - before.yaw
-    cos, sin = math.cos(turned), math.sin(turned)
-    east, north = after.east - before.east, after.north - before.north
-    return Pose(
-        fix.east + cos * east - sin * north,
-        fix.north + sin * east + cos * north,
-        wrap_angle(after.yaw + turned),
-        after.speed,
-        after.yaw_rate,
-    )
 
 
 def _moved(
