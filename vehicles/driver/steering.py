@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from math import atan, atan2, cos, hypot, sin, sqrt
 from typing import Annotated, Final, Protocol
 
+import numpy as np
+
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters
 from vehicles.car.path_keeping import PathKeeping
 from vehicles.driver.tracking import TrackingErrors
@@ -320,20 +322,17 @@ class PurePursuit:
         The foot point itself if the car is further away than `reach`; the search ends at twice
         `reach` if the path turns in a smaller circle.
         """
-        step = reach / self.STEPS
-        goal_x = goal_y = turned = 0.0
-        away = hypot(x, y)
-        for k in range(2 * self.STEPS):
-            if away >= reach:
-                break
-            turn = errors.curvature_ahead((k + 0.5) * step) * step
-            before_x, before_y, before = goal_x, goal_y, away
-            goal_x += step * cos(turned + 0.5 * turn)
-            goal_y += step * sin(turned + 0.5 * turn)
-            turned += turn
-            away = hypot(goal_x - x, goal_y - y)
-            if away > reach:
-                share = (reach - before) / (away - before)
-                goal_x = before_x + share * (goal_x - before_x)
-                goal_y = before_y + share * (goal_y - before_y)
-        return goal_x, goal_y
+        if hypot(x, y) >= reach:
+            return 0.0, 0.0
+        step, count = reach / self.STEPS, 2 * self.STEPS
+        turns = step * np.asarray(errors.curvatures_ahead(0.5 * step, step, count))
+        chords = step * np.exp(1j * (np.cumsum(turns) - 0.5 * turns))
+        goals = np.concatenate(([0.0], np.cumsum(chords)))
+        away = np.abs(goals - complex(x, y))
+        beyond = np.flatnonzero(away > reach)
+        goal = goals[-1]
+        if beyond.size:
+            before = int(beyond[0]) - 1
+            share = (reach - away[before]) / (away[before + 1] - away[before])
+            goal = goals[before] + share * chords[before]
+        return float(goal.real), float(goal.imag)
