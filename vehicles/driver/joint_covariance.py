@@ -10,7 +10,7 @@ Navigation Problems", 1966): in a long bend its error of the slip does not avera
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,19 +33,6 @@ MEASURED: Final = 5  # Number of measured states of a fix, which are the first o
 
 GATE: Final = 6.0  # Innovations beyond this number of standard deviations are outliers
 IGNORED: Final = 1e12  # Variance of a measurement that is not used
-
-
-class Step(NamedTuple):
-    """A step of dead reckoning: duration (s), displacement (m), initial yaw (rad), load.
-
-    `load_effect` (m) is the lateral displacement per relative error of the load.
-    """
-
-    span: float
-    east: float
-    north: float
-    yaw: float
-    load_effect: float
 
 
 class JointCovariance:
@@ -112,34 +99,30 @@ class JointCovariance:
                 p[axis, axis] += p[column, column]
                 p[axis, column] = p[column, axis] = -p[column, column]
 
-    def grow(self, step: Step) -> None:
-        """Predict over a step of dead reckoning; within it a change of heading has no effect."""
-        f, q, span = self._transition_of(step), self._noise, step.span
+    def grow(self, span: float, east: float, north: float, yaw: float, load_effect: float) -> None:
+        """Predict over `span` (s) of dead reckoning, a displacement (m) from the direction `yaw`.
+
+        `load_effect` (m) is the lateral displacement per relative error of the load. A change of
+        heading has no effect within the step.
+        """
+        f, q, cos, sin = self._transition, self._noise, math.cos(yaw), math.sin(yaw)
+        f[EAST, HEADING], f[NORTH, HEADING] = -north, east
+        f[EAST, SPEED_BIAS], f[NORTH, SPEED_BIAS] = -cos * span, -sin * span
+        f[EAST, LOAD], f[NORTH, LOAD] = -sin * load_effect, cos * load_effect
+        f[HEADING, GYRO_BIAS] = -span
         along, across, turning = self._densities
-        cos, sin = math.cos(step.yaw), math.sin(step.yaw)
         common, difference = across + self._stated.common_density, along - across
         q[EAST, EAST] = span * (common + difference * cos * cos)
         q[NORTH, NORTH] = span * (common + difference * sin * sin)
         q[EAST, NORTH] = q[NORTH, EAST] = span * difference * cos * sin
         q[HEADING, HEADING] = span * turning
-        if self._stated.lasting:
-            self.errors *= f.diagonal()[FIRST_ERROR:]
-            for index, error in enumerate(self._stated.lasting, FIRST_ERROR // 2):
-                q[2 * index, 2 * index] = q[2 * index + 1, 2 * index + 1] = error.growth(span)
-        self.values = f.dot(self.values).dot(f.T)
-        self.values += q
-
-    def _transition_of(self, step: Step) -> FloatArray:
-        """Matrix by which errors change over a step; valid until the next call."""
-        f, (span, east, north, yaw, load_effect) = self._transition, step
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        f[EAST, HEADING], f[NORTH, HEADING] = -north, east
-        f[EAST, SPEED_BIAS], f[NORTH, SPEED_BIAS] = -cos * span, -sin * span
-        f[EAST, LOAD], f[NORTH, LOAD] = -sin * load_effect, cos * load_effect
-        f[HEADING, GYRO_BIAS] = -span
         for index, error in enumerate(self._stated.lasting, FIRST_ERROR // 2):
             f[2 * index, 2 * index] = f[2 * index + 1, 2 * index + 1] = error.kept(span)
-        return f
+            q[2 * index, 2 * index] = q[2 * index + 1, 2 * index + 1] = error.growth(span)
+        if self._stated.lasting:
+            self.errors *= f.diagonal()[FIRST_ERROR:]
+        self.values = f.dot(self.values).dot(f.T)
+        self.values += q
 
     def enter(self, state: FixState, at: int) -> None:
         """Restart the errors that a fix in this state at `at` (ns) restarts."""
@@ -169,19 +152,16 @@ class JointCovariance:
         off: Sequence[float],
         noise: Sequence[float],
         free: tuple[float, float],
-        back: Step | None = None,
     ) -> list[float] | None:
         """Correct by a fix that is `off` the estimate in the first five states.
 
         `noise` has the variances of its white noise. The fix may be off by `free` (m, rad) beyond
-        the gate; otherwise it is an outlier, and None is returned. `back` is the movement back
-        to a fix that is late. Returns the corrections of the first five states.
+        the gate; otherwise it is an outlier, and None is returned. Returns the corrections of the
+        first five states.
         """
         rows, p = self._rows[state], self.values
         left = np.subtract(off, rows[:, FIRST_ERROR:].dot(self.errors))
         away = math.hypot(left[EAST], left[NORTH])
-        if back is not None:
-            rows = rows.dot(self._transition_of(back))
         gains = rows.dot(p)
         spread = gains.dot(rows.T)
         spread.flat[:: MEASURED + 1] += noise
