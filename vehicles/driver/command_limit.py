@@ -13,15 +13,14 @@ from vehicles.driver.steering import SteeringCommand
 class CommandLimit:
     """Limits the steering command of a driver (Section III-C) to what the actuator can follow.
 
-    A command beyond that winds up while the actuator, eq. (4), moves at its rate limit. The paper
-    states no such limit; without a rate limit commands pass unchanged.
+    A command beyond that winds up while the actuator, eq. (4), moves at its rate limit.
     """
 
     def __init__(
         self,
-        rate: float = math.inf,
+        rate: float = inf,
         period: float = 0.0,
-        steering_limit: float = math.inf,
+        steering_limit: float = inf,
         *,
         first: float = 0.0,
     ) -> None:
@@ -29,19 +28,15 @@ class CommandLimit:
 
         `first` (rad) is the initial command.
         """
-        self._step = rate * period if math.isfinite(rate) else math.inf
+        self._step = rate * period if rate < inf else inf
         self._limit = steering_limit
         self._last = first
 
     def limited(self, command: SteeringCommand) -> SteeringCommand:
         """Limit δ_c and leave δ_ff and δ_fb unchanged; call once per control instant."""
-        wanted, step, limit = command.steering, self._step, self._limit
-        if (-step <= wanted - self._last <= step and -limit <= wanted <= limit) or step == math.inf:
-            self._last = wanted
-            return command
-        wanted = min(max(wanted, -limit), limit)
-        self._last = min(max(wanted, self._last - step), self._last + step)
-        return replace(command, steering=self._last)
+        wanted, step, limit, last = command.steering, self._step, self._limit, self._last
+        self._last = min(max(wanted, -limit, last - step), limit, last + step)
+        return command if self._last == wanted else replace(command, steering=self._last)
 
 
 # ---- Speed limit of a car that is uncertain of its lateral position; SI units
@@ -109,12 +104,11 @@ class PositionLimit:
         It approaches three standard deviations of the distance, which is the difference of two
         positions; both axes of a position have similar deviations.
         """
-        target = 0.0
-        if self.speed < inf:
-            target = 3.0 * math.hypot(self._deviation, self.predecessor_accuracy)
-        step = MARGIN_RATE * span
-        if self._margin != target:
-            self._margin = min(max(target, self._margin - step), self._margin + step)
+        if self._margin == 0.0 and self.speed == inf:
+            return 0.0
+        deviation = math.hypot(self._deviation, self.predecessor_accuracy)
+        target, step = 3.0 * deviation if self.speed < inf else 0.0, MARGIN_RATE * span
+        self._margin = min(max(target, self._margin - step), self._margin + step)
         return self._margin
 
     def limited(
@@ -131,10 +125,8 @@ class PositionLimit:
         if self.speed < inf:
             wanted = max(APPROACH * (self.speed - speed), -braking.deceleration)
         before = self._acceleration if self.is_active else max(last, wanted)
-        self._acceleration = min(max(wanted, before - step), before + step)
-        allowed = self._acceleration
-        if self.speed == inf and allowed >= NO_EFFECT:
-            self._acceleration = inf
+        allowed = min(max(wanted, before - step), before + step)
+        self._acceleration = inf if self.speed == inf and allowed >= NO_EFFECT else allowed
         if command.acceleration <= allowed:
             return command
         return SpeedCommand(allowed, min(command.target_speed, self.speed))

@@ -160,7 +160,9 @@ class JointCovariance:
         first five states.
         """
         rows, p = self._rows[state], self.values
-        left = np.subtract(off, rows[:, FIRST_ERROR:].dot(self.errors))
+        left = off
+        if self._stated.lasting:
+            left = np.subtract(off, rows[:, FIRST_ERROR:].dot(self.errors)).tolist()
         away = math.hypot(left[EAST], left[NORTH])
         gains = rows.dot(p)
         spread = gains.dot(rows.T)
@@ -173,7 +175,7 @@ class JointCovariance:
             if off[column] ** 2 > GATE**2 * variance:
                 spread[column, column] = IGNORED
         weights = np.linalg.solve(spread, gains)
-        change = left.dot(weights)
+        change = np.dot(left, weights)
         load = p[LOAD, LOAD]
         p -= gains.T.dot(weights)
         p[LOAD, LOAD] = load

@@ -85,12 +85,8 @@ class WaitingProfile(ProfileSpeed):
         return SpeedCommand(most, min(planned.target_speed, speed))
 
     def _change_pace(self, speed: float) -> None:
-        target = WAITING_SHARE if self.waits else 1.0
         full, braking = max(speed, SLOWEST), self._braking
-        if self.limit < target * full:
-            target = self.limit / full
-        if self._pace == target and not self._change:
-            return
+        target = min(WAITING_SHARE if self.waits else 1.0, self.limit / full)
         left = (target - self._pace) * full
         # The change must be able to end at this jerk when the target is reached.
         fastest = min(braking.deceleration, sqrt(2.0 * braking.jerk * abs(left)))
@@ -98,7 +94,7 @@ class WaitingProfile(ProfileSpeed):
         step = braking.jerk * self._period
         self._change = min(max(change, self._change - step), self._change + step)
         pace = self._pace + self._change * self._period / full
-        if abs(left) <= abs(self._change) * self._period or (target - pace) * left <= 0.0:
+        if abs(left) <= abs(self._change) * self._period:
             pace, self._change = target, 0.0
         self._pace = min(max(pace, 0.0), 1.0)
 
@@ -212,11 +208,8 @@ class Leader:
         foot = self.path.project(pose.east, pose.north, self.station)
         # At low control rates the next foot point lies beyond the window of the projection.
         self.station = foot.station + pose.speed / self.control.rate_hz
+        heading = wrap_angle(pose.yaw - foot.yaw)
+        yaw_rate = pose.yaw_rate - pose.speed * foot.curvature
         return TrackingErrors(
-            lateral=foot.lateral,
-            heading=wrap_angle(pose.yaw - foot.yaw),
-            yaw_rate=pose.yaw_rate - pose.speed * foot.curvature,
-            curvature=foot.curvature,
-            path=self.path,
-            station=foot.station,
+            foot.lateral, heading, yaw_rate, foot.curvature, self.path, foot.station
         )

@@ -75,8 +75,6 @@ class PathBehind:
         """
         passed, newest = self.passed, len(self.passed) - 1
         first, pace = newest + (start + self.rest) / SPACING + 0.5, step / SPACING
-        if first >= 0.0 and int(first + (count - 1) * pace) <= newest:  # all stored: usual case
-            return [passed[int(first + k * pace)] for k in range(count)]
         return [passed[min(max(int(first + k * pace), 0), newest)] for k in range(count)]
 
 
@@ -99,9 +97,8 @@ class TrackingErrors:
 
     def curvature_ahead(self, distance: float) -> float:
         """Signed curvature (1/m) `distance` (m) ahead of the foot point; 1/R of eq. (6) at 0."""
-        return (
-            self.curvature if self.path is None else self.path.curvature_at(self.station + distance)
-        )
+        path = self.path
+        return self.curvature if path is None else path.curvature_at(self.station + distance)
 
     def curvatures_ahead(self, start: float, step: float, count: int) -> Sequence[float]:
         """`curvature_ahead` at `count` stations, from `start` (m) by `step` (m)."""
@@ -125,14 +122,9 @@ def track(spline: ArcSpline, pose: Pose | Body) -> TrackingErrors:
     paper's dθ/dt on a straight line.
     """
     foot = spline.project(pose.east, pose.north)
-    return TrackingErrors(
-        lateral=foot.lateral,
-        heading=wrap_angle(pose.yaw - foot.yaw),
-        yaw_rate=pose.yaw_rate - pose.speed * foot.curvature,
-        curvature=foot.curvature,
-        path=spline,
-        station=foot.station,
-    )
+    heading = wrap_angle(pose.yaw - foot.yaw)
+    yaw_rate = pose.yaw_rate - pose.speed * foot.curvature
+    return TrackingErrors(foot.lateral, heading, yaw_rate, foot.curvature, spline, foot.station)
 
 
 class _Return(NamedTuple):
