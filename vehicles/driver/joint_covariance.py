@@ -58,16 +58,13 @@ class JointCovariance:
         self.errors: FloatArray = np.zeros(size - FIRST_ERROR)
         self._transition: FloatArray = np.eye(size)
         self._noise: FloatArray = np.zeros((size, size))
-        self._rows = {state: self._measurement(state, size) for state in stated.white}
+        self._rows: dict[FixState, FloatArray] = {}
+        for state in stated.white:  # matrices (5, size) from the states to the values of a fix
+            self._rows[state] = np.eye(MEASURED, size)
+            for axis in (EAST, NORTH):
+                self._rows[state][axis, self._active(axis, state)] = 1.0
         self._state: FixState | None = None
         self._fixed_at = 0
-
-    def _measurement(self, state: FixState, size: int) -> FloatArray:
-        """Matrix (5, size) from the states to the measured values of a fix."""
-        rows: FloatArray = np.eye(MEASURED, size)
-        for axis in (EAST, NORTH):
-            rows[axis, self._active(axis, state)] = 1.0
-        return rows
 
     def _active(self, axis: int, state: FixState) -> list[int]:
         """Columns of the states that add up to a measured coordinate."""

@@ -145,7 +145,7 @@ class PoseEstimator:
             return
         pose, at = self._pose, fix.measured_at
         if pose is None:
-            self._start_at(fix, fix.state)
+            self.begin(fix, fix.state)
         elif at > self._fixed_at and at >= self._at:
             pose = self._predict(pose, at, pose.speed, pose.yaw_rate)
             self._correct(fix, self._read_at, pose, pose)
@@ -156,17 +156,15 @@ class PoseEstimator:
             place = _moved(then, (at - read_at) / SECOND, speed, sideways, yaw_rate)
             self._correct(fix, read_at, Pose(*place, then.speed, then.yaw_rate), pose)
 
-    def begin(self, start: Fix) -> None:
-        """Initialise by a known pose with white errors, which is not from the receiver."""
-        self._start_at(start, None)
-
-    def _start_at(self, fix: Fix, state: FixState | None) -> None:
-        """Start with a fix in `state` of the receiver, or with another pose."""
-        self._pose = Pose(fix.east, fix.north, wrap_angle(fix.yaw), fix.speed, fix.yaw_rate)
-        self._lateral_speed = self._slip.steady(fix.speed, fix.yaw_rate)
-        self._at = self._read_at = self._fixed_at = fix.measured_at
-        white = fix.accuracy**2 if state is None else self._joint.white_variance(fix)
-        self._joint.start(white, self._heading, state, fix.measured_at)
+    def begin(self, start: Fix, state: FixState | None = None) -> None:
+        """Initialise by a fix in `state`, or by a known pose with white errors without one."""
+        self._pose = Pose(
+            start.east, start.north, wrap_angle(start.yaw), start.speed, start.yaw_rate
+        )
+        self._lateral_speed = self._slip.steady(start.speed, start.yaw_rate)
+        self._at = self._read_at = self._fixed_at = start.measured_at
+        white = start.accuracy**2 if state is None else self._joint.white_variance(start)
+        self._joint.start(white, self._heading, state, start.measured_at)
 
     def _correct(self, fix: Fix, read_at: int, then: Pose, pose: Pose) -> None:
         """Correct by a fix, at whose instant the estimate was `then`; it is now `pose`.
@@ -188,7 +186,7 @@ class PoseEstimator:
         noise = white, white, self._heading, speed_noise, yaw_rate_noise
         change = joint.correct(fix.state, off, noise, _free((at - self._fixed_at) / SECOND))
         if change is None:
-            self._refuse(fix, off, pose)
+            self._refuse(fix, off)
             return
         east, north, turned, speed_bias, yaw_rate_bias = change
         self._speed_bias += speed_bias
@@ -200,7 +198,7 @@ class PoseEstimator:
             one.yaw = wrap_angle(one.yaw + turned)
         self._fixed_at, self._refused = at, None
 
-    def _refuse(self, fix: Fix, off: list[float], pose: Pose) -> None:
+    def _refuse(self, fix: Fix, off: list[float]) -> None:
         """Count an outlier, `off` the estimate (m, rad), and restart at the third in agreement."""
         agrees, noise = False, 2.0 * GATE * math.sqrt(self._heading)
         if self._refused is not None:
@@ -212,12 +210,9 @@ class PoseEstimator:
         self._refusals = self._refusals + 1 if agrees else 1
         self._refused = fix.measured_at, off
         if self._refusals >= JUMPS_ACCEPTED:
-            pose.east, pose.north = pose.east + off[0], pose.north + off[1]
-            pose.yaw = wrap_angle(pose.yaw + off[2])
+            self.begin(fix, fix.state)
             self._past.clear()
-            white = self._joint.white_variance(fix)
-            self._joint.start(white, self._heading, fix.state, fix.measured_at)
-            self._fixed_at, self._refused = fix.measured_at, None
+            self._refused = None
 
     def at(self, now: int) -> Pose:
         """Pose at `now` (ns) by dead reckoning; ValueError before the first fix."""

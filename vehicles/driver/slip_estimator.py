@@ -34,7 +34,7 @@ LINEAR_LIMIT = 4.0  # Lateral acceleration (m/s²) above which tyres are not lin
 MIN_RATIO, MAX_RATIO = 0.7, 1.6
 UPDATE_THRESHOLD = 0.002  # Change of the ratio that is passed on to controllers and filters
 LONGEST_STEP = 0.01  # Longest step (s): at 20 ms the load is off by 5 %
-KINEMATIC_BELOW = 3.0  # Below this speed (m/s) the kinematic model is used
+SLOWEST = 3.0  # Slower cars are modelled as at this speed (m/s), and settle within a step
 MIN_LEARNING_SPEED = 8.0  # Below it (m/s) K_sg v² is less than 1 % of the wheelbase
 
 Pair = tuple[float, float]
@@ -78,16 +78,12 @@ class SlipEstimator:
         """Predict by `span` (s) at `speed` (m/s) with a held command (rad): eqs. (1), (2), (4)."""
         if span <= 0.0:
             return
-        car, parts = self._assumed, math.ceil(span / LONGEST_STEP - 1e-9)
-        step = span / parts
+        parts = math.ceil(span / LONGEST_STEP - 1e-9)
+        step, speed = span / parts, max(speed, SLOWEST)
         for _ in range(parts):
             mean, before = self._steer(step, command), self._motions[0][1]
-            if speed > KINEMATIC_BELOW:
-                pairs = zip(self._coefficients, self._motions, strict=True)
-                self._motions = [_moved(of, motion, step, speed, mean) for of, motion in pairs]
-            else:
-                yaw_rate = speed * mean / car.wheelbase
-                self._motions = [(car.rear_axle_distance * yaw_rate, yaw_rate)] * 2
+            pairs = zip(self._coefficients, self._motions, strict=True)
+            self._motions = [_moved(car, motion, step, speed, mean) for car, motion in pairs]
             self._turning = (self._motions[0][1] - before) / step
         self._variance += DRIFT * DRIFT * span
         self._bias_variance += BIAS_DRIFT * BIAS_DRIFT * span
