@@ -9,6 +9,7 @@ and keeps its distance from the part of the path that it has yet to drive, like 
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import InitVar, dataclass
 from math import cos, floor, inf, pi, sin, sqrt
 from typing import Final
 
@@ -33,19 +34,21 @@ SHORTEST: Final = 5.0  # Least distance (m) along a path between two places that
 LEAST_TURN: Final = 0.9 * pi  # A path whose direction (rad) varies less does not meet itself
 
 
-class Meetings:
-    """Stations at which a path comes back to a slice of the strip that a car sweeps along it.
+class ReservedPath:
+    """The first part of the path ahead that the convoy must drive before the lead may enter it.
 
-    The outer front corner sweeps sqrt((R + w/2)² + l²) - R to the side in a bend of radius R, for a
-    car of width w whose front bumper is l ahead of its centre of mass.
+    That is where the path comes back to the strip that a car sweeps along it. The outer front
+    corner sweeps sqrt((R + w/2)² + l²) - R to the side in a bend of radius R, for a car of width w
+    whose front bumper is l ahead of its centre of mass.
     """
 
     def __init__(self, path: SampledPath, cars: Sequence[VehicleParameters]) -> None:
         """Assume the largest of `cars` in both places."""
         self._path = path
         self._widths = np.max([_half_widths(path.curvature, car) for car in cars], axis=0)
+        self._slices: deque[tuple[float, list[float]]] = deque()
 
-    def after(self, station: float, until: float) -> list[float]:
+    def meetings(self, station: float, until: float) -> list[float]:
         """First stations (m), each up to `until`, of returns to the slice at `station`."""
         path, place = self._path, self._path.at(station)
         first, last = np.searchsorted(path.station, (station + SHORTEST, until)).tolist()
@@ -63,6 +66,27 @@ class Meetings:
         before = np.minimum(along[begins], samples - path.station[first + begins - 1])
         stations: list[float] = (samples - before).tolist()
         return stations
+
+    def entry(self, rear: float, station: float) -> tuple[float, float]:
+        """First entry from `station` (m) on, the rear bumper of the last car being at `rear` (m).
+
+        Returns its station (m), infinite if there is none, and its speed relative to that of the
+        car: 1 behind the car on the same road, 0 before a crossing that it has not passed.
+        """
+        slices, end = self._slices, float(self._path.station[-1])
+        place = slices[-1][0] + STEP if slices else STEP * floor(rear / STEP)
+        while place <= station:
+            slices.append((place, self.meetings(place, end)))
+            place += STEP
+        while len(slices) > 1 and slices[1][0] <= rear:
+            slices.popleft()
+        firsts = [_first_from(station, found) for _, found in slices]
+        first = min(firsts, default=inf)
+        moved = min(firsts[1:], default=inf) - first if first < inf else inf
+        if moved > 2.0 * STEP:
+            return first, 0.0
+        share = min(max((rear - slices[0][0]) / STEP, 0.0), 1.0)
+        return first + share * moved, min(moved / STEP, 1.0)
 
 
 def _half_widths(curvature: FloatArray, car: VehicleParameters) -> FloatArray:
@@ -82,41 +106,12 @@ def shortest_loop(
     """
     if np.ptp(path.yaw) < LEAST_TURN:
         return inf
-    meetings, shortest = Meetings(path, (lead, last)), inf
+    reserved, shortest = ReservedPath(path, (lead, last)), inf
     for station in np.arange(float(path.station[0]), end, STEP).tolist():
-        found = meetings.after(station, min(station + most, end))
+        found = reserved.meetings(station, min(station + most, end))
         if found:
             shortest = min(shortest, found[0] - station)
     return shortest
-
-
-class ReservedPath:
-    """The first part of the path ahead that the convoy must drive before the lead may enter it."""
-
-    def __init__(self, path: SampledPath, cars: Sequence[VehicleParameters]) -> None:
-        self._meetings, self._end = Meetings(path, cars), float(path.station[-1])
-        self._slices: deque[tuple[float, list[float]]] = deque()
-
-    def entry(self, rear: float, station: float) -> tuple[float, float]:
-        """First entry from `station` (m) on, the rear bumper of the last car being at `rear` (m).
-
-        Returns its station (m), infinite if there is none, and its speed relative to that of the
-        car: 1 behind the car on the same road, 0 before a crossing that it has not passed.
-        """
-        slices = self._slices
-        place = slices[-1][0] + STEP if slices else STEP * floor(rear / STEP)
-        while place <= station:
-            slices.append((place, self._meetings.after(place, self._end)))
-            place += STEP
-        while len(slices) > 1 and slices[1][0] <= rear:
-            slices.popleft()
-        firsts = [_first_from(station, found) for _, found in slices]
-        first = min(firsts, default=inf)
-        moved = min(firsts[1:], default=inf) - first if first < inf else inf
-        if moved > 2.0 * STEP:
-            return first, 0.0
-        share = min(max((rear - slices[0][0]) / STEP, 0.0), 1.0)
-        return first + share * moved, min(moved / STEP, 1.0)
 
 
 def _first_from(station: float, stations: list[float]) -> float:
@@ -131,58 +126,36 @@ def _first_from(station: float, stations: list[float]) -> float:
 APPROACH_BRAKING: Final = 1.5  # Braking (m/s²) towards a slower vehicle far away
 
 
-def approach_acceleration(
-    ahead: VehiclesAhead, speed: float, policy: SpacingPolicy, limits: GapLimits
-) -> float:
-    """Acceleration (m/s²) behind a vehicle of any distance and speed, at the own `speed` (m/s).
-
-    It is that of `gap_acceleration` near the desired spacing. Further away that law would brake at
-    once for a standing vehicle; here the speed of approach is that of constant braking,
-    sqrt(2 b (e - e0 / 2)) for a spacing error e, which continues the law smoothly at e0.
-    """
-    error = ahead.spacing - policy.desired(speed)
-    stiffness = GAP_STIFFNESS / DAMPING
-    linear = APPROACH_BRAKING / (stiffness * stiffness)
-    if error <= linear:
-        return gap_acceleration(ahead, speed, policy, limits)
-    closing = sqrt(2.0 * APPROACH_BRAKING * (error - 0.5 * linear))
-    wanted = DAMPING * (ahead.predecessor_speed + closing - speed)
-    return min(max(wanted, -limits.deceleration), limits.acceleration)
-
-
+@dataclass(kw_only=True, eq=False)
 class ConvoyAhead:
     """Limits the lead's acceleration behind the last member of its convoy on its path ahead.
 
-    That member moves as announced by its newest pose. Silent for longer than the time after which a
-    source is lost, it is assumed to brake firmly from then on, and to stand until it is received
-    again. Nothing else would show where it stands, so the lead waits for good if need be. A member
-    that announces that it leaves no longer counts.
+    `members` are ordered from front to back at `start_at` (ns); `lap` (m) is 0 if the path is open.
+    `policy` gives the gap between bumpers.
+
+    The last member moves as announced by its newest pose. Silent for longer than the time after
+    which a source is lost, it is assumed to stand where firm braking would have ended, until it is
+    received again. Nothing else would show where it stands, so the lead waits for good if need be.
+    A member that announces that it leaves no longer counts.
 
     `reason` is that of the last limit, `silent` the state of the member if it is silent.
     """
 
-    def __init__(  # noqa: PLR0917 - parts of one law
-        self,
-        path: SampledPath,
-        lap: float,
-        car: VehicleParameters,
-        members: Sequence[ConvoyMember],
-        settings: DegradationSettings,
-        policy: SpacingPolicy,
-        limits: GapLimits,
-        start_at: int = 0,
-    ) -> None:
-        """`members` are ordered from front to back at `start_at` (ns); `lap` (m) is 0 if open.
+    path: SampledPath
+    lap: float
+    car: VehicleParameters
+    members: InitVar[Sequence[ConvoyMember]]
+    settings: DegradationSettings
+    policy: SpacingPolicy
+    limits: GapLimits
+    start_at: InitVar[int] = 0
+    reason: str = ""
+    silent: SourceFreshness | None = None
 
-        `policy` gives the gap between bumpers.
-        """
-        self._lap = lap
-        self._front = 0.5 * car.length + car.body_offset
-        self._settings, self._policy, self._limits = settings, policy, limits
-        self._tracks = {one.name: MemberTrack(one, path, start_at) for one in members}
-        self._reserved = ReservedPath(path, (car, *[one.car for one in members]))
-        self.reason = ""
-        self.silent: SourceFreshness | None = None
+    def __post_init__(self, members: Sequence[ConvoyMember], start_at: int) -> None:
+        self._front = 0.5 * self.car.length + self.car.body_offset
+        self._tracks = {one.name: MemberTrack(one, self.path, start_at) for one in members}
+        self._reserved = ReservedPath(self.path, (self.car, *[one.car for one in members]))
 
     def observe(self, received: Sequence[ReceivedPose]) -> None:
         for pose in received:
@@ -199,49 +172,53 @@ class ConvoyAhead:
         member, pose = last.member, last.newest
         rear = last.station - 0.5 * member.car.length + member.car.body_offset
         rear -= pose.accuracy if pose is not None else 0.0
-        lost = self._settings.lost_after_silence(member.period)
+        lost = self.settings.lost_after_silence(member.period)
         driven, its_speed, acceleration = self._motion(now, pose, lost)
         silence = (now - last.received_at) / SECOND
         entries = [self._reserved.entry(rear, station - self._front)]
-        if self._lap:
-            entries.append((rear + self._lap, 1.0))
+        if self.lap:
+            entries.append((rear + self.lap, 1.0))
         for entry, rate in entries:
             gap = entry - station - self._front + driven * rate
-            ahead = VehiclesAhead(
-                gap, its_speed * rate, predecessor_acceleration=acceleration * rate
-            )
-            wanted = approach_acceleration(ahead, speed, self._policy, self._limits)
-            if -self._front <= gap < inf and wanted < min(most, self._limits.acceleration):
+            ahead = VehiclesAhead(gap, its_speed * rate)
+            ahead.predecessor_acceleration = acceleration * rate
+            wanted = self._approach(ahead, speed)
+            if -self._front <= gap < inf and wanted < min(most, self.limits.acceleration):
                 most = wanted
-                self.reason = f"keeps distance from {member.name}, {gap:.1f} m ahead"
+                where, since = member.name, ""
                 if silence > lost:
-                    self.reason = (
-                        f"keeps distance from where {member.name} may stand, {gap:.1f} m ahead, "
-                        f"silent for {silence:.1f} s"
-                    )
+                    where, since = f"where {member.name} may stand", f", silent for {silence:.1f} s"
                     self.silent = SourceFreshness("lost", silence, silence, known=max(gap, 0.0))
+                self.reason = f"keeps distance from {where}, {gap:.1f} m ahead{since}"
         return most
+
+    def _approach(self, ahead: VehiclesAhead, speed: float) -> float:
+        """Acceleration (m/s²) behind a vehicle of any distance, at the own `speed` (m/s).
+
+        It is that of `gap_acceleration` near the desired spacing. Further away that law would brake
+        at once for a standing vehicle; here the speed of approach is that of constant braking,
+        sqrt(2 b (e - e0 / 2)) for a spacing error e, which continues the law smoothly at e0.
+        """
+        error, limits = ahead.spacing - self.policy.desired(speed), self.limits
+        stiffness = GAP_STIFFNESS / DAMPING
+        linear = APPROACH_BRAKING / (stiffness * stiffness)
+        if error <= linear:
+            return gap_acceleration(ahead, speed, self.policy, limits)
+        closing = sqrt(2.0 * APPROACH_BRAKING * (error - 0.5 * linear))
+        wanted = DAMPING * (ahead.predecessor_speed + closing - speed)
+        return min(max(wanted, -limits.deceleration), limits.acceleration)
 
     def _motion(
         self, now: int, pose: ReceivedPose | None, lost: float
     ) -> tuple[float, float, float]:
-        """Distance (m) driven since the pose, speed (m/s) and acceleration (m/s²), as announced.
-
-        From the age `lost` (s) on the car brakes firmly to a stop.
-        """
+        """Distance (m) driven since the pose, speed (m/s) and acceleration (m/s²)."""
         if pose is None:
             return 0.0, 0.0, 0.0
-        age = (now - pose.measured_at) / SECOND
-        known = min(age, lost)
-        acceleration = pose.message.acceleration_mps2
+        age, speed = (now - pose.measured_at) / SECOND, max(pose.speed, 0.0)
         announced = SourceFreshness(
-            age=known, speed=max(pose.speed, 0.0), acceleration=acceleration
+            age=min(age, lost), speed=speed, acceleration=pose.message.acceleration_mps2
         )
         driven, speed, acceleration = announced.predicted_motion()
-        if age > known:
-            braking = self._settings.firm.deceleration
-            rest = min(age - known, speed / braking)
-            driven += (speed - 0.5 * braking * rest) * rest
-            speed -= braking * rest
-            acceleration = -braking if speed > 0.0 else 0.0
+        if age > lost:
+            return driven + speed * speed / (2.0 * self.settings.firm.deceleration), 0.0, 0.0
         return driven, speed, acceleration

@@ -70,7 +70,15 @@ def pose_on(
 def convoy(path: SampledPath, lap: float = 0.0, station: float = 0.0) -> ConvoyAhead:
     """A lead with one follower, which is at `station` (m)."""
     members = [ConvoyMember("v5", CAR, PERIOD, station, POLICY)]
-    return ConvoyAhead(path, lap, CAR, members, SETTINGS, POLICY, LIMITS)
+    return ConvoyAhead(
+        path=path,
+        lap=lap,
+        car=CAR,
+        members=members,
+        settings=SETTINGS,
+        policy=POLICY,
+        limits=LIMITS,
+    )
 
 
 def test_the_lead_waits_before_a_crossing_that_its_last_car_has_yet_to_pass() -> None:
