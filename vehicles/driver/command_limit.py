@@ -1,7 +1,7 @@
 """Limits of the steering angle and its rate."""
 
 import math
-from dataclasses import replace
+from dataclasses import InitVar, dataclass, replace
 from math import inf
 from typing import Final
 
@@ -10,31 +10,27 @@ from vehicles.driver.speed import SpeedCommand
 from vehicles.driver.steering import SteeringCommand
 
 
+@dataclass(eq=False)
 class CommandLimit:
     """Limits the steering command of a driver (Section III-C) to what the actuator can follow.
 
-    A command beyond that winds up while the actuator, eq. (4), moves at its rate limit.
+    A command beyond that winds up while the actuator, eq. (4), moves at its rate limit. The limits
+    are `rate` (rad/s) over a control `period` (s) and ±`steering_limit` (rad). `first` (rad) is the
+    initial command.
     """
 
-    def __init__(
-        self,
-        rate: float = inf,
-        period: float = 0.0,
-        steering_limit: float = inf,
-        *,
-        first: float = 0.0,
-    ) -> None:
-        """Limit to `rate` (rad/s) over a control `period` (s) and to ±`steering_limit` (rad).
+    rate: float = inf
+    period: float = 0.0
+    steering_limit: float = inf
+    first: InitVar[float] = 0.0
 
-        `first` (rad) is the initial command.
-        """
-        self._step = rate * period if rate < inf else inf
-        self._limit = steering_limit
+    def __post_init__(self, first: float) -> None:
+        self._step = self.rate * self.period if self.rate < inf else inf
         self._last = first
 
     def limited(self, command: SteeringCommand) -> SteeringCommand:
         """Limit δ_c and leave δ_ff and δ_fb unchanged; call once per control instant."""
-        wanted, step, limit, last = command.steering, self._step, self._limit, self._last
+        wanted, step, limit, last = command.steering, self._step, self.steering_limit, self._last
         self._last = min(max(wanted, -limit, last - step), limit, last + step)
         return command if self._last == wanted else replace(command, steering=self._last)
 

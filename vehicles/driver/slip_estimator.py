@@ -14,7 +14,7 @@ limit respond as if the car were heavier, and need the same steering.
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 from vehicles.car.dynamics import Body, actuator
@@ -142,33 +142,32 @@ class ParameterUser(Protocol):
     def assume(self, parameters: VehicleParameters) -> None: ...
 
 
+@dataclass(eq=False)
 class LoadWatch:
     """Keeps the parameters assumed by controllers and filters up to date, given an estimator."""
 
-    def __init__(
-        self, estimator: SlipEstimator | None = None, users: Sequence[ParameterUser] = ()
-    ) -> None:
-        self._estimator = estimator
-        self._users = users
-        self._ratio = 1.0
-        self._command = self._speed = 0.0
-        self._at: int | None = None
+    estimator: SlipEstimator | None = None
+    users: Sequence[ParameterUser] = ()
+    _ratio: float = 1.0
+    _command: float = 0.0
+    _speed: float = 0.0
+    _at: int | None = None
 
     def observe(self, now: int, motion: Motion | Body | None) -> None:
         """Predict to `now` (ns), and correct by a reading; call at every step before deciding."""
-        if self._estimator is None:
+        if self.estimator is None:
             return
         if self._at is not None:
-            self._estimator.move((now - self._at) / SECOND, self._speed, self._command)
+            self.estimator.move((now - self._at) / SECOND, self._speed, self._command)
         self._at = now
         if motion is None or not math.isfinite(motion.yaw_rate + motion.speed):
             return
         self._speed = motion.speed
-        self._estimator.correct(motion.yaw_rate, motion.speed)
-        if abs(self._estimator.ratio - self._ratio) > UPDATE_THRESHOLD:
-            self._ratio = self._estimator.ratio
-            parameters = self._estimator.parameters
-            for user in self._users:
+        self.estimator.correct(motion.yaw_rate, motion.speed)
+        if abs(self.estimator.ratio - self._ratio) > UPDATE_THRESHOLD:
+            self._ratio = self.estimator.ratio
+            parameters = self.estimator.parameters
+            for user in self.users:
                 user.assume(parameters)
 
     def record_command(self, steering: float) -> None:

@@ -211,6 +211,7 @@ class SlipCompensated:
         return limited(motion.steering.mean(delay, apart), feedback, self._limit)
 
 
+@dataclass(eq=False)
 class Stanley:
     """The law of the robot Stanley, for comparison.
 
@@ -235,18 +236,9 @@ class Stanley:
         ] = 1.0
         damping: Annotated[float, Setting("steering per yaw rate error", "s", 0, 10)] = 0.06
 
-    def __init__(
-        self,
-        parameters: VehicleParameters,
-        gains: Gains = NOMINAL_GAINS,
-        settings: Settings = Settings(),
-    ) -> None:
-        self._parameters = parameters
-        self._settings = settings
-        car = parameters
-        self._slip = (
-            car.mass * car.rear_axle_distance / (car.wheelbase * car.front_cornering_stiffness)
-        )
+    parameters: VehicleParameters
+    gains: Gains = NOMINAL_GAINS
+    settings: Settings = Settings()
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
         """Bring the front axle back to the path (Hoffmann et al., 2007).
@@ -254,18 +246,20 @@ class Stanley:
         The path at the front axle is extrapolated from its curvature κ at the centre of gravity: it
         has turned by κa and is offset by κa²/2. The feedforward are all terms with κ.
         """
-        ahead, kappa = self._parameters.front_axle_distance, errors.curvature
-        settings = self._settings
+        car, settings, kappa = self.parameters, self.settings, errors.curvature
+        ahead = car.front_axle_distance
+        slip = car.mass * car.rear_axle_distance / (car.wheelbase * car.front_cornering_stiffness)
         front = errors.lateral + ahead * sin(errors.heading) - 0.5 * kappa * ahead * ahead
-        feedforward = (ahead + self._slip * speed * speed) * kappa
+        feedforward = (ahead + slip * speed * speed) * kappa
         feedback = (
             -errors.heading
             - atan2(settings.cross_track * front, settings.softening + abs(speed))
             - settings.damping * errors.yaw_rate
         )
-        return limited(feedforward, feedback, self._parameters.steering_limit)
+        return limited(feedforward, feedback, car.steering_limit)
 
 
+@dataclass(eq=False)
 class PurePursuit:
     """Pure pursuit, for comparison.
 
@@ -288,22 +282,17 @@ class PurePursuit:
             float, Setting("smallest look-ahead distance, in wheelbases", "", 0.1, 100)
         ] = 1.5
 
-    def __init__(
-        self,
-        parameters: VehicleParameters,
-        gains: Gains = NOMINAL_GAINS,
-        settings: Settings = Settings(),
-    ) -> None:
-        self._parameters = parameters
-        self._settings = settings
+    parameters: VehicleParameters
+    gains: Gains = NOMINAL_GAINS
+    settings: Settings = Settings()
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
         """δ = atan(2 (a+b) sin α / l_d), α being the goal's bearing from the rear axle (Coulter).
 
         The feedforward follows from the path's curvature beside the car, the feedback is the rest.
         """
-        car, heading = self._parameters, errors.heading
-        settings = self._settings
+        car, heading = self.parameters, errors.heading
+        settings = self.settings
         least = settings.lookahead_wheelbases_min * car.wheelbase
         reach = max(least, settings.lookahead * abs(speed))
         x = -car.rear_axle_distance * cos(heading)
