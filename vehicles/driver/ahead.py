@@ -6,7 +6,6 @@ there a second time before its last car has passed it once. The lead receives th
 and keeps its distance from the part of the path that it has yet to drive, like a follower.
 """
 
-from bisect import bisect_left
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import InitVar, dataclass
@@ -80,7 +79,7 @@ class ReservedPath:
             place += STEP
         while len(slices) > 1 and slices[1][0] <= rear:
             slices.popleft()
-        firsts = [_first_from(station, found) for _, found in slices]
+        firsts = [min([one for one in found if one >= station], default=inf) for _, found in slices]
         first = min(firsts, default=inf)
         moved = min(firsts[1:], default=inf) - first if first < inf else inf
         if moved > 2.0 * STEP:
@@ -112,12 +111,6 @@ def shortest_loop(
         if found:
             shortest = min(shortest, found[0] - station)
     return shortest
-
-
-def _first_from(station: float, stations: list[float]) -> float:
-    """First of increasing `stations` (m) that is at or after `station` (m), infinite without."""
-    index = bisect_left(stations, station)
-    return stations[index] if index < len(stations) else inf
 
 
 # ---- Ahead

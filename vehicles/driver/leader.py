@@ -52,14 +52,9 @@ class WaitingProfile(ProfileSpeed):
     ) -> None:
         """Each command is held for `period` (s); `braking` limits the change of speed."""
         super().__init__(profile, start_at, period)
-        self._braking = braking
-        self._pace = 1.0
-        self._change = 0.0
-        self._behind = 0.0
-        self._at = start_at
-        self._planned = 0.0
-        self.waits = False
-        self.limit = inf
+        self._braking, self._at = braking, start_at
+        self._pace, self._change, self._behind, self._planned = 1.0, 0.0, 0.0, 0.0
+        self.waits, self.limit = False, inf
 
     def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:
         self._behind += (1.0 - self._pace) * (now - self._at) / SECOND

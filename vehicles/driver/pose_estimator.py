@@ -218,7 +218,9 @@ class PoseEstimator:
         """Pose at `now` (ns) by dead reckoning; ValueError before the first fix."""
         if self._pose is None and self._start is not None:
             self.begin(self._start)
-        pose = self._known_pose()
+        pose = self._pose
+        if pose is None:
+            raise ValueError("no pose before the first fix")
         speed, yaw_rate = pose.speed - self._speed_bias, pose.yaw_rate - self._yaw_rate_bias
         speed = speed if speed > 0.0 else 0.0
         span = (now - self._at) / SECOND
@@ -228,20 +230,11 @@ class PoseEstimator:
         sideways = 0.5 * (before + self._slip.after(span, speed, yaw_rate, yaw_rate, before))
         return Pose(*_moved(pose, span, speed, sideways, yaw_rate), speed, yaw_rate)
 
-    def _known_pose(self) -> Pose:
-        if self._pose is None:
-            raise ValueError("no pose before the first fix")
-        return self._pose
-
     @property
     def deviations(self) -> tuple[float, float, float]:
-        """Standard deviations along (m), across (m) and in heading (rad) at the last measurement.
-
-        Raises ValueError before the first fix.
-        """
-        joint, yaw = self._joint, self._known_pose().yaw
-        heading = math.sqrt(joint.values[HEADING, HEADING])
-        return joint.deviation(yaw), joint.deviation(yaw + 0.5 * math.pi), heading
+        """Standard deviations along (m), across (m), in heading (rad) at the last measurement."""
+        along = nan if self._pose is None else self._joint.deviation(self._pose.yaw)
+        return along, self.lateral_deviation, math.sqrt(self._joint.values[HEADING, HEADING])
 
     @property
     def lateral_deviation(self) -> float:
