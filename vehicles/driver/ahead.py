@@ -168,9 +168,8 @@ class ConvoyAhead:
         lost = self.settings.lost_after_silence(member.period)
         driven, its_speed, acceleration = self._motion(now, pose, lost)
         silence = (now - last.received_at) / SECOND
-        entries = [self._reserved.entry(rear, station - self._front)]
-        if self.lap:
-            entries.append((rear + self.lap, 1.0))
+        lap = rear + self.lap if self.lap else inf
+        entries = self._reserved.entry(rear, station - self._front), (lap, 1.0)
         for entry, rate in entries:
             gap = entry - station - self._front + driven * rate
             ahead = VehiclesAhead(gap, its_speed * rate)

@@ -52,10 +52,10 @@ MARGIN_RATE: Final = 0.5  # Rate (m/s) of the margin, so that the gap widens gen
 def speed_limit(deviation: float) -> float:
     """Largest speed (m/s) at a standard deviation (m) of the lateral position.
 
-    The margin in the lane, less three standard deviations, must last for the
-    reaction time at the heading error: v = (margin - 3 σ) / (heading error × reaction time), at
-    least a walking pace. It is 30 m/s at 3 σ = 0.3 m, where Autoware's localisation monitor reports
-    an error, 14 m/s at 0.57 m (RTK float), and a walking pace from 0.77 m on.
+    The margin in the lane, less three standard deviations, must last for the reaction time at the
+    heading error: v = (margin - 3 σ) / (heading error × reaction time), at least a walking pace.
+    It is 30 m/s at 3 σ = 0.3 m, where Autoware's localisation monitor reports an error, 14 m/s at
+    0.57 m (RTK float), and a walking pace from 0.77 m on.
     """
     left = LANE_MARGIN - 3.0 * deviation
     return max(left / (HEADING_ERROR * REACTION_TIME), WALKING_PACE)
@@ -71,11 +71,8 @@ class PositionLimit:
     def __init__(self, settings: DegradationSettings) -> None:
         self._allowed = settings.lateral_deviation_max if settings.reaction == "degrade" else inf
         self._braking = settings.comfortable
-        self._acceleration = inf
-        self._deviation = 0.0
-        self._margin = 0.0
-        self.predecessor_accuracy = 0.0
-        self.speed = inf
+        self._acceleration = self.speed = inf
+        self._deviation = self._margin = self.predecessor_accuracy = 0.0
 
     @property
     def is_active(self) -> bool:

@@ -61,10 +61,9 @@ class SlipEstimator:
         self._motions: list[Pair] = [(0.0, 0.0), (0.0, 0.0)]  # lateral speed (m/s), yaw rate
         self._actuator = actuator(parameters)
         self._steering = self._steering_rate = 0.0
-        self.ratio = 1.0
-        self._bias = 0.0
+        self._bias = self._turning = 0.0
         self._variance, self._bias_variance, self._covariance = PRIOR**2, BIAS_PRIOR**2, 0.0
-        self._turning = 0.0
+        self.ratio = 1.0
 
     @property
     def deviation(self) -> float:

@@ -32,8 +32,7 @@ class BendsAhead:
 
     def __init__(self, lateral: float, braking: float) -> None:
         """`lateral` acceleration in bends, and `braking` before them (m/s²)."""
-        self._lateral = lateral
-        self._braking = braking
+        self._lateral, self._braking = lateral, braking
         self._path: deque[tuple[float, float, float, float]] = deque(maxlen=CAPACITY)
         self._bends: deque[tuple[float, float]] = deque(maxlen=CAPACITY)
         self._newest_at = 0
