@@ -30,7 +30,7 @@ MODULES = {
     "vehicles/preview": "arc_fits curve_fit samples trace trajectory",
     "vehicles/car": "dynamics gnss imu noise outline path_history path_keeping tyres",
     "vehicles/driver": "command_limit decision follower innovation_gate intended_path leader"
-    " modes own_state own_track pose_estimator situation source sources"
+    " modes own_state pose_estimator situation source sources"
     " speed speed_guard watch",
     "transport": "clock codec",
     "transport/bus": "telemetry",

@@ -192,7 +192,7 @@ def stated_errors(settings: GnssSettings) -> StatedErrors:
 
     A configured bias counts with its size, not its direction, as in a data sheet.
     """
-    lasting = [error for state in STATES_WITH_FIX for error in _drift(settings, state)]
+    lasting = [error for state in settings.states for error in _drift(settings, state)]
     bias = settings.bias
     if bias is not None:
         size = hypot(bias.deviation, hypot(bias.east, bias.north) / sqrt(2.0))

@@ -1,7 +1,7 @@
 """Limits of the steering angle and its rate."""
 
 import math
-from dataclasses import replace
+from dataclasses import InitVar, dataclass, replace
 from math import inf
 from typing import Final
 
@@ -10,38 +10,29 @@ from vehicles.driver.speed import SpeedCommand
 from vehicles.driver.steering import SteeringCommand
 
 
+@dataclass(eq=False)
 class CommandLimit:
     """Limits the steering command of a driver (Section III-C) to what the actuator can follow.
 
-    A command beyond that winds up while the actuator, eq. (4), moves at its rate limit. The paper
-    states no such limit; without a rate limit commands pass unchanged.
+    A command beyond that winds up while the actuator, eq. (4), moves at its rate limit. The limits
+    are `rate` (rad/s) over a control `period` (s) and ±`steering_limit` (rad). `first` (rad) is the
+    initial command.
     """
 
-    def __init__(
-        self,
-        rate: float = math.inf,
-        period: float = 0.0,
-        steering_limit: float = math.inf,
-        *,
-        first: float = 0.0,
-    ) -> None:
-        """Limit to `rate` (rad/s) over a control `period` (s) and to ±`steering_limit` (rad).
+    rate: float = inf
+    period: float = 0.0
+    steering_limit: float = inf
+    first: InitVar[float] = 0.0
 
-        `first` (rad) is the initial command.
-        """
-        self._step = rate * period if math.isfinite(rate) else math.inf
-        self._limit = steering_limit
+    def __post_init__(self, first: float) -> None:
+        self._step = self.rate * self.period if self.rate < inf else inf
         self._last = first
 
     def limited(self, command: SteeringCommand) -> SteeringCommand:
         """Limit δ_c and leave δ_ff and δ_fb unchanged; call once per control instant."""
-        wanted, step, limit = command.steering, self._step, self._limit
-        if (-step <= wanted - self._last <= step and -limit <= wanted <= limit) or step == math.inf:
-            self._last = wanted
-            return command
-        wanted = min(max(wanted, -limit), limit)
-        self._last = min(max(wanted, self._last - step), self._last + step)
-        return replace(command, steering=self._last)
+        wanted, step, limit, last = command.steering, self._step, self.steering_limit, self._last
+        self._last = min(max(wanted, -limit, last - step), limit, last + step)
+        return command if self._last == wanted else replace(command, steering=self._last)
 
 
 # ---- Speed limit of a car that is uncertain of its lateral position; SI units
@@ -61,10 +52,10 @@ MARGIN_RATE: Final = 0.5  # Rate (m/s) of the margin, so that the gap widens gen
 def speed_limit(deviation: float) -> float:
     """Largest speed (m/s) at a standard deviation (m) of the lateral position.
 
-    The margin in the lane, less three standard deviations, must last for the
-    reaction time at the heading error: v = (margin - 3 σ) / (heading error × reaction time), at
-    least a walking pace. It is 30 m/s at 3 σ = 0.3 m, where Autoware's localisation monitor reports
-    an error, 14 m/s at 0.57 m (RTK float), and a walking pace from 0.77 m on.
+    The margin in the lane, less three standard deviations, must last for the reaction time at the
+    heading error: v = (margin - 3 σ) / (heading error × reaction time), at least a walking pace.
+    It is 30 m/s at 3 σ = 0.3 m, where Autoware's localisation monitor reports an error, 14 m/s at
+    0.57 m (RTK float), and a walking pace from 0.77 m on.
     """
     left = LANE_MARGIN - 3.0 * deviation
     return max(left / (HEADING_ERROR * REACTION_TIME), WALKING_PACE)
@@ -80,11 +71,8 @@ class PositionLimit:
     def __init__(self, settings: DegradationSettings) -> None:
         self._allowed = settings.lateral_deviation_max if settings.reaction == "degrade" else inf
         self._braking = settings.comfortable
-        self._acceleration = inf
-        self._deviation = 0.0
-        self._margin = 0.0
-        self.predecessor_accuracy = 0.0
-        self.speed = inf
+        self._acceleration = self.speed = inf
+        self._deviation = self._margin = self.predecessor_accuracy = 0.0
 
     @property
     def is_active(self) -> bool:
@@ -109,12 +97,11 @@ class PositionLimit:
         It approaches three standard deviations of the distance, which is the difference of two
         positions; both axes of a position have similar deviations.
         """
-        target = 0.0
-        if self.speed < inf:
-            target = 3.0 * math.hypot(self._deviation, self.predecessor_accuracy)
-        step = MARGIN_RATE * span
-        if self._margin != target:
-            self._margin = min(max(target, self._margin - step), self._margin + step)
+        if self._margin == 0.0 and self.speed == inf:
+            return 0.0
+        deviation = math.hypot(self._deviation, self.predecessor_accuracy)
+        target, step = 3.0 * deviation if self.speed < inf else 0.0, MARGIN_RATE * span
+        self._margin = min(max(target, self._margin - step), self._margin + step)
         return self._margin
 
     def limited(
@@ -131,10 +118,8 @@ class PositionLimit:
         if self.speed < inf:
             wanted = max(APPROACH * (self.speed - speed), -braking.deceleration)
         before = self._acceleration if self.is_active else max(last, wanted)
-        self._acceleration = min(max(wanted, before - step), before + step)
-        allowed = self._acceleration
-        if self.speed == inf and allowed >= NO_EFFECT:
-            self._acceleration = inf
+        allowed = min(max(wanted, before - step), before + step)
+        self._acceleration = inf if self.speed == inf and allowed >= NO_EFFECT else allowed
         if command.acceleration <= allowed:
             return command
         return SpeedCommand(allowed, min(command.target_speed, self.speed))

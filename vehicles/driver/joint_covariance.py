@@ -1,12 +1,11 @@
 """Covariance of a pose estimate together with the lasting errors of its receiver.
 
-Errors that last from fix to fix cannot be averaged out. Each is a state of the filter, per axis, as
-a first-order Gauss–Markov process (R. G. Brown, P. Y. C. Hwang, "Introduction to Random Signals and
-Applied Kalman Filtering"). The unknown load of the car is considered but not estimated
-(S. F. Schmidt, "Application of State-Space Methods to Navigation Problems", 1966): in a long bend
-its error of the slip does not average out either.
-
-All errors are true value minus estimate, in the east-north plane.
+A Kalman filter of errors, each the true value minus the estimate, in the east-north plane
+(R. E. Kalman, Journal of Basic Engineering 82, 1960). Errors of fixes that last cannot be averaged
+out. Each is a state of the filter, per axis, as a first-order Gauss–Markov process (R. G. Brown,
+P. Y. C. Hwang, "Introduction to Random Signals and Applied Kalman Filtering"). The unknown load of
+the car is considered but not estimated (S. F. Schmidt, "Application of State-Space Methods to
+Navigation Problems", 1966): in a long bend its error of the slip does not average out either.
 """
 
 import math
@@ -16,10 +15,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from vehicles.car.gnss import Fix
 from vehicles.car.gnss_errors import StatedErrors
 from vehicles.car.imu import UNKNOWN_LOAD
-from vehicles.driver.own_state import AcrossCovariance, AlongCovariance
 from vehicles.messages import FixState
+
+FloatArray = NDArray[np.float64]
 
 EAST: Final = 0
 NORTH: Final = 1
@@ -28,155 +29,97 @@ SPEED_BIAS: Final = 3
 GYRO_BIAS: Final = 4
 LOAD: Final = 5
 FIRST_ERROR: Final = 6  # Index of the first lasting error; each has two states, east and north
+MEASURED: Final = 5  # Number of measured states of a fix, which are the first ones
 
-
-class Step:
-    """A step of dead reckoning: displacement (m), span (s), yaw (rad), sensitivities, noise.
-
-    `lever` (m) is the lateral speed per yaw rate, `load_effect` (m) the lateral displacement per
-    relative error of the load. Densities of random walks are `along` and `across` the body (m²/s)
-    and `turning` (rad²/s).
-    """
-
-    def __init__(  # noqa: PLR0917 - its fields
-        self,
-        span: float,
-        east: float,
-        north: float,
-        yaw: float,
-        lever: float,
-        load_effect: float,
-        along: float,
-        across: float,
-        turning: float,
-    ) -> None:
-        self.span = span
-        self.east, self.north = east, north
-        self.cos, self.sin = math.cos(yaw), math.sin(yaw)
-        self.lever = lever
-        self.load_effect = load_effect
-        self.along, self.across, self.turning = along, across, turning
+GATE: Final = 6.0  # Innovations beyond this number of standard deviations are outliers
+IGNORED: Final = 1e12  # Variance of a measurement that is not used
 
 
 class JointCovariance:
-    """Joint covariance, estimated lasting errors, and the corrections that a fix implies.
+    """Joint covariance and estimated lasting errors.
 
-    `values` are position (m), heading (rad), biases of speed (m/s) and gyroscope (rad/s), relative
-    error of the load, and the lasting errors (m). Corrections add up in `change` until taken.
+    `values` are of the position (m), heading (rad), biases of speed (m/s) and gyroscope (rad/s),
+    relative error of the load, and the lasting errors (m), which are estimated as `errors`.
     """
 
-    def __init__(self, stated: StatedErrors) -> None:
-        """Start with unknown lasting errors, at their stationary variance."""
+    def __init__(
+        self, stated: StatedErrors, densities: Sequence[float], deviations: Sequence[float]
+    ) -> None:
+        """`deviations` are those of biases of speed (m/s) and gyroscope (rad/s) at the start.
+
+        `densities` are those of random walks along and across the body (m²/s), and of its heading
+        (rad²/s).
+        """
+        self._stated, self._densities = stated, densities
         size = FIRST_ERROR + 2 * len(stated.lasting)
-        self._stated = stated
-        self.values: NDArray[np.float64] = np.zeros((size, size))
-        self.values[LOAD, LOAD] = UNKNOWN_LOAD**2
-        self.change: NDArray[np.float64] = np.zeros(size)
-        self.errors = [0.0] * (size - FIRST_ERROR)
-        for index, error in enumerate(stated.lasting):
-            self._restart(index, error.deviation)
+        self.values: FloatArray = np.zeros((size, size))
+        for column, deviation in enumerate((*deviations, UNKNOWN_LOAD), SPEED_BIAS):
+            self.values[column, column] = deviation**2
+        self.errors: FloatArray = np.zeros(size - FIRST_ERROR)
+        self._transition: FloatArray = np.eye(size)
+        self._noise: FloatArray = np.zeros((size, size))
+        self._rows: dict[FixState, FloatArray] = {}
+        for state in stated.white:  # matrices (5, size) from the states to the values of a fix
+            self._rows[state] = np.eye(MEASURED, size)
+            for axis in (EAST, NORTH):
+                self._rows[state][axis, self._active(axis, state)] = 1.0
         self._state: FixState | None = None
         self._fixed_at = 0
-        self._span = -1.0
-        self._kept = self._growth = self.change
 
-    @classmethod
-    def joined(
-        cls, stated: StatedErrors, along: AlongCovariance, across: AcrossCovariance, yaw: float
-    ) -> "JointCovariance":
-        """Continue the covariances of an estimate whose fixes had white noise only."""
-        joint, p = cls(stated), np.zeros((5, 5))
-        p[:2, :2] = np.diag((along.aa, across.cc))
-        p[0, 3], p[1, 2], p[1, 4] = along.sa, across.hc, across.gc
-        p[3, 3] = along.ss
-        p[2, 2], p[4, 4], p[2, 4] = across.hh, across.gg, across.gh
-        p = np.triu(p) + np.triu(p, 1).T
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        east, north = cos * p[0] - sin * p[1], sin * p[0] + cos * p[1]
-        p[0], p[1] = east, north
-        east, north = cos * p[:, 0] - sin * p[:, 1], sin * p[:, 0] + cos * p[:, 1]
-        p[:, 0], p[:, 1] = east, north
-        joint.values[:5, :5] = p
-        return joint
+    def _active(self, axis: int, state: FixState) -> list[int]:
+        """Columns of the states that add up to a measured coordinate."""
+        errors = [
+            FIRST_ERROR + 2 * index + axis
+            for index, error in enumerate(self._stated.lasting)
+            if state in error.states
+        ]
+        return [axis, *errors]
 
-    @classmethod
-    def at_fix(
-        cls, stated: StatedErrors, state: FixState, at: int, deviations: Sequence[float]
-    ) -> "JointCovariance":
-        """Start at a fix at `at` (ns); the position has the errors of the fix.
+    def start(
+        self, position: float, heading: float, state: FixState | None = None, at: int = 0
+    ) -> None:
+        """Start at a known pose with these variances (m², rad²), keeping those of the biases.
 
-        `deviations` are of heading (rad), speed bias (m/s) and gyroscope bias (rad/s).
+        The lasting errors of the receiver have their stationary variance. If the position is that
+        of a fix in `state` at `at` (ns), it also has the lasting errors of the fix.
         """
-        joint = cls(stated)
-        joint._state, joint._fixed_at = state, at
-        p = joint.values
-        for index, deviation in enumerate(deviations):
-            p[HEADING + index, HEADING + index] = deviation**2
+        variances = self.values.diagonal().copy()
+        variances[:SPEED_BIAS] = position, position, heading
+        self.values = p = np.diag(variances)
+        for index, error in enumerate(self._stated.lasting):
+            self._restart(index, error.deviation)
+        self._state, self._fixed_at = state, at
+        if state is None:
+            return
         for axis in (EAST, NORTH):
-            p[axis, axis] = stated.white[state]
-            for column in joint._active(axis, state)[1:]:
+            for column in self._active(axis, state)[1:]:
                 p[axis, axis] += p[column, column]
                 p[axis, column] = p[column, axis] = -p[column, column]
-        return joint
 
-    def copy(self) -> "JointCovariance":
-        other = JointCovariance(self._stated)
-        other.values, other.errors = self.values.copy(), list(self.errors)
-        other._state, other._fixed_at = self._state, self._fixed_at
-        return other
+    def grow(self, span: float, east: float, north: float, yaw: float, load_effect: float) -> None:
+        """Predict over `span` (s) of dead reckoning, a displacement (m) from the direction `yaw`.
 
-    def grow(self, step: Step) -> None:
-        p, span = self.values, step.span
-        cos, sin, lever = step.cos, step.sin, -step.lever * span
-        half = 0.5 * span
-        rows = (
-            (-step.north, -cos * span, half * step.north - sin * lever, -sin * step.load_effect),
-            (step.east, -sin * span, -half * step.east + cos * lever, cos * step.load_effect),
-        )
-        for view in (p, p.T):
-            for axis, (heading, speed, gyro, load) in enumerate(rows):
-                view[axis] += (
-                    heading * view[HEADING]
-                    + speed * view[SPEED_BIAS]
-                    + gyro * view[GYRO_BIAS]
-                    + load * view[LOAD]
-                )
-            view[HEADING] -= span * view[GYRO_BIAS]
-        self._add_noise(step)
-        self._age(span)
-
-    def _add_noise(self, step: Step) -> None:
-        p, span, cos, sin = self.values, step.span, step.cos, step.sin
-        along, across, turning = step.along * span, step.across * span, step.turning * span
-        common = self._stated.common_density * span
-        east, north = step.east, step.north
-        p[EAST, EAST] += along * cos * cos + across * sin * sin + common + turning * north**2 / 3.0
-        p[NORTH, NORTH] += along * sin * sin + across * cos * cos + common + turning * east**2 / 3.0
-        both = (along - across) * cos * sin - turning * east * north / 3.0
-        p[EAST, NORTH] += both
-        p[NORTH, EAST] += both
-        for axis, displacement in ((EAST, -north), (NORTH, east)):
-            p[axis, HEADING] += 0.5 * turning * displacement
-            p[HEADING, axis] += 0.5 * turning * displacement
-        p[HEADING, HEADING] += turning
-
-    def _age(self, span: float) -> None:
-        """Let the lasting errors change over `span` (s), exactly."""
-        lasting = self._stated.lasting
-        if not lasting:
-            return
-        if span != self._span:
-            kept = [1.0] * FIRST_ERROR
-            growth = [0.0] * FIRST_ERROR
-            for error in lasting:
-                kept += [error.kept(span)] * 2
-                growth += [error.growth(span)] * 2
-            self._span, self._kept, self._growth = span, np.array(kept), np.array(growth)
-        self.values *= self._kept
-        self.values *= self._kept[:, None]
-        self.values.flat[:: len(self._kept) + 1] += self._growth
-        kept_list = self._kept[FIRST_ERROR:].tolist()
-        self.errors = [k * error for k, error in zip(kept_list, self.errors, strict=True)]
+        `load_effect` (m) is the lateral displacement per relative error of the load. A change of
+        heading has no effect within the step.
+        """
+        f, q, cos, sin = self._transition, self._noise, math.cos(yaw), math.sin(yaw)
+        f[EAST, HEADING], f[NORTH, HEADING] = -north, east
+        f[EAST, SPEED_BIAS], f[NORTH, SPEED_BIAS] = -cos * span, -sin * span
+        f[EAST, LOAD], f[NORTH, LOAD] = -sin * load_effect, cos * load_effect
+        f[HEADING, GYRO_BIAS] = -span
+        along, across, turning = self._densities
+        common, difference = across + self._stated.common_density, along - across
+        q[EAST, EAST] = span * (common + difference * cos * cos)
+        q[NORTH, NORTH] = span * (common + difference * sin * sin)
+        q[EAST, NORTH] = q[NORTH, EAST] = span * difference * cos * sin
+        q[HEADING, HEADING] = span * turning
+        for index, error in enumerate(self._stated.lasting, FIRST_ERROR // 2):
+            f[2 * index, 2 * index] = f[2 * index + 1, 2 * index + 1] = error.kept(span)
+            q[2 * index, 2 * index] = q[2 * index + 1, 2 * index + 1] = error.growth(span)
+        if self._stated.lasting:
+            self.errors *= f.diagonal()[FIRST_ERROR:]
+        self.values = f.dot(self.values).dot(f.T)
+        self.values += q
 
     def enter(self, state: FixState, at: int) -> None:
         """Restart the errors that a fix in this state at `at` (ns) restarts."""
@@ -194,91 +137,53 @@ class JointCovariance:
             self.values[column, column] = deviation**2
             self.errors[column - FIRST_ERROR] = 0.0
 
-    def _active(self, axis: int, state: FixState) -> list[int]:
-        """Columns of the states that add up to a measured coordinate."""
-        errors = [
-            FIRST_ERROR + 2 * index + axis
-            for index, error in enumerate(self._stated.lasting)
-            if state in error.states
-        ]
-        return [axis, *errors]
+    def white_variance(self, fix: Fix) -> float:
+        """Variance (m²) per axis of the white noise of a fix: its accuracy without other errors."""
+        lasting = [one.deviation**2 for one in self._stated.lasting if fix.state in one.states]
+        rest = fix.accuracy**2 - sum(lasting) - self._stated.common_variance
+        return max(rest, self._stated.white[fix.state])
 
-    def position_variance(self, state: FixState) -> float:
-        """Variance (m²) of the distance of the next fix from the estimate, both axes."""
-        total = 2.0 * self._stated.white[state]
-        for axis in (EAST, NORTH):
-            columns = self._active(axis, state)
-            total += float(self.values[np.ix_(columns, columns)].sum())
-        return total
+    def correct(
+        self,
+        state: FixState,
+        off: Sequence[float],
+        noise: Sequence[float],
+        free: tuple[float, float],
+    ) -> list[float] | None:
+        """Correct by a fix that is `off` the estimate in the first five states.
 
-    def variance(self, column: int) -> float:
-        return float(self.values[column, column])
-
-    def without_errors(self, east: float, north: float, state: FixState) -> tuple[float, float]:
-        """Subtract the estimated lasting errors from a difference of positions (m)."""
-        for column in self._active(EAST, state)[1:]:
-            east -= self.errors[column - FIRST_ERROR]
-            north -= self.errors[column - FIRST_ERROR + 1]
-        return east, north
-
-    def by_position(self, east: float, north: float, state: FixState) -> None:
-        """Correct by a measured position, relative to the estimated one (m)."""
-        both = self.without_errors(east, north, state)
-        for axis, innovation in zip((EAST, NORTH), both, strict=True):
-            self._correct(self._active(axis, state), innovation, self._stated.white[state])
-
-    def by_state(
-        self, column: int, innovation: float, variance: float, gate: float = math.inf
-    ) -> None:
-        """Correct by a measured heading or bias, relative to the estimated one.
-
-        Innovations beyond `gate` standard deviations are ignored.
+        `noise` has the variances of its white noise. The fix may be off by `free` (m, rad) beyond
+        the gate; otherwise it is an outlier, and None is returned. Returns the corrections of the
+        first five states.
         """
-        left = innovation - float(self.change[column])
-        if left * left <= gate * gate * (variance + self.variance(column)):
-            self._correct([column], innovation, variance)
-
-    def adopt_biases(self, other: "JointCovariance") -> None:
-        """Take over the variances of the sensor biases of another estimate."""
-        for column in (SPEED_BIAS, GYRO_BIAS):
-            self.values[column, column] = other.values[column, column]
-
-    def _correct(self, columns: list[int], innovation: float, variance: float) -> None:
-        p = self.values
-        gain = p[columns[0]].copy()
-        for column in columns[1:]:
-            gain += p[column]
-        total = variance
-        for column in columns:
-            total += float(gain[column])
-            innovation -= float(self.change[column])
-        if total <= 0.0:
-            return
-        load = float(p[LOAD, LOAD])
-        p -= gain * (gain[:, None] / total)
+        rows, p = self._rows[state], self.values
+        left = off
+        if self._stated.lasting:
+            left = np.subtract(off, rows[:, FIRST_ERROR:].dot(self.errors)).tolist()
+        away = math.hypot(left[EAST], left[NORTH])
+        gains = rows.dot(p)
+        spread = gains.dot(rows.T)
+        spread.flat[:: MEASURED + 1] += noise
+        east, north, heading, speed, gyro = spread.diagonal().tolist()
+        turned = abs(off[HEADING]) - free[1]
+        if away > free[0] + GATE * math.sqrt(east + north) or turned > GATE * math.sqrt(heading):
+            return None
+        for column, variance in ((SPEED_BIAS, speed), (GYRO_BIAS, gyro)):
+            if off[column] ** 2 > GATE**2 * variance:
+                spread[column, column] = IGNORED
+        weights = np.linalg.solve(spread, gains)
+        change = np.dot(left, weights)
+        load = p[LOAD, LOAD]
+        p -= gains.T.dot(weights)
         p[LOAD, LOAD] = load
-        gain[LOAD] = 0.0
-        self.change += gain * (innovation / total)
+        self.values = 0.5 * (p + p.T)  # otherwise errors of rounding grow
+        self.errors += change[FIRST_ERROR:]
+        corrections: list[float] = change[:MEASURED].tolist()
+        return corrections
 
-    def taken(self) -> list[float]:
-        """Corrections of position, heading and biases; those of the errors are applied."""
-        change: list[float] = self.change.tolist()
-        self.change[:] = 0.0
-        self.errors = [a + b for a, b in zip(self.errors, change[FIRST_ERROR:], strict=True)]
-        return change[:FIRST_ERROR]
-
-    def deviations(self, yaw: float) -> tuple[float, float, float]:
-        """Standard deviations along and across a direction (m), and of the heading (rad).
-
-        Errors shared by all receivers are included.
-        """
-        p, cos, sin = self.values, math.cos(yaw), math.sin(yaw)
-        common = self._stated.common_variance
-        east, north, both = float(p[0, 0]), float(p[1, 1]), float(2.0 * cos * sin * p[0, 1])
-        along = cos * cos * east + sin * sin * north + both + common
-        across = sin * sin * east + cos * cos * north - both + common
-        return (
-            math.sqrt(max(along, 0.0)),
-            math.sqrt(max(across, 0.0)),
-            math.sqrt(max(float(p[HEADING, HEADING]), 0.0)),
-        )
+    def deviation(self, direction: float) -> float:
+        """Standard deviation (m) in a direction (rad), with errors shared by all receivers."""
+        p, cos, sin = self.values, math.cos(direction), math.sin(direction)
+        square = cos * cos * p[EAST, EAST] + sin * sin * p[NORTH, NORTH]
+        square += 2.0 * cos * sin * p[EAST, NORTH] + self._stated.common_variance
+        return math.sqrt(max(square, 0.0))

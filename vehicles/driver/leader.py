@@ -4,6 +4,7 @@ It waits, if configured, while a follower is lost or has fallen behind.
 """
 
 from collections.abc import Sequence
+from dataclasses import InitVar, dataclass, field
 from math import inf, sqrt
 from typing import Final
 
@@ -17,7 +18,7 @@ from vehicles.driver.controller import VehiclesAhead
 from vehicles.driver.decision import Decision
 from vehicles.driver.own_state import OwnState, Pose
 from vehicles.driver.settings import Braking, InstantDraw
-from vehicles.driver.situation import STANDSTILL, Situation
+from vehicles.driver.situation import STANDSTILL, Situation, SourceState
 from vehicles.driver.slip_estimator import LoadWatch
 from vehicles.driver.speed import (
     ProfileSpeed,
@@ -51,14 +52,9 @@ class WaitingProfile(ProfileSpeed):
     ) -> None:
         """Each command is held for `period` (s); `braking` limits the change of speed."""
         super().__init__(profile, start_at, period)
-        self._braking = braking
-        self._pace = 1.0
-        self._change = 0.0
-        self._behind = 0.0
-        self._at = start_at
-        self._planned = 0.0
-        self.waits = False
-        self.limit = inf
+        self._braking, self._at = braking, start_at
+        self._pace, self._change, self._behind, self._planned = 1.0, 0.0, 0.0, 0.0
+        self.waits, self.limit = False, inf
 
     def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:
         self._behind += (1.0 - self._pace) * (now - self._at) / SECOND
@@ -84,12 +80,8 @@ class WaitingProfile(ProfileSpeed):
         return SpeedCommand(most, min(planned.target_speed, speed))
 
     def _change_pace(self, speed: float) -> None:
-        target = WAITING_SHARE if self.waits else 1.0
         full, braking = max(speed, SLOWEST), self._braking
-        if self.limit < target * full:
-            target = self.limit / full
-        if self._pace == target and not self._change:
-            return
+        target = min(WAITING_SHARE if self.waits else 1.0, self.limit / full)
         left = (target - self._pace) * full
         # The change must be able to end at this jerk when the target is reached.
         fastest = min(braking.deceleration, sqrt(2.0 * braking.jerk * abs(left)))
@@ -97,57 +89,40 @@ class WaitingProfile(ProfileSpeed):
         step = braking.jerk * self._period
         self._change = min(max(change, self._change - step), self._change + step)
         pace = self._pace + self._change * self._period / full
-        if abs(left) <= abs(self._change) * self._period or (target - pace) * left <= 0.0:
+        if abs(left) <= abs(self._change) * self._period:
             pace, self._change = target, 0.0
         self._pace = min(max(pace, 0.0), 1.0)
 
 
+@dataclass(kw_only=True, eq=False)
 class Leader:
-    """Tracks a path from a given station (m) on (Section V-C, Fig. 8).
+    """Tracks a path from the arc length `station` (m) on (Section V-C, Fig. 8).
 
-    It receives the poses of its followers if it waits for them or keeps its distance from them.
+    `limit` is that of the steering command. `watch` decides whether the lead waits for its
+    followers, `ahead` keeps its distance from them, and `position_limit` slows it down while its
+    position is uncertain. All three are optional and require a `WaitingProfile` as the speed law.
+    `draw` has the random numbers of the controller. The lead repeats the announced stops of its
+    `followers`, from front to back.
     """
 
-    def __init__(
-        self,
-        *,
-        own_state: OwnState,
-        controller: LateralController,
-        speed_law: SpeedLaw,
-        control: Cadence,
-        path: SampledPath,
-        station: float,
-        limit: CommandLimit | None = None,
-        load: LoadWatch | None = None,
-        watch: ConvoyWatch | None = None,
-        ahead: ConvoyAhead | None = None,
-        position_limit: PositionLimit | None = None,
-        draw: InstantDraw | None = None,
-        followers: Sequence[str] = (),
-    ) -> None:
-        """`station` (m) is the initial arc length, `limit` that of the steering command.
+    own_state: OwnState
+    controller: LateralController
+    speed_law: SpeedLaw
+    control: Cadence
+    path: SampledPath
+    station: float
+    limit: CommandLimit = field(default_factory=CommandLimit)
+    load: LoadWatch = field(default_factory=LoadWatch)
+    watch: ConvoyWatch | None = None
+    ahead: ConvoyAhead | None = None
+    position_limit: PositionLimit | None = None
+    draw: InstantDraw | None = None
+    followers: InitVar[Sequence[str]] = ()
+    _held: SourceState | None = None
+    _decision: Decision | None = None
 
-        `watch` decides whether it waits for its followers, `ahead` keeps its distance from them,
-        and `position_limit` slows it down while its position is uncertain. All three are optional
-        and require a `WaitingProfile` as the speed law. `draw` has the random numbers of the
-        controller.
-        """
-        self._own_state = own_state
-        self._controller = controller
-        self._speed_law = speed_law
-        self._control = control
-        self._path = path
-        self._near = station
-        self._limit = limit or CommandLimit()
-        self._load = load or LoadWatch()
-        self._watch = watch
-        self._ahead = ahead
-        self._position_limit = position_limit
-        self._draw = draw
-        self._stops: dict[str, tuple[int, int]] = dict.fromkeys(followers, (-1, 0))
-        self._waiting = speed_law if isinstance(speed_law, WaitingProfile) else None
-        self._held: Situation | None = None
-        self._decision: Decision | None = None
+    def __post_init__(self, followers: Sequence[str]) -> None:
+        self._stops = dict.fromkeys(followers, (-1, 0))  # instants of measurement and stop (ns)
 
     def step(
         self,
@@ -161,26 +136,26 @@ class Leader:
 
         Errors of Section III-B against the path, steering of Section III-C.
         """
-        self._load.observe(now, motion)
-        self._own_state.update(now, fix, motion)
-        if self._watch is not None:
-            self._watch.observe(now, received, self._near)
-        if self._ahead is not None:
-            self._ahead.observe(received)
+        self.load.observe(now, motion)
+        self.own_state.update(now, fix, motion)
         for pose in received:
-            known = self._stops.get(pose.message.vehicle)
-            if known is not None and pose.measured_at > known[0]:
-                self._stops[pose.message.vehicle] = pose.measured_at, pose.message.stops_at_ns
-        if self._decision is not None and not self._control.due(now):
+            name, stops_at = pose.message.vehicle, pose.message.stops_at_ns
+            if name in self._stops and pose.measured_at > self._stops[name][0]:
+                self._stops[name] = pose.measured_at, stops_at
+        if self.watch is not None:
+            self.watch.observe(now, received, self.station)
+        if self.ahead is not None:
+            self.ahead.observe(received)
+        if self._decision is not None and not self.control.due(now):
             self._decision = self._decision.held()
             return self._decision
-        if self._draw is not None:
-            self._draw.now = now
-        pose = self._own_state.at(now)
-        errors = self._track(pose)
-        steering = self._limit.limited(self._controller.steer(errors, pose.speed))
-        self._load.record_command(steering.steering)
-        speed, reason = self._speed(now, pose, errors.station)
+        if self.draw is not None:
+            self.draw.now = now
+        own = self.own_state.at(now)
+        errors = self._track(own)
+        steering = self.limit.limited(self.controller.steer(errors, own.speed))
+        self.load.record_command(steering.steering)
+        speed, reason = self._speed(now, own, errors.station)
         self._decision = Decision(
             actuation=Actuation(steering.steering, speed.acceleration),
             steering=steering,
@@ -188,53 +163,49 @@ class Leader:
             mode="path",
             reason=reason,
             target_speed=speed.target_speed,
-            lateral_deviation=self._own_state.lateral_deviation,
-            own_pose=pose,
-            situation=self._situation(pose.speed) or Situation(),
+            lateral_deviation=self.own_state.lateral_deviation,
+            own_pose=own,
+            situation=self._situation(own.speed),
         )
-        self._decision.situation.relayed_stops = tuple([at for _, at in self._stops.values()])
         return self._decision
 
     def _speed(self, now: int, pose: Pose, station: float) -> tuple[SpeedCommand, str]:
         """Planned speed, unless the lead waits or must keep its distance, and the reason."""
-        law, watch, ahead = self._waiting, self._watch, self._ahead
-        if law is None:
-            return self._speed_law.command(now, pose, VehiclesAhead()), ""
+        law, watch, ahead = self.speed_law, self.watch, self.ahead
+        if not isinstance(law, WaitingProfile):
+            return law.command(now, pose, VehiclesAhead()), ""
         reason = ""
         if watch is not None:
             law.waits, reason = watch.waits, watch.reason
-        if self._position_limit is not None:
-            self._position_limit.observe(self._own_state.lateral_deviation)
-            law.limit = self._position_limit.speed
-            reason = self._position_limit.joined(reason)
+        if self.position_limit is not None:
+            self.position_limit.observe(self.own_state.lateral_deviation)
+            law.limit = self.position_limit.speed
+            reason = self.position_limit.joined(reason)
         planned = law.command(now, pose, VehiclesAhead())
-        if ahead is None:
-            return planned, reason
-        last = self._decision.actuation.acceleration if self._decision else 0.0
-        most = ahead.acceleration(now, station, pose.speed, last)
-        if most >= planned.acceleration:
+        most = inf if ahead is None else ahead.acceleration(now, station, pose.speed)
+        if ahead is None or most >= planned.acceleration:
             return planned, reason
         reason = f"{ahead.reason}; {reason}" if reason else ahead.reason
         return law.restrained(planned, most, pose.speed), reason
 
-    def _situation(self, speed: float) -> Situation | None:
-        """State of a silent member of the convoy behind which the lead stands, until it drives."""
-        silent = self._ahead.silent if self._ahead else None
+    def _situation(self, speed: float) -> Situation:
+        """Announced stops, and the state of a silent member behind which the lead stands."""
+        situation = Situation(relayed_stops=tuple([stop for _, stop in self._stops.values()]))
+        silent = self.ahead.silent if self.ahead else None
         if silent is not None and speed < STANDSTILL:
-            self._held = Situation(predecessor=silent, known=silent.known)
+            self._held = silent
         elif speed > SLOWEST:
             self._held = None
-        return self._held
+        if self._held is not None:
+            situation.predecessor, situation.known = self._held, self._held.known
+        return situation
 
     def _track(self, pose: Pose) -> TrackingErrors:
-        foot = self._path.project(pose.east, pose.north, self._near)
+        foot = self.path.project(pose.east, pose.north, self.station)
         # At low control rates the next foot point lies beyond the window of the projection.
-        self._near = foot.station + pose.speed / self._control.rate_hz
+        self.station = foot.station + pose.speed / self.control.rate_hz
+        heading = wrap_angle(pose.yaw - foot.yaw)
+        yaw_rate = pose.yaw_rate - pose.speed * foot.curvature
         return TrackingErrors(
-            lateral=foot.lateral,
-            heading=wrap_angle(pose.yaw - foot.yaw),
-            yaw_rate=pose.yaw_rate - pose.speed * foot.curvature,
-            curvature=foot.curvature,
-            path=self._path,
-            station=foot.station,
+            foot.lateral, heading, yaw_rate, foot.curvature, self.path, foot.station
         )

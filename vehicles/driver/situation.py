@@ -146,7 +146,6 @@ STOP_MARGIN: Final = 0.5  # Distance (m) before the end of the known path at whi
 STANDSTILL: Final = 0.2  # Below this speed (m/s) a car is held by its brake
 CREEP_SPEED: Final = 2.0  # Largest speed (m/s) across a hole in the known path
 GUARD_MARGIN: Final = 1.0  # Gap (m) that remains for errors of position and speed
-GUARD_TIME: Final = 0.3  # A guard begins to brake this time (s) before the last instant to do so
 
 
 def stopping_distance(speed: float, acceleration: float, braking: Braking) -> float:
@@ -181,24 +180,6 @@ def needed_deceleration(speed: float, distance: float) -> float:
     if speed <= 0.0:
         return 0.0
     return speed * speed / (2.0 * distance) if distance > 0.0 else inf
-
-
-def safe_reserve(gap: float, its_speed: float, its_deceleration: float, own_stop: float) -> float:
-    """Distance (m) left if the car ahead, a `gap` (m) away, and the own car brake hard now.
-
-    The safe distance of Shalev-Shwartz, Shammah and Shashua, 2017 (RSS): the car ahead stops from
-    `its_speed` (m/s) at `its_deceleration` (m/s²), the own car within `own_stop` (m).
-    """
-    return gap + its_speed * its_speed / (2.0 * its_deceleration) - GUARD_MARGIN - own_stop
-
-
-def braking_share(reserve: float, speed: float) -> float:
-    """Share of the hardest braking when the distance left (m, RSS) lasts for less than GUARD_TIME.
-
-    It increases from 0 to 1 while the reserve is used up at `speed` (m/s).
-    """
-    time = reserve / max(speed, 0.1)
-    return 0.0 if time >= GUARD_TIME else 1.0 - max(time, 0.0) / GUARD_TIME
 
 
 def friction_left(friction: float, lateral: float) -> float:

@@ -14,7 +14,7 @@ limit respond as if the car were heavier, and need the same steering.
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 from vehicles.car.dynamics import Body, actuator
@@ -34,35 +34,16 @@ LINEAR_LIMIT = 4.0  # Lateral acceleration (m/s²) above which tyres are not lin
 MIN_RATIO, MAX_RATIO = 0.7, 1.6
 UPDATE_THRESHOLD = 0.002  # Change of the ratio that is passed on to controllers and filters
 LONGEST_STEP = 0.01  # Longest step (s): at 20 ms the load is off by 5 %
-KINEMATIC_BELOW = 3.0  # Below this speed (m/s) the kinematic model is used
+SLOWEST = 3.0  # Slower cars are modelled as at this speed (m/s), and settle within a step
 MIN_LEARNING_SPEED = 8.0  # Below it (m/s) K_sg v² is less than 1 % of the wheelbase
+
+Pair = tuple[float, float]
 
 
 def with_load(p: VehicleParameters, ratio: float) -> VehicleParameters:
     """Scale mass and yaw inertia by a load with the mass `ratio` (Section V-B)."""
     inertia = p.yaw_inertia * (1.0 + INERTIA_PER_MASS * (ratio - 1.0))
     return replace(p, mass=p.mass * ratio, yaw_inertia=inertia)
-
-
-class _LinearModel:
-    """Lateral speed (m/s) and yaw rate (rad/s) by eqs. (1), (2), by the trapezoidal rule."""
-
-    def __init__(self, p: VehicleParameters) -> None:
-        self._a, self._b, self._c, self._d, self._e, self._f = lateral_coefficients(p)
-        self.lateral_speed = self.yaw_rate = 0.0
-
-    def move(self, h: float, v: float, steering: float) -> None:
-        """Advance by h (s) at speed v (m/s) with the mean steering angle (rad) of the step."""
-        half = 0.5 * h
-        a, b, d, e = (
-            half * self._a / v, half * (self._b / v - v), half * self._d / v, half * self._e / v
-        )  # fmt: skip
-        y, r = self.lateral_speed, self.yaw_rate
-        right_y = y + a * y + b * r + h * self._c * steering
-        right_r = r + d * y + e * r + h * self._f * steering
-        determinant = (1.0 - a) * (1.0 - e) - b * d
-        self.lateral_speed = ((1.0 - e) * right_y + b * right_r) / determinant
-        self.yaw_rate = ((1.0 - a) * right_r + d * right_y) / determinant
 
 
 class SlipEstimator:
@@ -75,12 +56,14 @@ class SlipEstimator:
         """`parameters` are the assumed ones, `yaw_rate_noise` (rad/s) is that of measurements."""
         self._assumed = parameters
         self._noise = max(yaw_rate_noise, MIN_NOISE)
-        self._models = (_LinearModel(parameters), _LinearModel(with_load(parameters, LADEN)))
+        cars = parameters, with_load(parameters, LADEN)
+        self._coefficients = [lateral_coefficients(car) for car in cars]
+        self._motions: list[Pair] = [(0.0, 0.0), (0.0, 0.0)]  # lateral speed (m/s), yaw rate
+        self._actuator = actuator(parameters)
         self._steering = self._steering_rate = 0.0
-        self.ratio = 1.0
-        self._bias = 0.0
+        self._bias = self._turning = 0.0
         self._variance, self._bias_variance, self._covariance = PRIOR**2, BIAS_PRIOR**2, 0.0
-        self._turning = 0.0
+        self.ratio = 1.0
 
     @property
     def deviation(self) -> float:
@@ -95,37 +78,29 @@ class SlipEstimator:
         if span <= 0.0:
             return
         parts = math.ceil(span / LONGEST_STEP - 1e-9)
+        step, speed = span / parts, max(speed, SLOWEST)
         for _ in range(parts):
-            self._move(span / parts, speed, command)
+            mean, before = self._steer(step, command), self._motions[0][1]
+            pairs = zip(self._coefficients, self._motions, strict=True)
+            self._motions = [_moved(car, motion, step, speed, mean) for car, motion in pairs]
+            self._turning = (self._motions[0][1] - before) / step
         self._variance += DRIFT * DRIFT * span
         self._bias_variance += BIAS_DRIFT * BIAS_DRIFT * span
 
-    def _move(self, span: float, speed: float, command: float) -> None:
-        mean = self._steer(span, command)
-        before = self._models[0].yaw_rate
-        for model in self._models:
-            if speed > KINEMATIC_BELOW:
-                model.move(span, speed, mean)
-            else:
-                model.yaw_rate = speed * mean / self._assumed.wheelbase
-                model.lateral_speed = self._assumed.rear_axle_distance * model.yaw_rate
-        self._turning = (self._models[0].yaw_rate - before) / span
-
     def _steer(self, span: float, command: float) -> float:
         """Steer by eq. (4), by the trapezoidal rule; returns the mean angle (rad) of the wheels."""
-        car, half = self._assumed, 0.5 * span
-        square, damping = actuator(car)
+        (square, damping), half = self._actuator, 0.5 * span
         angle, rate = self._steering, self._steering_rate
         push = rate + half * (square * (2.0 * command - 2.0 * angle - half * rate) - damping * rate)
         after = push / (1.0 + half * (damping + half * square))
-        limit = car.steering_rate_limit
+        limit = self._assumed.steering_rate_limit
         self._steering_rate = min(max(after, -limit), limit)
         self._steering = angle + half * (rate + self._steering_rate)
         return 0.5 * (angle + self._steering)
 
     def correct(self, yaw_rate: float, speed: float) -> None:
         """Correct by a measured yaw rate (rad/s) at a speed (m/s)."""
-        empty, laden = self._models[0].yaw_rate, self._models[1].yaw_rate
+        (_, empty), (_, laden) = self._motions
         if speed < MIN_LEARNING_SPEED or abs(yaw_rate) * speed > LINEAR_LIMIT:
             return
         gain = (laden - empty) / (LADEN - 1.0)
@@ -142,6 +117,23 @@ class SlipEstimator:
         self._covariance = c - to_ratio * with_bias
 
 
+def _moved(
+    coefficients: tuple[float, ...], motion: Pair, h: float, v: float, steering: float
+) -> Pair:
+    """Lateral speed (m/s) and yaw rate (rad/s) after h (s), by the trapezoidal rule: eqs. (1), (2).
+
+    The car has the speed v (m/s) and the mean steering angle (rad) of the step.
+    """
+    of_y, of_r, of_steering, turn_y, turn_r, turn_steering = coefficients
+    (y, r), half = motion, 0.5 * h
+    a, b, d, e = half * of_y / v, half * (of_r / v - v), half * turn_y / v, half * turn_r / v
+    right_y = y + a * y + b * r + h * of_steering * steering
+    right_r = r + d * y + e * r + h * turn_steering * steering
+    determinant = (1.0 - a) * (1.0 - e) - b * d
+    yaw_rate = ((1.0 - a) * right_r + d * right_y) / determinant
+    return ((1.0 - e) * right_y + b * right_r) / determinant, yaw_rate
+
+
 @runtime_checkable
 class ParameterUser(Protocol):
     """Uses assumed parameters of the car, which may be replaced (Section V-B)."""
@@ -149,33 +141,32 @@ class ParameterUser(Protocol):
     def assume(self, parameters: VehicleParameters) -> None: ...
 
 
+@dataclass(eq=False)
 class LoadWatch:
     """Keeps the parameters assumed by controllers and filters up to date, given an estimator."""
 
-    def __init__(
-        self, estimator: SlipEstimator | None = None, users: Sequence[ParameterUser] = ()
-    ) -> None:
-        self._estimator = estimator
-        self._users = users
-        self._ratio = 1.0
-        self._command = self._speed = 0.0
-        self._at: int | None = None
+    estimator: SlipEstimator | None = None
+    users: Sequence[ParameterUser] = ()
+    _ratio: float = 1.0
+    _command: float = 0.0
+    _speed: float = 0.0
+    _at: int | None = None
 
     def observe(self, now: int, motion: Motion | Body | None) -> None:
         """Predict to `now` (ns), and correct by a reading; call at every step before deciding."""
-        if self._estimator is None:
+        if self.estimator is None:
             return
         if self._at is not None:
-            self._estimator.move((now - self._at) / SECOND, self._speed, self._command)
+            self.estimator.move((now - self._at) / SECOND, self._speed, self._command)
         self._at = now
         if motion is None or not math.isfinite(motion.yaw_rate + motion.speed):
             return
         self._speed = motion.speed
-        self._estimator.correct(motion.yaw_rate, motion.speed)
-        if abs(self._estimator.ratio - self._ratio) > UPDATE_THRESHOLD:
-            self._ratio = self._estimator.ratio
-            parameters = self._estimator.parameters
-            for user in self._users:
+        self.estimator.correct(motion.yaw_rate, motion.speed)
+        if abs(self.estimator.ratio - self._ratio) > UPDATE_THRESHOLD:
+            self._ratio = self.estimator.ratio
+            parameters = self.estimator.parameters
+            for user in self.users:
                 user.assume(parameters)
 
     def record_command(self, steering: float) -> None:

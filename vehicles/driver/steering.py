@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from math import atan, atan2, cos, hypot, sin, sqrt
 from typing import Annotated, Final, Protocol
 
+import numpy as np
+
 from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters
 from vehicles.car.path_keeping import PathKeeping
 from vehicles.driver.tracking import TrackingErrors
@@ -30,8 +32,7 @@ class BendsAhead:
 
     def __init__(self, lateral: float, braking: float) -> None:
         """`lateral` acceleration in bends, and `braking` before them (m/s²)."""
-        self._lateral = lateral
-        self._braking = braking
+        self._lateral, self._braking = lateral, braking
         self._path: deque[tuple[float, float, float, float]] = deque(maxlen=CAPACITY)
         self._bends: deque[tuple[float, float]] = deque(maxlen=CAPACITY)
         self._newest_at = 0
@@ -209,6 +210,7 @@ class SlipCompensated:
         return limited(motion.steering.mean(delay, apart), feedback, self._limit)
 
 
+@dataclass(eq=False)
 class Stanley:
     """The law of the robot Stanley, for comparison.
 
@@ -233,18 +235,9 @@ class Stanley:
         ] = 1.0
         damping: Annotated[float, Setting("steering per yaw rate error", "s", 0, 10)] = 0.06
 
-    def __init__(
-        self,
-        parameters: VehicleParameters,
-        gains: Gains = NOMINAL_GAINS,
-        settings: Settings = Settings(),
-    ) -> None:
-        self._parameters = parameters
-        self._settings = settings
-        car = parameters
-        self._slip = (
-            car.mass * car.rear_axle_distance / (car.wheelbase * car.front_cornering_stiffness)
-        )
+    parameters: VehicleParameters
+    gains: Gains = NOMINAL_GAINS
+    settings: Settings = Settings()
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
         """Bring the front axle back to the path (Hoffmann et al., 2007).
@@ -252,18 +245,20 @@ class Stanley:
         The path at the front axle is extrapolated from its curvature κ at the centre of gravity: it
         has turned by κa and is offset by κa²/2. The feedforward are all terms with κ.
         """
-        ahead, kappa = self._parameters.front_axle_distance, errors.curvature
-        settings = self._settings
+        car, settings, kappa = self.parameters, self.settings, errors.curvature
+        ahead = car.front_axle_distance
+        slip = car.mass * car.rear_axle_distance / (car.wheelbase * car.front_cornering_stiffness)
         front = errors.lateral + ahead * sin(errors.heading) - 0.5 * kappa * ahead * ahead
-        feedforward = (ahead + self._slip * speed * speed) * kappa
+        feedforward = (ahead + slip * speed * speed) * kappa
         feedback = (
             -errors.heading
             - atan2(settings.cross_track * front, settings.softening + abs(speed))
             - settings.damping * errors.yaw_rate
         )
-        return limited(feedforward, feedback, self._parameters.steering_limit)
+        return limited(feedforward, feedback, car.steering_limit)
 
 
+@dataclass(eq=False)
 class PurePursuit:
     """Pure pursuit, for comparison.
 
@@ -286,22 +281,17 @@ class PurePursuit:
             float, Setting("smallest look-ahead distance, in wheelbases", "", 0.1, 100)
         ] = 1.5
 
-    def __init__(
-        self,
-        parameters: VehicleParameters,
-        gains: Gains = NOMINAL_GAINS,
-        settings: Settings = Settings(),
-    ) -> None:
-        self._parameters = parameters
-        self._settings = settings
+    parameters: VehicleParameters
+    gains: Gains = NOMINAL_GAINS
+    settings: Settings = Settings()
 
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
         """δ = atan(2 (a+b) sin α / l_d), α being the goal's bearing from the rear axle (Coulter).
 
         The feedforward follows from the path's curvature beside the car, the feedback is the rest.
         """
-        car, heading = self._parameters, errors.heading
-        settings = self._settings
+        car, heading = self.parameters, errors.heading
+        settings = self.settings
         least = settings.lookahead_wheelbases_min * car.wheelbase
         reach = max(least, settings.lookahead * abs(speed))
         x = -car.rear_axle_distance * cos(heading)
@@ -320,20 +310,17 @@ class PurePursuit:
         The foot point itself if the car is further away than `reach`; the search ends at twice
         `reach` if the path turns in a smaller circle.
         """
-        step = reach / self.STEPS
-        goal_x = goal_y = turned = 0.0
-        away = hypot(x, y)
-        for k in range(2 * self.STEPS):
-            if away >= reach:
-                break
-            turn = errors.curvature_ahead((k + 0.5) * step) * step
-            before_x, before_y, before = goal_x, goal_y, away
-            goal_x += step * cos(turned + 0.5 * turn)
-            goal_y += step * sin(turned + 0.5 * turn)
-            turned += turn
-            away = hypot(goal_x - x, goal_y - y)
-            if away > reach:
-                share = (reach - before) / (away - before)
-                goal_x = before_x + share * (goal_x - before_x)
-                goal_y = before_y + share * (goal_y - before_y)
-        return goal_x, goal_y
+        if hypot(x, y) >= reach:
+            return 0.0, 0.0
+        step, count = reach / self.STEPS, 2 * self.STEPS
+        turns = step * np.asarray(errors.curvatures_ahead(0.5 * step, step, count))
+        chords = step * np.exp(1j * (np.cumsum(turns) - 0.5 * turns))
+        goals = np.concatenate(([0.0], np.cumsum(chords)))
+        away = np.abs(goals - complex(x, y))
+        beyond = np.flatnonzero(away > reach)
+        goal = goals[-1]
+        if beyond.size:
+            before = int(beyond[0]) - 1
+            share = (reach - away[before]) / (away[before + 1] - away[before])
+            goal = goals[before] + share * chords[before]
+        return float(goal.real), float(goal.imag)

@@ -6,8 +6,8 @@ that run north; the signed form of `ArcSpline.project` holds for both turns and 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from math import ceil, cos, hypot, inf, sin, sqrt
-from typing import Final, Protocol
+from math import ceil, cos, hypot, inf, nan, sin, sqrt
+from typing import Final, NamedTuple, Protocol
 
 from vehicles.car.dynamics import Body
 from vehicles.driver.own_state import Pose
@@ -27,8 +27,8 @@ MOST_PLANS = 3
 """A return is planned again after this number of further jumps at most: more of them are noise of
 the received positions, and a car that measured its error from each of them would never correct it.
 """
-FAR = 1.75  # More than this (m) beside a path, half a lane, a car returns slowly
-SLOW = 3.0  # Speed (m/s) of a slow return
+FAR = 1.75  # More than this (m) beside a path, half a lane, a car is slow
+SLOW = 3.0  # Largest speed (m/s) there
 FARTHEST = 10.0  # A car more than this (m) beside a path stops instead
 STEEPEST = 1.0  # So does a car whose heading differs by more than this (rad)
 
@@ -75,8 +75,6 @@ class PathBehind:
         """
         passed, newest = self.passed, len(self.passed) - 1
         first, pace = newest + (start + self.rest) / SPACING + 0.5, step / SPACING
-        if first >= 0.0 and int(first + (count - 1) * pace) <= newest:  # all stored: usual case
-            return [passed[int(first + k * pace)] for k in range(count)]
         return [passed[min(max(int(first + k * pace), 0), newest)] for k in range(count)]
 
 
@@ -99,9 +97,8 @@ class TrackingErrors:
 
     def curvature_ahead(self, distance: float) -> float:
         """Signed curvature (1/m) `distance` (m) ahead of the foot point; 1/R of eq. (6) at 0."""
-        return (
-            self.curvature if self.path is None else self.path.curvature_at(self.station + distance)
-        )
+        path = self.path
+        return self.curvature if path is None else path.curvature_at(self.station + distance)
 
     def curvatures_ahead(self, start: float, step: float, count: int) -> Sequence[float]:
         """`curvature_ahead` at `count` stations, from `start` (m) by `step` (m)."""
@@ -125,61 +122,48 @@ def track(spline: ArcSpline, pose: Pose | Body) -> TrackingErrors:
     paper's dθ/dt on a straight line.
     """
     foot = spline.project(pose.east, pose.north)
-    return TrackingErrors(
-        lateral=foot.lateral,
-        heading=wrap_angle(pose.yaw - foot.yaw),
-        yaw_rate=pose.yaw_rate - pose.speed * foot.curvature,
-        curvature=foot.curvature,
-        path=spline,
-        station=foot.station,
-    )
+    heading = wrap_angle(pose.yaw - foot.yaw)
+    yaw_rate = pose.yaw_rate - pose.speed * foot.curvature
+    return TrackingErrors(foot.lateral, heading, yaw_rate, foot.curvature, spline, foot.station)
 
 
-@dataclass(slots=True)
-class _Return:
-    """A return to a path: initial lateral error (m) and heading error (rad), and length (m).
-
-    It leads to a parallel of the path, `offset` (m) to its left, planned for a `speed` (m/s).
-    """
+class _Return(NamedTuple):
+    """A return to a path: initial lateral (m) and heading error (rad), length (m), speed (m/s)."""
 
     lateral: float
     heading: float
     length: float
-    offset: float
     speed: float
 
     def at(self, driven: float) -> tuple[float, float]:
-        """Lateral (m) and heading error (rad) after `driven` (m): a cubic that ends at `offset`."""
+        """Lateral (m) and heading error (rad) after `driven` (m), by a cubic (Hermite)."""
         if driven >= self.length:
-            return self.offset, 0.0
+            return 0.0, 0.0
         u = driven / self.length
         rest = 1.0 - u
-        level, slope = (1.0 + 2.0 * u) * rest * rest, u * rest * rest
-        lateral = self.lateral * level + self.heading * self.length * slope
+        lateral = (1.0 + 2.0 * u) * self.lateral + u * self.heading * self.length
         bent = -6.0 * u * rest * self.lateral / self.length
-        return self.offset + lateral, bent + self.heading * rest * (1.0 - 3.0 * u)
+        return rest * rest * lateral, bent + self.heading * rest * (1.0 - 3.0 * u)
 
 
 class Rejoining:
     """Returns the car smoothly to a path that has jumped, as after driving without a known path.
 
     A steering law would react to the whole error at once. Therefore the error is measured from a
-    Hermite cubic that leads from the car's position and heading to the path, long enough for a mild
-    lateral acceleration and a small angle. A car that is far beside the path first drives parallel
-    to it and slows down. If it cannot return it stops.
+    cubic that leads from the car's position and heading to the path, long enough for a mild lateral
+    acceleration and a small angle. The speed is limited to that for which the return is planned,
+    and to a low one while the car is far beside the path. A car that cannot return stops.
     """
 
     def __init__(self, remarks: list[str], *, enabled: bool = True) -> None:
         """A line for the log is appended to `remarks` when the car cannot return."""
         self.speed_limit = inf
         self._remarks = remarks
-        self._stays = False
-        self._enabled = enabled
+        self._enabled, self._stays = enabled, False
         self._return: _Return | None = None
         self._driven = 0.0
-        self._plans = 0
-        self._last_at = 0
-        self._last: TrackingErrors | None = None
+        self._plans = self._last_at = 0
+        self._last = nan
 
     @property
     def is_active(self) -> bool:
@@ -190,67 +174,43 @@ class Rejoining:
         if not self._enabled:
             return errors
         span, self._last_at = (now - self._last_at) / SECOND, now
-        last, self._last = self._last, errors
-        jumped = last is not None and abs(errors.lateral - last.lateral) > JUMP
-        if jumped and self._plans <= MOST_PLANS:
-            self._plans += 1
-            self._plan(errors, speed)
+        last, self._last = self._last, errors.lateral
+        jumped = abs(errors.lateral - last) > JUMP and self._plans <= MOST_PLANS
+        can_return = abs(errors.lateral) <= FARTHEST and abs(errors.heading) <= STEEPEST
+        if jumped or (self._stays and can_return):
+            self._plans += jumped
+            self._return, self._driven = _return_from(errors, speed), 0.0
+            self._stays = not can_return
+            if self._stays:
+                place = f"{abs(errors.lateral):.1f} m beside it, at {abs(errors.heading):.1f} rad"
+                self._remarks.append(f"stops, as it cannot return to the path: {place} to it")
         elif self._return is not None:
             self._driven += speed * span
-            self._continue(self._return, errors, speed)
-        if self._return is None:
+            if self._driven >= self._return.length and not self._stays:
+                self._return, self.speed_limit, self._plans = None, inf, 0
+        planned = self._return
+        if planned is None:
             return errors
-        lateral, heading = self._return.at(self._driven)
+        self.speed_limit = SLOW if abs(errors.lateral) > FAR else planned.speed
+        if self._stays:
+            self.speed_limit = 0.0
+        lateral, heading = planned.at(self._driven)
         return replace(errors, lateral=errors.lateral - lateral, heading=errors.heading - heading)
 
-    def _plan(self, errors: TrackingErrors, speed: float) -> None:
-        """Plan a return from the present errors, or a parallel while the car is too fast for it."""
-        away, offset = abs(errors.lateral), 0.0
-        self._stays = not _can_return(errors)
-        fastest = max(speed, SLOWEST_RETURN)
-        if speed <= 1.1 * SLOW and abs(errors.heading) > REJOINING_ANGLE:
-            fastest = SLOW  # a long return would lead away from the path first
-        self.speed_limit = fastest
-        if self._stays:
-            place = f"{away:.1f} m beside it, at {abs(errors.heading):.1f} rad to it"
-            self._remarks.append(f"stops, as it cannot return to the path: {place}")
-            self.speed_limit, offset = 0.0, errors.lateral
-        elif away > FAR:
-            self.speed_limit = SLOW
-            offset = errors.lateral if speed > 1.1 * SLOW else 0.0
-        self._return = _return_to(offset, errors, fastest)
-        self._driven = 0.0
 
-    def _continue(self, current: _Return, errors: TrackingErrors, speed: float) -> None:
-        """End the `current` return if it is complete, or plan the next part."""
-        away = abs(errors.lateral)
-        if self._stays:
-            if _can_return(errors):
-                self._plan(errors, speed)
-        elif current.offset:
-            if speed <= 1.1 * SLOW:
-                self._plan(errors, speed)
-        elif self._driven >= current.length:
-            self._return, self.speed_limit, self._plans = None, inf, 0
-        elif away <= FAR:
-            self.speed_limit = max(self.speed_limit, current.speed)
-
-
-def _can_return(errors: TrackingErrors) -> bool:
-    return abs(errors.lateral) <= FARTHEST and abs(errors.heading) <= STEEPEST
-
-
-def _return_to(offset: float, errors: TrackingErrors, speed: float) -> _Return:
-    """Shortest cubic to a parallel of the path whose curvature and angle are mild at this speed.
+def _return_from(errors: TrackingErrors, speed: float) -> _Return:
+    """Shortest cubic to the path whose curvature and angle are mild at this speed (m/s).
 
     The curvature is at most 6 e / D² + 4 θ / D, the angle at most 1.5 e / D plus the initial one.
     """
-    lateral, heading = errors.lateral - offset, errors.heading
-    most = REJOINING_LATERAL / speed**2
+    lateral, heading = errors.lateral, errors.heading
+    # For a steep car a long return would lead away from the path first.
+    planned = max(speed, SLOW if abs(heading) > REJOINING_ANGLE else SLOWEST_RETURN)
+    most = REJOINING_LATERAL / planned**2
     slope, bend = 4.0 * abs(heading), 6.0 * abs(lateral)
     length = (slope + sqrt(slope * slope + 4.0 * most * bend)) / (2.0 * most)
     flat = 1.5 * abs(lateral) / REJOINING_ANGLE
-    return _Return(lateral, heading, max(length, flat, SHORTEST_RETURN), offset, speed)
+    return _Return(lateral, heading, max(length, flat, SHORTEST_RETURN), planned)
 
 
 # ---- The path that a car itself has driven, along which vehicles behind it follow; SI units

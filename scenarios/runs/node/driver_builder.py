@@ -12,20 +12,20 @@ from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.gnss_errors import stated_errors
 from vehicles.car.noise import GnssNoise
-from vehicles.driver.ahead import ConvoyAhead, ConvoyMember
+from vehicles.driver.ahead import ConvoyAhead
 from vehicles.driver.command_limit import CommandLimit, PositionLimit
 from vehicles.driver.controller import SpacingPolicy
 from vehicles.driver.decision import Driver
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader, WaitingProfile
 from vehicles.driver.own_state import ExactState, OwnState
-from vehicles.driver.pose_estimator import LatePoseEstimator, PoseEstimator
+from vehicles.driver.pose_estimator import PoseEstimator
 from vehicles.driver.reactions import ReactionPolicy
 from vehicles.driver.slip_estimator import LoadWatch, ParameterUser, SlipEstimator
 from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw
 from vehicles.driver.speed_guard import GuardedCar, NoOverride, SpeedGuard
 from vehicles.driver.steering import BendsAhead
-from vehicles.driver.watch import ConvoyBehind, ConvoyWatch
+from vehicles.driver.watch import ConvoyMember, ConvoyWatch
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.schedule import MILLISECOND
@@ -161,16 +161,13 @@ class DriverBuilder:
             gnss.noise,
             setup.imu.noise,
             setup.imu_rate_hz,
-            by_accuracy=True,
             stated=stated_errors(gnss),
             start=start,
+            latency=gnss.latency,
         )
-        if gnss.has_fix_every_instant and now == context.start_at:
-            return estimator
-        estimator.begin(start)
-        if not gnss.latency:
-            return estimator
-        return LatePoseEstimator(estimator, gnss.latency)
+        if not gnss.has_fix_every_instant or now != context.start_at:
+            estimator.begin(start)
+        return estimator
 
     def _command_limit(self, car: Car) -> CommandLimit:
         limits = self._setup.parameters
@@ -280,22 +277,17 @@ class DriverBuilder:
         return SpeedGuard(law, setup.degradation, car)
 
     def _convoy_watch(self, now: int, body: Body) -> ConvoyWatch:
-        senders, route = self._setup.senders, self._route
-        periods = {name: self._usual_period(name) for name in senders}
-        followers = [
-            (name, self._kept_spacing(place), station)
-            for place, (name, station) in enumerate(self._stations_behind(body), 1)
-        ]
-        behind = ConvoyBehind(route.path, followers, now)
-        return ConvoyWatch(self._setup.degradation, periods, now, behind)
+        return ConvoyWatch(self._setup.degradation, self._route.path, self._members(body), now)
 
-    def _stations_behind(self, body: Body) -> list[tuple[str, float]]:
-        """Followers from front to back and their stations (m), at the initial spacings."""
-        station, followers = self.station(body), list[tuple[str, float]]()
+    def _members(self, body: Body) -> list[ConvoyMember]:
+        """Received followers from front to back, at the initial spacings behind `body`."""
+        station, members = self.station(body), list[ConvoyMember]()
         for place, name in enumerate(self._setup.senders, 1):
             station -= self._route.spacings[place]
-            followers.append((name, station))
-        return followers
+            car, period = self._scenario.vehicle(name).parameters, self._usual_period(name)
+            policy = self._kept_spacing(place)
+            members.append(ConvoyMember(name, car, period, station, policy))
+        return members
 
     def _kept_spacing(self, place: int) -> SpacingPolicy:
         """Spacing that the follower at `place` keeps; at a common speed that of the start."""
@@ -305,10 +297,7 @@ class DriverBuilder:
 
     def _convoy_ahead(self, now: int, body: Body) -> ConvoyAhead | None:
         scenario, setup, route = self._scenario, self._setup, self._route
-        members = [
-            ConvoyMember(name, scenario.vehicle(name).parameters, self._usual_period(name), station)
-            for name, station in self._stations_behind(body)
-        ]
+        members = self._members(body)
         if not members:
             return None
         return ConvoyAhead(

@@ -3,14 +3,18 @@ from collections.abc import Sequence
 
 import pytest
 
+from tests.made.transport.received_poses import received
 from tests.made.vehicles.exact_drives import CONTROL_HZ, START, Step, drive, on
+from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.leader import Leader
 from vehicles.driver.pose_estimator import PoseEstimator
 from vehicles.driver.speed import ProfileSpeed, SpeedProfile
 from vehicles.driver.steering import SlipCompensated
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
-from vehicles.schedule import Cadence
+from vehicles.messages import Announcement
+from vehicles.received_pose import ReceivedPose
+from vehicles.schedule import SECOND, Cadence
 
 HEADINGS = [0.0, math.pi / 2, math.pi, -math.pi / 2]
 LEFT_AND_RIGHT = [Segment(40.0, 0.0), Segment(60.0, 1 / 80), Segment(60.0, -1 / 80)]
@@ -36,6 +40,7 @@ def leader(
     speed: float | SpeedProfile,
     station: float = 0.0,
     control_hz: float = CONTROL_HZ,
+    followers: Sequence[str] = (),
 ) -> Leader:
     profile = speed if isinstance(speed, SpeedProfile) else SpeedProfile((0.0,), (speed,))
     return Leader(
@@ -45,6 +50,7 @@ def leader(
         control=Cadence(START, control_hz),
         path=path,
         station=station,
+        followers=followers,
     )
 
 
@@ -111,3 +117,18 @@ def test_a_path_that_meets_itself_is_driven_in_order(segments: list[Segment]) ->
         assert math.hypot(step.body.east - point.east, step.body.north - point.north) < 0.6
         assert abs(step.decision.errors.heading) < 0.3
     assert max(map(abs, lateral(path, steps))) < 0.25
+
+
+def test_it_repeats_the_announced_stops_of_its_followers() -> None:
+    def pose(vehicle: str, at: int, stops_at: int) -> ReceivedPose:
+        announced = Announcement(stops_at_ns=stops_at)
+        return received(at, 0.0, 0.0, 0.0, 10.0, vehicle=vehicle, announced=announced)
+
+    lead = leader(path_from_segments([Segment(100.0, 0.0)]), 10.0, followers=("v2", "v3"))
+    start = Fix(0, START, 10.0, 0.0, 0.0, 10.0, 0.0)
+    assert lead.step(START, start, None, ()).situation.relayed_stops == (0, 0)
+    poses = [pose("v3", START, 7), pose("v2", START + 2, 5), pose("v2", START + 1, 9)]
+    now = START + SECOND // 50
+    assert lead.step(now, None, None, poses).situation.relayed_stops == (5, 7)
+    later = lead.step(now + SECOND // 50, None, None, [pose("v3", START + 3, 0)])
+    assert later.situation.relayed_stops == (5, 0)

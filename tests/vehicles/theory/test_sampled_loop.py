@@ -81,7 +81,8 @@ def test_stationary_gains_are_those_of_the_filter(
                 continue
             shift = seq == last
             place, yaw = (offset, turned) if shift else (0.0, 0.0)
-            estimator.correct(Fix(seq, at, speed * at / SECOND, place, yaw, speed, 0.0))
+            fix = Fix(seq, at, speed * at / SECOND, place, yaw, speed, 0.0)
+            estimator.correct(replace(fix, accuracy=noise.position))
             if shift:
                 break
         pose = estimator.at(at)

@@ -5,12 +5,14 @@ from itertools import pairwise
 import pytest
 
 from tests.made.transport.received_poses import received
-from vehicles.driver.controller import VehiclesAhead
+from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.driver.controller import SpacingPolicy, VehiclesAhead
 from vehicles.driver.leader import WAITING_SHARE, WaitingProfile
 from vehicles.driver.own_state import Pose
 from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.speed import SpeedProfile
-from vehicles.driver.watch import ConvoyWatch
+from vehicles.driver.watch import ConvoyMember, ConvoyWatch
+from vehicles.geometry.sampled_path import Segment, path_from_segments
 from vehicles.messages import Announcement, Mode
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import MILLISECOND, SECOND
@@ -28,7 +30,9 @@ def pose_of(
 
 
 def watch() -> ConvoyWatch:
-    return ConvoyWatch(SETTINGS, {"v2": 0.05, "v3": 0.05}, 0)
+    path, policy = path_from_segments([Segment(100.0, 0.0)]), SpacingPolicy(10.0, 0.0)
+    members = [ConvoyMember(name, CAR, 0.05, 0.0, policy) for name in ("v2", "v3")]
+    return ConvoyWatch(SETTINGS, path, members, 0)
 
 
 def reason(one: ConvoyWatch, now: int, poses: Sequence[ReceivedPose]) -> str:

@@ -15,7 +15,7 @@ from vehicles.car.gnss_settings import GnssSettings
 from vehicles.car.imu import InertialNoise, InertialSensor
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import VehicleParameters
-from vehicles.driver.pose_estimator import LatePoseEstimator, PoseEstimator
+from vehicles.driver.pose_estimator import PoseEstimator
 from vehicles.geometry.geodesy import wrap_angle
 
 MS = 1_000_000
@@ -63,15 +63,14 @@ class EstimatedDrive:
                 yield k * 0.01, _normalised(own_state, body, now)
             body = advance(body, self.course.command(k * 0.01), 0.01, self.car)
 
-    def _estimator(self, body: Body) -> PoseEstimator | LatePoseEstimator:
+    def _estimator(self, body: Body) -> PoseEstimator:
         gnss = self.gnss
         start = Fix(0, 0, body.east, body.north, wrap_angle(body.yaw), body.speed, body.yaw_rate)
         stated = None if self.white_only else stated_errors(gnss)
-        estimator = PoseEstimator(CAR, gnss.noise, by_accuracy=True, stated=stated, start=start)
-        if gnss.has_fix_every_instant:
-            return estimator
-        estimator.begin(start)
-        return LatePoseEstimator(estimator, gnss.latency) if gnss.latency else estimator
+        estimator = PoseEstimator(CAR, gnss.noise, stated=stated, start=start, latency=gnss.latency)
+        if not gnss.has_fix_every_instant:
+            estimator.begin(start)
+        return estimator
 
 
 def receiver_context(seed: int) -> ReceiverContext:
@@ -81,7 +80,7 @@ def receiver_context(seed: int) -> ReceiverContext:
     return ReceiverContext(0, 0.0, lambda p: stream(p, 2), lambda p: stream(p, 3))
 
 
-def _normalised(own_state: PoseEstimator | LatePoseEstimator, body: Body, now: int) -> list[float]:
+def _normalised(own_state: PoseEstimator, body: Body, now: int) -> list[float]:
     pose, deviations = own_state.at(now), own_state.deviations
     east, north = pose.east - body.east, pose.north - body.north
     cos, sin = math.cos(body.yaw), math.sin(body.yaw)

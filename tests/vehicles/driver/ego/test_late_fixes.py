@@ -13,7 +13,7 @@ from vehicles.car.imu import InertialNoise, InertialSensor
 from vehicles.car.noise import GnssNoise
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.own_state import Pose
-from vehicles.driver.pose_estimator import LatePoseEstimator, PoseEstimator
+from vehicles.driver.pose_estimator import PoseEstimator
 from vehicles.schedule import MILLISECOND, SECOND
 
 TICK = 10 * MILLISECOND
@@ -25,9 +25,8 @@ def driven(latency: int, *, seconds: float = 6.0) -> tuple[list[Pose], list[Pose
     imu = InertialSensor(InertialNoise(), 50.0, 0, np.random.default_rng(2))
     body = Body(0.0, 0.0, 0.3, 20.0)
     start = Fix(0, 0, body.east, body.north, body.yaw, body.speed, body.yaw_rate)
-    first = PoseEstimator(CAR)
-    first.correct(start)
-    late = LatePoseEstimator(first, latency)
+    late = PoseEstimator(CAR, latency=latency)
+    late.correct(start)
     prompt = PoseEstimator(CAR)
     prompt.correct(start)
     coming: list[Fix] = []
@@ -78,7 +77,7 @@ def test_a_fix_is_weighted_by_its_stated_accuracy() -> None:
     """A tenth of the standard deviation gives a hundred times the weight."""
     moved = []
     for accuracy in (0.02, 0.2, 2.0):
-        estimator = PoseEstimator(CAR, by_accuracy=True)
+        estimator = PoseEstimator(CAR)
         estimator.correct(Fix(0, 0, 0.0, 0.0, 0.0, 20.0, 0.0, accuracy=0.2))
         displaced = Fix(1, SECOND // 20, 1.0, 0.3, 0.0, 20.0, 0.0, accuracy=accuracy)
         estimator.correct(displaced)
