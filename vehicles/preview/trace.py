@@ -255,15 +255,15 @@ class Trace:
         points, covers, count = list[PlacedPose](), False, 0
         if self._closes_holes:
             points, covers, count = curve_to(pose, before, newest_speed)
-        end = points[0] if points else after
+        guess, end = list[PlacedPose](), points[0] if points else after
         if bridges and not covers and hypot(end[1] - before[1], end[2] - before[2]) >= HOLE:
             self._holes = [*self._holes[1 - MAX_HOLES :], TraceHole(before, pose.speed, end[0])]
             guess = bridge(before, end)
             self._guessed.update([point[0] for point in guess])
-            points = guess + points
-        self._constructed.update([point[0] for point in points])
+        # The first point of a curve was received, or is next to one that was.
+        self._constructed.update([point[0] for point in (*guess, *points[1:])])
         self.sample_count += count
-        for point in points:
+        for point in (*guess, *points):
             self._append(point)
 
     def bridge(self, east: float, north: float, yaw: float) -> None:
