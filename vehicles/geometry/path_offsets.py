@@ -1,8 +1,5 @@
 """Offsets of many points from a path: at once, by arrays, or one after the other along it."""
 
-from array import array
-from bisect import bisect_right
-from math import hypot
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -105,54 +102,6 @@ def _at(
     east = coordinate(path.east, np.cos(yaw0), np.cos(yaw1)) + beyond * np.cos(yaw)
     north = coordinate(path.north, np.sin(yaw0), np.sin(yaw1)) + beyond * np.sin(yaw)
     return east, north, yaw, curvature
-
-
-class PathWalk:
-    """Offsets of a vehicle that drives along a path, from one position to the next.
-
-    The path counts as a polyline through its samples: at a radius of 10 m it is 1 mm off. The foot
-    point moves by a few samples at most, so that it stays on its branch of the path.
-    """
-
-    MAX_STEP_BACK = 3
-    """Samples by which the foot point may move backwards from one position to the next."""
-    MAX_STEP = 10.0
-    """A vehicle that drove further (m) between two positions is searched at its distance driven."""
-
-    def __init__(self, path: SampledPath, station: float) -> None:
-        """`station` (m) is that of the vehicle at distance 0."""
-        self._stations: array[float] = array("d", path.station.tolist())
-        self._east: array[float] = array("d", path.east.tolist())
-        self._north: array[float] = array("d", path.north.tolist())
-        self._start = station
-        self._index = self._sample_before(station)
-        self._distance = 0.0
-
-    def _sample_before(self, station: float) -> int:
-        return min(max(bisect_right(self._stations, station) - 1, 0), len(self._stations) - 2)
-
-    def offset(self, east: float, north: float, distance: float) -> float:
-        """Lateral offset (m, left positive) of a position (m) after a `distance` driven (m)."""
-        moved, self._distance = distance - self._distance, distance
-        if not 0.0 <= moved <= self.MAX_STEP:
-            self._index = self._sample_before(self._start + distance)
-        easts, norths, index, last = self._east, self._north, self._index, len(self._east) - 2
-        floor, forwards = max(index - self.MAX_STEP_BACK, 0), True
-        while True:
-            start_east, start_north = easts[index], norths[index]
-            along_east, along_north = easts[index + 1] - start_east, norths[index + 1] - start_north
-            to_east, to_north = east - start_east, north - start_north
-            along = to_east * along_east + to_north * along_north
-            squared = along_east * along_east + along_north * along_north
-            if forwards and along > squared and index < last:
-                index += 1
-            elif along < 0.0 and index > floor:
-                index -= 1
-                forwards = False
-            else:
-                break
-        self._index = index
-        return (along_east * to_north - along_north * to_east) / hypot(along_east, along_north)
 
 
 # ---- Edges of a lane along a path, and simplified paths, for pictures

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from vehicles.geometry.path_offsets import PathWalk, path_offsets
+from vehicles.geometry.driven_path import PathWalk
+from vehicles.geometry.path_offsets import path_offsets
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 
 PATH = path_from_segments(
