@@ -1,5 +1,4 @@
-"""Offsets of many points from a path: at once, by arrays, or one after the other along it."""
-
+"""Offsets of many points from a path at once; edges of a lane, and simplified paths."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,14 +42,13 @@ def path_feet(path: SampledPath, points: FloatArray, near: FloatArray) -> FloatA
     low, high = near - WINDOW, near + WINDOW
     station = np.clip(_nearest_samples(path, points, low, high), low, high)
     lateral, moving = np.zeros(near.size), np.arange(near.size)
+    places = points[0] + 1j * points[1]
     for _ in range(8):  # each step squares the error; two or three are typical
         here = station[moving]
-        east, north, yaw, curvature = _at(path, here)
-        dx, dy = points[0, moving] - east, points[1, moving] - north
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        left = dy * cos - dx * sin
-        along = (dx * cos + dy * sin) / np.maximum(1.0 - curvature * left, 0.2)
-        lateral[moving] = left
+        foot, yaw, curvature = _at(path, here)
+        away = (places[moving] - foot) * np.exp(-1j * yaw)
+        lateral[moving] = away.imag
+        along = away.real / np.maximum(1.0 - curvature * away.imag, 0.2)
         target = np.clip(here + along, low[moving], high[moving])
         station[moving] = target
         moving = moving[np.abs(target - here) >= 1e-9]
@@ -78,30 +76,20 @@ def _nearest_samples(
 
 def _at(
     path: SampledPath, station: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """East, north, yaw and curvature at stations (m), as `SampledPath.at`."""
-    last = path.station.size - 1
-    index = np.clip(np.searchsorted(path.station, station, side="right") - 1, 0, last - 1)
-    after = index + 1
-    step = path.station[after] - path.station[index]
-    inside = np.clip(station, path.station[0], path.station[-1])
-    beyond = station - inside
-    share = (inside - path.station[index]) / step
-    rest = 1.0 - share
-    weight = share * share * (3.0 - 2.0 * share)
-    leaving, arriving = share * rest * rest * step, -share * share * rest * step
-    yaw0, yaw1 = path.yaw[index], path.yaw[after]
-    yaw = yaw0 + share * (yaw1 - yaw0)
-    bend0, bend1 = path.curvature[index], path.curvature[after]
-    curvature = np.where(beyond == 0.0, bend0 + share * (bend1 - bend0), 0.0)
-
-    def coordinate(values: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
-        begin, end = values[index], values[after]
-        return begin + weight * (end - begin) + leaving * first + arriving * second
-
-    east = coordinate(path.east, np.cos(yaw0), np.cos(yaw1)) + beyond * np.cos(yaw)
-    north = coordinate(path.north, np.sin(yaw0), np.sin(yaw1)) + beyond * np.sin(yaw)
-    return east, north, yaw, curvature
+) -> tuple[NDArray[np.complex128], FloatArray, FloatArray]:
+    """East + i north (m), yaw and curvature at stations (m), as `SampledPath.at`."""
+    index = np.searchsorted(path.station, station, side="right") - 1
+    index = np.clip(index, 0, path.station.size - 2) + np.array([[0], [1]])
+    (start, end), inside = path.station[index], np.clip(station, *path.station[[0, -1]])
+    share = (inside - start) / (end - start)
+    weight, handle = share * share * (3.0 - 2.0 * share), share * (1.0 - share) * (end - start)
+    place, after = path.east[index] + 1j * path.north[index]
+    leaving, arriving = np.exp(1j * path.yaw[index])
+    yaw = np.interp(station, path.station, path.yaw)
+    place = place + weight * (after - place)
+    place += handle * ((1.0 - share) * leaving - share * arriving)
+    place += (station - inside) * np.exp(1j * yaw)
+    return place, yaw, np.interp(station, path.station, path.curvature, 0.0, 0.0)
 
 
 # ---- Edges of a lane along a path, and simplified paths, for pictures
