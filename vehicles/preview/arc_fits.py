@@ -1,4 +1,4 @@
-"""Least squares for line and arc, and the sums that all shapes share (paper, Section III-A.1).
+"""Least squares for line, arc, clothoid and two joined pieces (paper, Section III-A.1).
 
 One equation serves all. Through a point P with unit tangent u and normal n (left), the arc of
 curvature κ is the set of points q with
@@ -9,15 +9,11 @@ the paper's e(x, y) divided by −2R: exact for every circle, a line for κ = 0,
 slope and κ once P is given. On the curve its gradient has length one, so E is the distance to first
 order, and the fit is not biased towards small circles as a fit of e(x, y) is. Coordinates are
 centred at the samples and rotated along them, because the paper's equations are ill-conditioned far
-from the origin.
-
-A changing curvature adds one more term (`fit_clothoid`); a join divides the samples in two
-(`fit_joined`).
+from the origin. A changing curvature adds one more term; a join divides the samples in two.
 
 E is a linear combination of (x² + y², x, y, 1) for every κ, P and u. The fits therefore need little
-more than sums of the products of these four, over all samples (`FitData.total`) and over the first
-k (`cumulative_sums`). All arithmetic is elementwise, so no result depends on a linear-algebra
-library.
+more than sums of the products of these four, over all samples (`Samples.total`) and over the first
+k (`JoinSearch`). All arithmetic is elementwise, so no result depends on a linear-algebra library.
 """
 
 from bisect import bisect_right
@@ -33,9 +29,17 @@ Floats = NDArray[np.float64]
 SQUARE: Final = 0
 X: Final = 1
 Y: Final = 2
-ONE: Final = 3  # Row indices of x² + y², x, y and 1 in `FitData`
-PAIRS = np.triu_indices(4)  # Pairs of rows of `FitData` with distinct products
+ONE: Final = 3  # Row indices of x² + y², x, y and 1 in `Samples`
+PAIRS = np.triu_indices(4)  # Pairs of rows of `Samples` with distinct products
 DETERMINED: Final = 1e-9  # Below this relative spread the samples do not determine an unknown
+RATE_MOST: Final = 0.06
+"""Largest rate of curvature (1/m²) that is fitted: at 3 m/s a car with 2.85 m wheelbase then steers
+at 0.5 rad/s.
+"""
+TURN_MOST: Final = 2.2
+"""Largest turn (rad) from first to last sample for which a clothoid is fitted: beyond it the series
+of `cubic` is too short.
+"""
 
 
 @dataclass(slots=True)
@@ -54,122 +58,163 @@ class LocalCurve:
     rate: float
 
 
-@dataclass(slots=True)
-class FitData:
-    """Samples of both sources (Section III-A) in the local frame, in order of travel.
-
-    `rows` are x² + y², x, y and 1 with x along the travel and y to the left (m); `weighted` are the
-    rows times `weight` (None if each sample weighs one); `station` is in m. `total[i][j]` is the
-    sum of weighted row i times row j.
-    """
-
-    rows: Floats
-    weighted: Floats
-    station: Floats
-    weight: Floats | None
-    total: list[list[float]]
-
-
-@dataclass(slots=True)
-class LineRegression:
-    """Linear regression about the weighted mean: weight, means (m), xx (m²), slope, misfit (m²).
-
-    For the column x² + y², by which an arc (Section III-A) departs from the line: its sums with 1
-    and with x about its mean (`square_one`, `square_x`), with itself (`square`), and the part of
-    that not explained by 1 and x (`spread`).
-    """
-
-    weight: float
-    mean_x: float
-    mean_y: float
-    xx: float
-    slope: float
-    misfit: float
-    square_one: float
-    square_x: float
-    square: float
-    spread: float
-
-
 class Graph:
     """Curve y = offset + slope x + half (x² + y²) + rate t, and its misfit in y (m²).
 
-    Circle of Section III-A.1 in the local frame; t from `fit_clothoid` makes its curvature change.
-    `square` is the squared gradient of its equation, `distance` the misfit in distances from the
-    curve instead of in y (m²; J of eq. (5)), infinite if the graph is no curve.
+    Circle of Section III-A.1 in the local frame; t is the `column` of a clothoid, which makes its
+    curvature change. `distance` is the misfit in distances from the curve instead of in y (m²; J of
+    eq. (5)), infinite if the graph `is_curve` no longer.
     """
 
-    __slots__ = ("distance", "half", "misfit", "offset", "rate", "slope", "square")
+    __slots__ = ("column", "distance", "half", "is_curve", "misfit", "offset", "rate", "slope")
 
-    def __init__(
-        self, offset: float, slope: float, half: float, rate: float, misfit: float
+    def __init__(  # noqa: PLR0917 - its fields
+        self,
+        offset: float,
+        slope: float,
+        half: float,
+        misfit: float,
+        rate: float = 0.0,
+        column: Floats | None = None,
     ) -> None:
         self.offset, self.slope, self.half, self.rate = offset, slope, half, rate
-        self.misfit = misfit
-        square = self.square = 1.0 + slope * slope - 4.0 * half * offset
-        self.distance = misfit / square if square > 0.0 else inf
+        self.misfit, self.column = misfit, column
+        square = 1.0 + slope * slope - 4.0 * half * offset  # squared gradient of its equation
+        self.is_curve = square > 0.0
+        self.distance = misfit / square if self.is_curve else inf
 
 
-def sum_products(
-    away: Floats, ux: float, uy: float, station: Floats, weight: Floats | None
-) -> FitData:
-    """Sum the products of (x² + y², x, y, 1) over the samples, into which eq. (5) expands.
+class Samples:
+    """Samples of all sources (Section III-A) in the local frame, in order of travel.
 
-    `away` (m, shape (2, n)) are east and north relative to the local origin, (ux, uy) is the unit
-    vector of the x axis.
+    `rows` are x² + y², x, y and 1 with x along the travel and y to the left (m); `weighted` are the
+    rows times `weight` (None if each sample weighs one); `station` is in m. `total[i][j]` is the
+    sum of weighted row i times row j, into which eq. (5) expands.
+
+    The linear regression of y on x about the weighted mean: total weight `count`, means (m), sum of
+    squares `xx` (m²), `slope` and `misfit` (m²). For the column x² + y², by which an arc departs
+    from the line: its sums with 1 and with x about its mean (`square_one`, `square_x`), and the
+    part of its squares not explained by 1 and x (`spread`).
     """
-    rows = np.empty((4, len(station)))
-    by_x, by_y = away * ux, away * uy
-    np.add(by_x[0], by_y[1], rows[X])
-    np.subtract(by_x[1], by_y[0], rows[Y])
-    squares = np.square(rows[X : Y + 1], by_x)
-    np.add(squares[0], squares[1], rows[SQUARE])
-    rows[ONE] = 1.0
-    weighted = rows if weight is None else rows * weight
-    total = np.einsum("ik,jk->ij", weighted, rows).tolist()
-    return FitData(rows, weighted, station, weight, total)
 
+    def __init__(
+        self, away: Floats, ux: float, uy: float, station: Floats, weight: Floats | None
+    ) -> None:
+        """`away` (m, shape (2, n)) are east and north relative to the local origin.
 
-def cumulative_sums(data: FitData) -> Floats:
-    """Sums as in `total` over the first k + 1 samples, for every k, shape (10, n).
+        (ux, uy) is the unit vector of the x axis.
+        """
+        rows = np.empty((4, len(station)))
+        by_x, by_y = away * ux, away * uy
+        np.add(by_x[0], by_y[1], rows[X])
+        np.subtract(by_x[1], by_y[0], rows[Y])
+        squares = np.square(rows[X : Y + 1], by_x)
+        np.add(squares[0], squares[1], rows[SQUARE])
+        rows[ONE] = 1.0
+        self.rows, self.station, self.weight = rows, station, weight
+        self.weighted = rows if weight is None else rows * weight
+        self.total = np.einsum("ik,jk->ij", self.weighted, rows).tolist()
+        (square, square_x, _, square_one), (_, all_xx, all_xy, all_x), of_y, of_one = self.total
+        count = self.count = of_one[ONE]
+        mean_x = self.mean_x = all_x / count
+        mean_y = self.mean_y = of_y[ONE] / count
+        xx = self.xx = all_xx - count * mean_x * mean_x
+        self.has_direction: bool = xx > DETERMINED * all_xx
+        xy = all_xy - count * mean_x * mean_y
+        slope = self.slope = xy / xx if self.has_direction else 0.0
+        self.misfit = max(of_y[Y] - count * mean_y * mean_y - slope * xy, 0.0)
+        self.square_one = square_one
+        square_x = self.square_x = square_x - mean_x * square_one
+        spread = square - square_one * square_one / count
+        self.spread = spread - square_x * square_x / xx if self.has_direction else 0.0
 
-    J of eq. (5) expands into these for the samples before a join. `PAIRS` lists the two factors of
-    each row.
-    """
-    left, right = PAIRS
-    return np.add.accumulate(data.weighted.take(left, 0) * data.rows.take(right, 0), 1)
+    def line(self) -> Graph:
+        """The line of least squares (linear regression; Section III-A joins two samples)."""
+        return Graph(self.mean_y - self.slope * self.mean_x, self.slope, 0.0, self.misfit)
 
+    def arc(self) -> Graph | None:
+        """Fit the arc of least squares; None unless three distinct samples determine it.
 
-def offsets(curve: LocalCurve, data: FitData) -> Floats:
-    """Distance of each sample from the curve (m, left positive), to first order.
+        Minimises J of eq. (5) with e divided by −2R and multiplied by the gradient of the graph:
+        three linear equations as in Section III-A.1.
+        """
+        if not self.spread > DETERMINED * self.total[SQUARE][SQUARE]:
+            return None
+        cross = self.total[SQUARE][Y] - self.mean_y * self.square_one - self.slope * self.square_x
+        half = cross / self.spread
+        slope = self.slope - half * self.square_x / self.xx
+        offset = self.mean_y - slope * self.mean_x - half * self.square_one / self.count
+        arc = Graph(offset, slope, half, max(self.misfit - half * cross, 0.0))
+        return arc if arc.is_curve else None
 
-    The e of Section III-A.1 divided by −2R, left turns having a positive R.
-    """
-    x, y, rate = curve.x, curve.y, curve.rate
-    ux, uy = cos(curve.angle), sin(curve.angle)
-    half, half_before = 0.5 * curve.after, 0.5 * curve.before
-    # Factors of x² + y², x, y and 1 in the distance to the left of P and in the squared distance.
-    left_of_p, square = uy * x - ux * y, x * x + y * y
-    if half == half_before and rate == 0.0:
-        rows = data.rows  # term by term is faster than einsum
-        straight: Floats = rows[SQUARE] * -half
-        straight += rows[X] * (2.0 * half * x - uy)
-        straight += rows[Y] * (2.0 * half * y + ux)
-        straight += left_of_p - half * square
-        return straight
-    left = (0.0, -uy, ux, left_of_p)
-    ahead = (0.0, ux, uy, -ux * x - uy * y)
-    seen = np.einsum("ai,ik->ak", (ahead, left, (1.0, -2.0 * x, -2.0 * y, square)), data.rows)
-    xi, rho = seen[0], seen[2]  # tuple unpacking takes three times as long
-    distances: Floats = seen[1]
-    distances -= half * rho
-    if half != half_before:
-        distances += (half - half_before) * rho * (xi <= 0.0)
-    if rate != 0.0:
-        bent = cubic(xi, np.abs(rho, rho), 0.5 * (half + half_before))
-        bent *= rate
-        distances -= bent
-    return distances
+    def clothoid(self, arc: Graph) -> Graph | None:
+        """Fit the clothoid of least squares, given the best `arc`.
+
+        Adds one column to the linear regression of the arc (eq. (5)): the distance of the clothoid
+        from the arc, to first order in its rate, measured from the local origin, which lies on the
+        arc within the noise of a sample. None if the samples do not determine it, or turn too far;
+        the rate is clipped to `RATE_MOST`.
+        """
+        if not abs(2.0 * arc.half) * (self.station.item(-1) - self.station.item(0)) < TURN_MOST:
+            return None
+        column = cubic(self.rows[X], self.rows[SQUARE], arc.half)
+        weighted: Floats = column if self.weight is None else self.weight * column
+        of_square, of_x, of_y, of_one = np.einsum("ik,k->i", self.rows, weighted).tolist()
+        count, xx, square_x, spread = self.count, self.xx, self.square_x, self.spread
+        # Orthogonalise the column to 1, x and x² + y², in this order.
+        by_x = of_x - self.mean_x * of_one
+        by_square = of_square - self.square_one * of_one / count - square_x * by_x / xx
+        whole = float(np.add.reduce(weighted * column))
+        left = whole - of_one * of_one / count - by_x * by_x / xx - by_square**2 / spread
+        if not left > DETERMINED * whole:
+            return None
+        cross = of_y - arc.offset * of_one - arc.slope * of_x - arc.half * of_square
+        rate = min(max(cross / left, -RATE_MOST), RATE_MOST)
+        half = arc.half - rate * by_square / spread
+        slope = arc.slope - (rate * by_x + (half - arc.half) * square_x) / xx
+        offset = self.mean_y - slope * self.mean_x - half * self.square_one / count
+        offset -= rate * of_one / count
+        misfit = max(arc.misfit - rate * (2.0 * cross - rate * left), 0.0)
+        graph = Graph(offset, slope, half, misfit, rate, column)
+        return graph if graph.is_curve else None
+
+    def drift(self, graph: Graph) -> float:
+        """CUSUM statistic: largest cumulative sum of the (weighted) distances from a graph (m).
+
+        Distances due to noise cancel sooner than those due to another shape.
+        """
+        rows = self.rows
+        away: Floats = rows[SQUARE] * -graph.half
+        away -= rows[X] * graph.slope
+        away += rows[Y]
+        away -= graph.offset
+        if graph.column is not None:
+            away -= graph.column * graph.rate
+        if self.weight is not None:
+            away *= self.weight
+        return max_abs(np.add.accumulate(away))
+
+    def offsets(self, curve: LocalCurve) -> Floats:
+        """Distance of each sample from the curve (m, left positive), to first order.
+
+        The e of Section III-A.1 divided by −2R, left turns having a positive R.
+        """
+        x, y, rate, rows = curve.x, curve.y, curve.rate, self.rows
+        ux, uy, half = cos(curve.angle), sin(curve.angle), 0.5 * curve.after
+        distances: Floats = rows[SQUARE] * -half  # term by term is faster than einsum
+        distances += rows[X] * (2.0 * half * x - uy)
+        distances += rows[Y] * (2.0 * half * y + ux)
+        distances += uy * x - ux * y - half * (x * x + y * y)
+        change = half - 0.5 * curve.before
+        if change == 0.0 and rate == 0.0:
+            return distances
+        dx, dy = rows[X] - x, rows[Y] - y
+        xi, square = ux * dx + uy * dy, dx * dx + dy * dy
+        if change != 0.0:
+            distances += change * square * (xi <= 0.0)
+        if rate != 0.0:
+            distances -= rate * cubic(xi, square, half - 0.5 * change)
+        return distances
 
 
 def cubic(along: Floats, square: Floats, half: float) -> Floats:
@@ -190,91 +235,24 @@ def cubic(along: Floats, square: Floats, half: float) -> Floats:
     return departure
 
 
-def line_regression(data: FitData) -> LineRegression | None:
-    """Linear regression of y on x; None if the samples do not determine a line."""
-    (square, square_x, _, square_one), (_, all_xx, all_xy, all_x), of_y, of_one = data.total
-    weight = of_one[ONE]
-    mean_x, mean_y = all_x / weight, of_y[ONE] / weight
-    xx = all_xx - weight * mean_x * mean_x
-    if not xx > DETERMINED * all_xx:
-        return None
-    xy = all_xy - weight * mean_x * mean_y
-    yy = of_y[Y] - weight * mean_y * mean_y
-    slope = xy / xx
-    square_x -= mean_x * square_one
-    spread = square - square_one * square_one / weight - square_x * square_x / xx
-    return LineRegression(
-        weight,
-        mean_x,
-        mean_y,
-        xx,
-        slope,
-        max(yy - slope * xy, 0.0),
-        square_one,
-        square_x,
-        square,
-        spread,
-    )
-
-
-def best_line(line: LineRegression) -> Graph:
-    """The line of least squares (linear regression; Section III-A joins two samples)."""
-    return Graph(line.mean_y - line.slope * line.mean_x, line.slope, 0.0, 0.0, line.misfit)
-
-
-def best_arc(data: FitData, line: LineRegression) -> Graph | None:
-    """Fit the arc of least squares; None unless three distinct samples determine it.
-
-    Minimises J of eq. (5) with e divided by −2R and multiplied by the gradient of the graph: three
-    linear equations as in Section III-A.1.
-    """
-    spread, square_one, square_x = line.spread, line.square_one, line.square_x
-    if not spread > DETERMINED * line.square:
-        return None
-    cross = data.total[SQUARE][Y] - line.mean_y * square_one - line.slope * square_x
-    half = cross / spread
-    slope = line.slope - half * square_x / line.xx
-    offset = line.mean_y - slope * line.mean_x - half * square_one / line.weight
-    arc = Graph(offset, slope, half, 0.0, max(line.misfit - half * cross, 0.0))
-    return arc if arc.square > 0.0 else None
-
-
 def max_abs(values: Floats) -> float:
     sizes = np.abs(values)
     size: float = sizes.item(sizes.argmax())
     return size
 
 
-def drift(graph: Graph, column: Floats | None, data: FitData) -> float:
-    """CUSUM statistic: largest cumulative sum of the (weighted) distances from a graph (m).
-
-    Distances due to noise cancel sooner than those due to another shape. `column` is the term t of
-    a clothoid, None for a line or arc.
-    """
-    rows = data.rows
-    away: Floats = rows[SQUARE] * -graph.half
-    away -= rows[X] * graph.slope
-    away += rows[Y]
-    away -= graph.offset
-    if column is not None:
-        away -= column * graph.rate
-    if data.weight is not None:
-        away *= data.weight
-    return max_abs(np.add.accumulate(away))
-
-
-def average_graphs(graphs: Sequence[Graph], weights: Sequence[float], total: float) -> LocalCurve:
-    """Average graphs by weights that add up to `total` (beyond the paper, which uses one curve).
+def average_graphs(graphs: Sequence[Graph], weights: Sequence[float]) -> LocalCurve:
+    """Average graphs by weights (beyond the paper, which uses one curve).
 
     Returns a curve whose P is the foot of the local origin (elementary algebra).
     """
-    offset = slope = half = rate = 0.0
-    for graph, weight in zip(graphs, weights, strict=False):
-        if weight > 0.0:
-            offset += weight * graph.offset
-            slope += weight * graph.slope
-            half += weight * graph.half
-            rate += weight * graph.rate
+    offset = slope = half = rate = total = 0.0
+    for graph, weight in zip(graphs, weights, strict=True):
+        offset += weight * graph.offset
+        slope += weight * graph.slope
+        half += weight * graph.half
+        rate += weight * graph.rate
+        total += weight
     offset, slope, half, rate = offset / total, slope / total, half / total, rate / total
     gradient = sqrt(1.0 + slope * slope - 4.0 * half * offset)
     kappa, algebraic = 2.0 * half / gradient, -offset / gradient
@@ -283,69 +261,15 @@ def average_graphs(graphs: Sequence[Graph], weights: Sequence[float], total: flo
     return LocalCurve(away * sin(angle), -away * cos(angle), angle, kappa, kappa, rate / gradient)
 
 
-# ---- Least squares for a clothoid, a curve with linearly changing curvature
-#
-# The arc of `fit_arc` with one more linear unknown, the rate of curvature: its term is the
-# clothoid's distance from the arc, to first order in the rate and exact in the curvature.
-
-
-RATE_MOST: Final = 0.06
-"""Largest rate of curvature (1/m²) that is fitted: at 3 m/s a car with 2.85 m wheelbase then steers
-at 0.5 rad/s.
-"""
-TURN_MOST: Final = 2.2
-"""Largest turn (rad) from first to last sample for which a clothoid is fitted: beyond it the series
-of `cubic` is too short.
-"""
-
-
-class Clothoid(NamedTuple):
-    """Graph of a clothoid, and its term t for `drift`."""
-
-    graph: Graph
-    column: Floats
-
-
-def best_clothoid(data: FitData, line: LineRegression, arc: Graph) -> Clothoid | None:
-    """Fit the clothoid of least squares, given the best `arc`.
-
-    Adds one column to the linear regression of the arc (eq. (5)): the distance of the clothoid from
-    the arc, measured from the local origin, which lies on the arc within the noise of a sample.
-    None if the samples do not determine it, or turn too far; the rate is clipped to `RATE_MOST`.
-    """
-    if not abs(2.0 * arc.half) * (data.station.item(-1) - data.station.item(0)) < TURN_MOST:
-        return None
-    column = cubic(data.rows[X], data.rows[SQUARE], arc.half)
-    weighted: Floats = column if data.weight is None else data.weight * column
-    of_square, of_x, of_y, of_one = np.einsum("ik,k->i", data.rows, weighted).tolist()
-    weight, xx, mean_x, spread = line.weight, line.xx, line.mean_x, line.spread
-    square_one, square_x = line.square_one, line.square_x
-    # Orthogonalise the column to 1, x and x² + y², in this order.
-    by_x = of_x - mean_x * of_one
-    by_square = of_square - square_one * of_one / weight - square_x * by_x / xx
-    whole = float(np.add.reduce(weighted * column))
-    left = whole - of_one * of_one / weight - by_x * by_x / xx - by_square**2 / spread
-    if not left > DETERMINED * whole:
-        return None
-    cross = of_y - arc.offset * of_one - arc.slope * of_x - arc.half * of_square
-    rate = min(max(cross / left, -RATE_MOST), RATE_MOST)
-    half = arc.half - rate * by_square / spread
-    slope = arc.slope - (rate * by_x + (half - arc.half) * square_x) / xx
-    offset = line.mean_y - slope * mean_x - half * square_one / weight
-    offset -= rate * of_one / weight
-    misfit = max(arc.misfit - rate * (2.0 * cross - rate * left), 0.0)
-    graph = Graph(offset, slope, half, rate, misfit)
-    return Clothoid(graph, column) if graph.square > 0.0 else None
-
-
 # ---- Least squares for two pieces with one tangent at the join: line→arc, arc→line, arc→arc
 #
 # For a given join P all three are linear in offset, slope and curvatures: the equation of the arc
-# (`fit_arc`) with a curvature on either side. Only the station of the join is searched for: first
-# by hill climbing over some of the samples from the middle on, then by parabolas through the gains
-# of the best three. All is plain arithmetic on the sums of products up to a join.
+# with a curvature on either side. Only the station of the join is searched for: first by hill
+# climbing over some of the samples from the middle on, then by parabolas through the gains of the
+# best three. All is plain arithmetic on the sums of products up to a join.
 
 
+PASSES: Final = 6  # Largest number of times that the best join is refined
 NEGLIGIBLE_GAIN: Final = 0.05
 """Below this predicted gain, in squared noise, a join is not moved again. A join displaced by its
 standard error loses a gain of one.
@@ -359,25 +283,22 @@ AFTER: Final = 0
 BEFORE: Final = 1
 BOTH: Final = 2  # Side of the join that is an arc
 
-Column = tuple[float, float, float, float]
 Factors = tuple[float, float, float]  # Factors of x, y and 1 in |q − P|², next to x² + y²
 
 
-@dataclass(slots=True)
-class JoinedFit:
+class Join(NamedTuple):
     """Least squares of two pieces (Section III-A) with a join at `station` and (x, y) (m).
 
     `gains` (m²) are the reductions of the line's squared residuals for `AFTER`, `BEFORE` and
-    `BOTH`. `halves` (1/m) are half the curvatures: of `BEFORE`, of `AFTER`, and of `BOTH` before
-    and after the join. `shares` are the components along normalised 1 and x of the column before
-    the join and of the column after it.
+    `BOTH`, `halves` (1/m) half the curvatures before and after the join for each. `shares` are the
+    components along normalised 1 and x of the column before the join and of the column after it.
     """
 
     station: float
     x: float
     y: float
     gains: tuple[float, float, float]
-    halves: tuple[float, float, float, float]
+    halves: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
     shares: tuple[float, float, float, float]
 
 
@@ -392,88 +313,95 @@ class BestJoin(NamedTuple):
 class JoinSearch:
     """Search for the best join, a change of curvature of Section III-A anywhere in the samples.
 
-    `stations` (m) are those of `data`, `line` is the regression line. Two arcs must lower the sum
-    of squared residuals by `evidence` times the squared noise more than one. The noise is estimated
-    from their residuals, within the bounds `noise` (m²).
+    Two arcs must lower the sum of squared residuals by `evidence` times the squared noise more than
+    one. The noise is estimated from their residuals, within the bounds `noise` (m²).
     """
 
-    def __init__(
-        self,
-        data: FitData,
-        stations: list[float],
-        line: LineRegression,
-        noise: tuple[float, float],
-        evidence: float,
-    ) -> None:
+    def __init__(self, samples: Samples, noise: tuple[float, float], evidence: float) -> None:
         self._least, self._most = noise
-        self.noise, self._evidence = self._most, evidence
-        self._data, self._line, self._sums = data, line, cumulative_sums(data)
+        self._noise, self._evidence = self._most, evidence
+        self._samples = samples
+        self._stations: list[float] = samples.station.tolist()
+        left, right = PAIRS
+        products = samples.weighted.take(left, 0) * samples.rows.take(right, 0)
+        self._sums = np.add.accumulate(products, 1)  # over the first k + 1 samples, shape (10, n)
         self._total = self._sums[:, -1].tolist()
-        self._stations = stations
-        norms = 1.0 / sqrt(line.weight), 1.0 / sqrt(line.xx)
-        self._about = line.mean_x, line.mean_y, line.slope, *norms
+        self._norms = 1.0 / sqrt(samples.count), 1.0 / sqrt(samples.xx)
 
-    def climb(self, indices: Sequence[int]) -> tuple[list[JoinedFit], JoinedFit, int]:
+    def best(
+        self, indices: Sequence[int], bounds: tuple[float, float], misfit_limit: float
+    ) -> BestJoin | None:
+        """Best line→arc, arc→line or arc→arc, starting from joins at the samples `indices`.
+
+        In up to `PASSES` passes the join moves to the maximum of a parabola through the gains of
+        the best three joins, between the stations `bounds`. None if its predicted misfit exceeds
+        `misfit_limit` (m²). Section III-A splits off the longest straight prefix instead.
+        """
+        three, best, side = self._climb(indices)
+        top = _top(three, side, bounds)
+        gain = best.gains[side] if top is None else max(best.gains[side], top[1])
+        gain -= self._evidence * self._noise if side == BOTH else 0.0
+        if self._samples.misfit - gain - GAIN_MARGIN * self._most > misfit_limit:
+            return None
+        for _ in range(PASSES):
+            if top is None:
+                break
+            moved = self._at(top[0])
+            if moved.gains[side] > best.gains[side]:
+                best = moved
+            if side == BOTH:
+                side = self._side(best.gains)
+            four = sorted([*three, moved])
+            first_is_nearer = best.station - four[0].station < four[3].station - best.station
+            three = four[:3] if first_is_nearer else four[1:]
+            top = _top(three, side, bounds)
+            if top is not None and top[1] - best.gains[side] < NEGLIGIBLE_GAIN * self._noise:
+                break
+        return self._curve(best, side)
+
+    def _climb(self, indices: Sequence[int]) -> tuple[list[Join], Join, int]:
         """Climb from the middle of `indices` (sample indices) to the join with the largest gain.
 
         Returns up to three joins around it in order of travel, the best one, and its side.
         """
-        begin, end = max(len(indices) // 2 - 1, 0), len(indices) // 2 + 2
-        tried = [self.at_sample(index) for index in indices[begin:end]]
+        stations = [self._stations[index] for index in indices]
+        begin, end = max(len(stations) // 2 - 1, 0), len(stations) // 2 + 2
+        tried = [self._at(station) for station in stations[begin:end]]
         while True:
             most = list(map(max, *[joined.gains for joined in tried]))
-            side = self.side(most)
+            side = self._side(most)
             top = [joined.gains[side] for joined in tried].index(most[side])
             if top == 0 and begin > 0:
                 begin -= 1
-                tried.insert(0, self.at_sample(indices[begin]))
-            elif top == len(tried) - 1 and end < len(indices):
-                tried.append(self.at_sample(indices[end]))
+                tried.insert(0, self._at(stations[begin]))
+            elif top == len(tried) - 1 and end < len(stations):
+                tried.append(self._at(stations[end]))
                 end += 1
             else:
                 break
         first = min(max(top - 1, 0), max(len(tried) - 3, 0))
         return tried[first : first + 3], tried[top], side
 
-    def side(self, gains: Sequence[float]) -> int:
+    def _side(self, gains: Sequence[float]) -> int:
         """Choose the side to be an arc by the gains (Section III-A), and update the noise."""
-        line = self._line
-        left = (line.misfit - gains[BOTH]) / max(line.weight - 5.0, 1.0)
-        least, most = self._least, self._most
-        left = left if left > least else least  # noqa: FURB136 - twice as fast as max
-        self.noise = left if left < most else most  # noqa: FURB136 - twice as fast as min
+        samples = self._samples
+        left = (samples.misfit - gains[BOTH]) / max(samples.count - 5.0, 1.0)
+        self._noise = min(max(left, self._least), self._most)
         side = AFTER if gains[AFTER] >= gains[BEFORE] else BEFORE
-        return BOTH if gains[BOTH] - self._evidence * self.noise > gains[side] else side
+        return BOTH if gains[BOTH] - self._evidence * self._noise > gains[side] else side
 
-    def least_misfit(self, gain: float, side: int) -> float:
-        """Smallest misfit (m², J of eq. (5)) to expect of a join with this predicted gain.
-
-        Two arcs are charged their extra price.
-        """
-        extra = self._evidence * self.noise if side == BOTH else 0.0
-        return self._line.misfit - gain + extra - GAIN_MARGIN * self._most
-
-    def at_sample(self, index: int) -> JoinedFit:
-        """Fit two pieces that join at a sample: linear least squares as in Section III-A.1."""
-        rows = self._data.rows
-        return self._at(index + 1, self._stations[index], rows.item(X, index), rows.item(Y, index))
-
-    def at(self, station: float) -> JoinedFit:
+    def _at(self, station: float) -> Join:
         """Fit two pieces that join at `station` (m): linear least squares as in Section III-A.1.
 
         The join lies on the line between the samples before and after it.
         """
-        stations, rows = self._stations, self._data.rows
+        stations, rows = self._stations, self._samples.rows
         split = min(max(bisect_right(stations, station), 1), len(stations) - 1)
         low, high = stations[split - 1], stations[split]
         share = (station - low) / (high - low) if high > low else 0.0
         x, y = rows.item(X, split - 1), rows.item(Y, split - 1)
         x += share * (rows.item(X, split) - x)
         y += share * (rows.item(Y, split) - y)
-        return self._at(split, station, x, y)
-
-    def _at(self, split: int, station: float, x: float, y: float) -> JoinedFit:
-        """Fit two pieces that join next to (x, y), after the first `split` samples."""
         factors = -2.0 * x, -2.0 * y, x * x + y * y
         one, along, cross, square = self._column(self._sums[:, split - 1].tolist(), factors)
         later_one, later_along, later_cross, later_square = self._column(self._total, factors)
@@ -492,45 +420,44 @@ class JoinSearch:
         rest = max(1.0 - shared * shared / (spread * later_spread), DETERMINED)
         both = (half + shared * later_half / spread) / rest
         later_both = (later_half + shared * half / later_spread) / rest
-        return JoinedFit(
+        return Join(
             station,
             x,
             y,
             (later_half * later_cross, half * cross, both * cross + later_both * later_cross),
-            (half, later_half, both, later_both),
+            ((0.0, later_half), (half, 0.0), (both, later_both)),
             (one, along, later_one, later_along),
         )
 
-    def _column(self, sums: list[float], factors: Factors) -> Column:
+    def _column(self, sums: list[float], factors: Factors) -> tuple[float, float, float, float]:
         """Products of the column |q − P|² with normalised 1 and x, the residual, and itself."""
-        mean_x, mean_y, slope, norm_one, norm_x = self._about
+        samples, (norm_one, norm_x) = self._samples, self._norms
         ss, sx, sy, s1, xx, xy, x1, yy, y1, weight = sums  # s is x² + y²
         a, b, c = factors
         of_square = ss + a * sx + b * sy + c * s1
         of_x = sx + a * xx + b * xy + c * x1
         of_y = sy + a * xy + b * yy + c * y1
         of_one = s1 + a * x1 + b * y1 + c * weight
-        of_x_about = of_x - mean_x * of_one
+        of_x_about = of_x - samples.mean_x * of_one
         return (
             of_one * norm_one,
             of_x_about * norm_x,
-            of_y - mean_y * of_one - slope * of_x_about,
+            of_y - samples.mean_y * of_one - samples.slope * of_x_about,
             of_square + a * of_x + b * of_y + c * of_one,
         )
 
-    def to_curve(self, joined: JoinedFit, side: int) -> BestJoin:
+    def _curve(self, joined: Join, side: int) -> BestJoin:
         """Convert two pieces to a curve of the local frame (elementary algebra).
 
         The assumed join lies d to the left of the tangent, by the noise of a sample; P is its foot.
         There both sides have the same direction, and their gradients differ from the tangent's by
         twice the half curvature times d.
         """
-        mean_x, mean_y, line_slope, norm_one, norm_x = self._about
-        half, later_half, both, later_both = joined.halves
-        before, after = ((0.0, later_half), (half, 0.0), (both, later_both))[side]
+        samples, (norm_one, norm_x) = self._samples, self._norms
+        before, after = joined.halves[side]
         one, along, later_one, later_along = joined.shares
-        slope = line_slope - (before * along + after * later_along) * norm_x
-        offset = mean_y - slope * mean_x
+        slope = samples.slope - (before * along + after * later_along) * norm_x
+        offset = samples.mean_y - slope * samples.mean_x
         offset -= (before * one + after * later_one) * norm_one
         norm = hypot(1.0, slope)
         away = (joined.y - offset - slope * joined.x) / norm
@@ -542,56 +469,12 @@ class JoinSearch:
             2.0 * after / (norm + 2.0 * after * away),
             0.0,
         )
-        misfit = max(self._line.misfit - joined.gains[side], 0.0) / (norm * norm)
+        misfit = max(samples.misfit - joined.gains[side], 0.0) / (norm * norm)
         return BestJoin(curve, misfit, 5 if side == BOTH else 4)
 
 
-def best_join(
-    search: JoinSearch,
-    *,
-    indices: Sequence[int],
-    bounds: tuple[float, float],
-    misfit_limit: float,
-    passes: int,
-) -> BestJoin | None:
-    """Best line→arc, arc→line or arc→arc, starting from joins at the samples `indices`.
-
-    In up to `passes` passes the join moves to the maximum of a parabola through the gains of the
-    best three joins, between the stations `bounds`. None if its predicted misfit exceeds
-    `misfit_limit` (m²). Section III-A splits off the longest straight prefix instead.
-    """
-    three, best, side = search.climb(indices)
-    top = _top(three, side, bounds)
-    predicted = best.gains[side] if top is None else max(best.gains[side], top[1])
-    if search.least_misfit(predicted, side) > misfit_limit:
-        return None
-    for _ in range(passes):
-        if top is None:
-            break
-        moved = search.at(top[0])
-        if moved.gains[side] > best.gains[side]:
-            best = moved
-        if side == BOTH:
-            side = search.side(best.gains)
-        three = _nearest(best.station, three, moved)
-        top = _top(three, side, bounds)
-        if top is not None and top[1] - best.gains[side] < NEGLIGIBLE_GAIN * search.noise:
-            break
-    return search.to_curve(best, side)
-
-
-def _nearest(station: float, three: list[JoinedFit], moved: JoinedFit) -> list[JoinedFit]:
-    """The three joins nearest to `station` (m), in order of travel."""
-    four, index = three.copy(), len(three)
-    while index > 0 and four[index - 1].station > moved.station:
-        index -= 1
-    four.insert(index, moved)
-    first_is_nearer = station - four[0].station < four[3].station - station
-    return four[:3] if first_is_nearer else four[1:]
-
-
 def _top(
-    three: list[JoinedFit], side: int, bounds: tuple[float, float]
+    three: Sequence[Join], side: int, bounds: tuple[float, float]
 ) -> tuple[float, float] | None:
     """Maximum of the parabola through the gains of three joins: station (m) and height.
 
