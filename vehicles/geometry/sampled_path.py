@@ -9,7 +9,7 @@ from array import array
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import hypot
+from math import cos, hypot, sin
 from typing import Final
 
 import numpy as np
@@ -109,13 +109,22 @@ class SampledPath:
         return self._stations[-1] - self._stations[0]
 
     def at(self, station: float) -> PathPoint:
-        index = bisect_right(self._stations, station) - 1
-        if index < 0:
-            return _straight_on(self._rows[:COLUMNS], station)
-        if index >= len(self._stations) - 1:
-            return _straight_on(self._rows[-COLUMNS:], station)
-        first = COLUMNS * index
-        return _between(self._rows[first : first + 2 * COLUMNS], station)
+        stations = self._stations
+        index = min(max(bisect_right(stations, station) - 1, 0), len(stations) - 2)
+        row = self._rows[COLUMNS * index : COLUMNS * (index + 2)]
+        start, east, north, yaw, curvature, end, next_east, next_north, next_yaw, next_bend = row
+        inside = min(max(station, stations[0]), stations[-1])
+        step, beyond = end - start, station - inside
+        share = (inside - start) / step
+        rest = 1.0 - share
+        weight = share * share * (3.0 - 2.0 * share)
+        leaving, arriving = share * rest * rest * step, -share * share * rest * step
+        heading = yaw + share * (next_yaw - yaw)
+        east += weight * (next_east - east) + leaving * cos(yaw) + arriving * cos(next_yaw)
+        north += weight * (next_north - north) + leaving * sin(yaw) + arriving * sin(next_yaw)
+        if beyond == 0.0:
+            return PathPoint(east, north, heading, curvature + share * (next_bend - curvature))
+        return PathPoint(east + beyond * cos(heading), north + beyond * sin(heading), heading, 0.0)
 
     def curvature_at(self, station: float) -> float:
         """Signed curvature (1/m, Section III-A) at `station` (m)."""
@@ -140,9 +149,9 @@ class SampledPath:
         station = min(max(self._nearest_sample(east, north, low, high), low), high)
         point = self.at(station)
         for _ in range(8):  # each step squares the error; two or three are typical
-            cos, sin = math.cos(point.yaw), math.sin(point.yaw)
-            lateral = (north - point.north) * cos - (east - point.east) * sin
-            along = (east - point.east) * cos + (north - point.north) * sin
+            forward, left = cos(point.yaw), sin(point.yaw)
+            lateral = (north - point.north) * forward - (east - point.east) * left
+            along = (east - point.east) * forward + (north - point.north) * left
             # No projection exists beyond the centre of curvature; the bound keeps the step finite.
             along /= max(1.0 - point.curvature * lateral, 0.2)
             target = min(max(station + along, low), high)
@@ -161,39 +170,6 @@ class SampledPath:
 
 
 _Row = tuple[float, float, float, float, float]
-
-
-def _straight_on(row: "array[float]", station: float) -> PathPoint:
-    start, east, north, yaw, curvature = row
-    distance = station - start
-    return PathPoint(
-        east + distance * math.cos(yaw),
-        north + distance * math.sin(yaw),
-        yaw,
-        curvature if distance == 0.0 else 0.0,
-    )
-
-
-def _between(rows: "array[float]", station: float) -> PathPoint:
-    """Interpolate between two samples: cubic Hermite position, linear yaw and curvature."""
-    start, east, north, yaw, curvature, end, next_east, next_north, next_yaw, next_curvature = rows
-    step = end - start
-    share = (station - start) / step
-    rest = 1.0 - share
-    weight = share * share * (3.0 - 2.0 * share)
-    leaving, arriving = share * rest * rest * step, -share * share * rest * step
-    return PathPoint(
-        east
-        + weight * (next_east - east)
-        + leaving * math.cos(yaw)
-        + arriving * math.cos(next_yaw),
-        north
-        + weight * (next_north - north)
-        + leaving * math.sin(yaw)
-        + arriving * math.sin(next_yaw),
-        yaw + share * (next_yaw - yaw),
-        curvature + share * (next_curvature - curvature),
-    )
 
 
 def path_from_segments(
@@ -224,11 +200,11 @@ def _along(start: _Row, curvature: float, distance: float) -> _Row:
     """Sample `distance` (m) along the arc of `curvature` (1/m) from `start`."""
     station, east, north, yaw, _ = start
     half = 0.5 * curvature * distance
-    chord = distance * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
+    chord = distance * (sin(half) / half if abs(half) > 1e-9 else 1.0)
     return (
         station + distance,
-        east + chord * math.cos(yaw + half),
-        north + chord * math.sin(yaw + half),
+        east + chord * cos(yaw + half),
+        north + chord * sin(yaw + half),
         yaw + 2.0 * half,
         curvature,
     )
