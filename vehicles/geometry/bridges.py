@@ -14,7 +14,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from vehicles.geometry.arc_spline import Piece, PlanePose
+from vehicles.geometry.arc_fits import Samples, average_graphs
+from vehicles.geometry.arc_spline import PlanePose
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.sampled_path import CHORD_TOLERANCE, FloatArray, Place, PlacedPose
 
@@ -151,73 +152,32 @@ def _course(points: FloatArray, start: int, end: int) -> float:
 
 
 def _end(points: FloatArray, reach: float, direction: float) -> PlanePose:
-    """Projection of the last of `points` (2, n) on the arc or line fitted to those within `reach`.
+    """Projection of the last of `points` (2, n) on the curve fitted to those within `reach` (m).
 
-    A single point between two holes has no direction of its own and takes `direction` (rad), the
-    direction between the points beyond both holes. Raises ValueError if nothing fits the points.
+    The curve is an arc, or a line if the points do not require an arc. A single point between two
+    holes has no direction of its own and takes `direction` (rad), the direction between the points
+    beyond both holes. Raises ValueError if nothing fits the points.
     """
-    outside = np.flatnonzero(np.hypot(*(points - points[:, -1:])) > reach)
+    away = points - points[:, -1:]
+    outside = np.flatnonzero(np.hypot(*away) > reach)
     first = min(int(outside[-1]) + 1 if outside.size else 0, points.shape[1] - SIDE)
-    side = points[:, max(first, 0) :]
-    x, y = side[:, -1].tolist()
-    if side.shape[1] == 1:
+    away = away[:, max(first, 0) :]
+    x, y = points[:, -1].tolist()
+    count = away.shape[1]
+    if count == 1:
         return x, y, direction
-    arc = _arc(side)
-    foot = arc.at(arc.project(x, y).station)
-    if not hypot(foot.east - x, foot.north - y) <= reach:  # the fit diverged
+    yaw = _course(away[:, -SIDE:], 0, -1)
+    samples = Samples(away, cos(yaw), sin(yaw), away[0], None)
+    arc = samples.arc() if count >= SIDE else None
+    if arc is not None:
+        deviation = math.sqrt(arc.distance / max(count - 3, 1))
+        if not abs(arc.half) * math.sqrt(samples.spread) > CERTAIN * deviation:
+            arc = None
+    curve = average_graphs((arc or samples.line(),), (1.0,))
+    if not hypot(curve.x, curve.y) <= reach:  # the fit diverged
         raise ValueError("next to which the points lie in no order")
-    return foot.east, foot.north, foot.yaw
-
-
-def _arc(side: FloatArray) -> Piece:
-    """Fit an arc to points (2, n) by Gauss–Newton, or a line if they do not require an arc."""
-    (x0, y0), (x1, y1) = side[:, 0].tolist(), side[:, -1].tolist()
-    line, _ = _refined(Piece(x0, y0, atan2(y1 - y0, x1 - x0), 0.0, 1.0), side, bends=False)
-    if side.shape[1] < SIDE:
-        return line
-    start = Piece(x0, y0, line.yaw, 0.0, 1.0)
-    middle = line.project(*side[:, side.shape[1] // 2].tolist())
-    length = hypot(x1 - x0, y1 - y0)
-    if length > 0.0:  # the sagitta of an arc through both ends
-        start.curvature = -8.0 * middle.lateral / (length * length)
-        start.yaw -= 0.5 * start.curvature * length
-    arc, deviation = _refined(start, side, bends=True)
-    return arc if abs(arc.curvature) > CERTAIN * deviation else line
-
-
-def _refined(piece: Piece, side: FloatArray, *, bends: bool) -> tuple[Piece, float]:
-    """Fit `piece` to points (2, n); also return the standard deviation of the curvature (1/m).
-
-    Each step is a regression of the offsets on the orthogonal polynomials of the stations.
-    """
-    deviation = 0.0
-    for _ in range(6):
-        feet = [piece.project(x, y) for x, y in side.T.tolist()]
-        left = np.array([foot.lateral for foot in feet])
-        along = np.array([foot.station for foot in feet])
-        middle, offset = float(np.mean(along)), float(np.mean(left))
-        along, left = along - middle, left - offset
-        square = max(float(np.sum(along * along)), 1e-300)
-        turn = float(np.sum(along * left)) / square
-        left -= turn * along
-        bow = 0.5 * along * along
-        level, slope = float(np.mean(bow)), float(np.sum(along * bow)) / square
-        bow -= level + slope * along
-        weight = max(float(np.sum(bow * bow)), 1e-300)
-        bend = float(np.sum(bow * left)) / weight if bends else 0.0
-        left -= bend * bow
-        freedom = max(left.size - (3 if bends else 2), 1)
-        deviation = math.sqrt(float(np.sum(left * left)) / freedom / weight)
-        # The polynomials at the start of the piece.
-        offset += bend * (0.5 * middle * middle - level + slope * middle) - turn * middle
-        piece = Piece(
-            piece.east - offset * sin(piece.yaw),
-            piece.north + offset * cos(piece.yaw),
-            piece.yaw + turn - bend * (middle + slope),
-            piece.curvature + bend,
-            piece.length,
-        )
-    return piece, deviation
+    east = x + curve.x * cos(yaw) - curve.y * sin(yaw)
+    return east, y + curve.x * sin(yaw) + curve.y * cos(yaw), yaw + curve.angle
 
 
 # ---- A curve through sparse positions whose chords are close to the driven path

@@ -16,6 +16,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from vehicles.geometry.arc_fits import Graph, LocalCurve, Samples, X, Y, average_graphs
 from vehicles.geometry.arc_spline import (
     ArcSpline,
     Piece,
@@ -25,16 +26,7 @@ from vehicles.geometry.arc_spline import (
     on_clothoid,
 )
 from vehicles.geometry.geodesy import wrap_angle
-from vehicles.preview.arc_fits import (
-    BestJoin,
-    Graph,
-    JoinSearch,
-    LocalCurve,
-    Samples,
-    X,
-    Y,
-    average_graphs,
-)
+from vehicles.preview.joined_fit import BestJoin, JoinSearch
 
 Floats = NDArray[np.float64]
 Trajectory = Literal["fitted", "paper", "paper_prefix"]  # See `paper_recipe`

@@ -16,8 +16,8 @@ from math import atan2, hypot, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from vehicles.geometry.arc_fits import ONE, LocalCurve, Samples, X, Y, average_graphs, max_abs
 from vehicles.geometry.arc_spline import along_arc, on_arc
-from vehicles.preview.arc_fits import ONE, LocalCurve, Samples, X, Y, average_graphs, max_abs
 from vehicles.preview.curve_fit import (
     SPAN_MIN,
     Curve,

@@ -14,8 +14,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from vehicles.geometry.arc_fits import max_abs
 from vehicles.geometry.arc_spline import ArcSpline
-from vehicles.preview.arc_fits import max_abs
 from vehicles.preview.curve_fit import FitSettings, fit_curve
 from vehicles.preview.paper_recipe import recipe_curve
 from vehicles.preview.samples import Window

@@ -9,8 +9,8 @@ from scipy.optimize import least_squares
 from tests.made.examples import examples
 from tests.made.vehicles.arc_courses import course, fit_errors, point_at, window, with_noise
 from tests.made.vehicles.fusions import fit_two, fuse
+from vehicles.geometry.arc_fits import average_graphs
 from vehicles.geometry.arc_spline import ArcSpline
-from vehicles.preview.arc_fits import average_graphs
 from vehicles.preview.curve_fit import FitSettings, local_frame, samples_in
 from vehicles.preview.samples import Window
 from vehicles.preview.trajectory import Fit
