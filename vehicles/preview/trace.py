@@ -40,31 +40,48 @@ HISTORY_DEVIATIONS: Final = 4.0
 number of standard deviations, as stated."""
 ASIDE: Final = 10.0  # Largest distance (m) from the ego at which a path history passes it
 KEPT_BEHIND: Final = 20  # Number of points behind the ego that are kept of a path history
+LEAST_BEND: Final = 1.0 / 500.0  # Bends (1/m) to expect anywhere: the paper's lane change
+CERTAIN: Final = 0.5  # Largest deviation (m) of the path from a bridge that a car may cross
+
+
+class PathHole(NamedTuple):
+    """A stretch that no source covers: `length` (m) along the path, least `turn` (rad) within."""
+
+    length: float
+    turn: float
+
+    def is_certain(self, bend: float) -> bool:
+        """Whether the path is close to any gentle curve over the hole, at curvatures up to `bend`.
+
+        Two curves with the same ends and headings, one bending left first and one right, both with
+        curvature κ, are at most κ s²/16 from the curve between them.
+        """
+        bend = max(bend, LEAST_BEND, self.turn / self.length)
+        return bend * self.length**2 / 16.0 <= CERTAIN
 
 
 class TraceHole(NamedTuple):
-    """A hole without received positions: the point before it, speed (m/s) and instant (ns) after.
+    """A hole without received positions, between two instants (ns).
 
-    A curve bridges it, unless no curve joins its ends.
+    A curve bridges it, unless no curve joins its ends. `path` is the stretch that the source drove.
     """
 
-    before: PlacedPose
-    speed: float
+    begin: int
     end: int
+    path: PathHole
 
 
 class Stretch(NamedTuple):
     """Received positions without a hole, from `start` to `end` (m from the ego's projection).
 
-    `first` is its first point. The source drove about `hole` (m) unobserved before it and turned by
-    `turn` (rad) there; 0 at the beginning of the trace.
+    `first` is its first point. The source drove the `hole` unobserved before it; None at the
+    beginning of the trace.
     """
 
     start: float
     end: float
     first: PlacedPose
-    hole: float
-    turn: float
+    hole: PathHole | None
 
 
 def bridge(before: PlacedPose, after: PlacedPose) -> list[PlacedPose]:
@@ -231,7 +248,7 @@ class Trace:
         index = bisect_left(line.at, at)
         if not 0 < index < len(line.at) or line.at[index - 1] == BRIDGE_AT:
             return
-        if any(hole.before[0] < at < hole.end for hole in self._holes):
+        if any(hole.begin < at < hole.end for hole in self._holes):
             return
         for start, end in (line.points[index - 1], point), (point, line.points[index]):
             if not is_drivable(start, end, speed) or step(start, end) < SPACING:
@@ -257,7 +274,8 @@ class Trace:
             points, covers, count = curve_to(pose, before, newest_speed)
         guess, end = list[PlacedPose](), points[0] if points else after
         if bridges and not covers and hypot(end[1] - before[1], end[2] - before[2]) >= HOLE:
-            self._holes = [*self._holes[1 - MAX_HOLES :], TraceHole(before, pose.speed, end[0])]
+            hole = TraceHole(before[0], end[0], self._path_unobserved(end, pose.speed))
+            self._holes = [*self._holes[1 - MAX_HOLES :], hole]
             guess = bridge(before, end)
             self._guessed.update([point[0] for point in guess])
         # The first point of a curve was received, or is next to one that was.
@@ -265,6 +283,18 @@ class Trace:
         self.sample_count += count
         for point in (*guess, *points):
             self._append(point)
+
+    def _path_unobserved(self, end: PlacedPose, speed: float) -> PathHole:
+        """Estimate the stretch from the line to `end`, where the source has `speed` (m/s)."""
+        line = self._line
+        (at, east, north, yaw), (next_at, next_east, next_north, next_yaw) = line.points[-1], end
+        if len(line.at) > 1 and line.at[-2] != BRIDGE_AT:
+            driven = line.station[-1] - line.station[-2]
+            speed = 0.5 * (speed + driven / ((at - line.at[-2]) / SECOND))
+        chord = hypot(next_east - east, next_north - north)
+        course = atan2(next_north - north, next_east - east)
+        turn = abs(remainder(course - yaw, tau)) + abs(remainder(next_yaw - course, tau))
+        return PathHole(max(chord, speed * (next_at - at) / SECOND), turn)
 
     def bridge(self, east: float, north: float, yaw: float) -> None:
         """Join the ego's pose to the first sample: by its path history, or by a straight line.
@@ -317,7 +347,7 @@ class Trace:
         """Begin and end (station, m) of the holes that no received position covers, in order."""
         line = self._line
         return [
-            (line.station[bisect_left(line.at, hole.before[0])], line.station[end])
+            (line.station[bisect_left(line.at, hole.begin)], line.station[end])
             for hole in self._holes
             if (end := bisect_left(line.at, hole.end)) < len(line.at)
         ]
@@ -375,36 +405,17 @@ class Trace:
         line, ego = self._line, self._locate(east, north)
         if not line.at:
             return []
-        parts, first, length, turn = list[tuple[int, int, float, float]](), 0, 0.0, 0.0
-        for hole in self._holes:
-            last = bisect_right(line.at, hole.before[0]) - 1
-            following = bisect_left(line.at, hole.end)
-            if last < first or following >= len(line.at):  # dropped, or no sample kept after it
-                continue
-            parts.append((first, last, length, turn))
-            length, turn = self._extent(last, following, hole.speed)
-            first = following
-        parts.append((first, len(line.at) - 1, length, turn))
+        stretches, first, gap = list[Stretch](), 0, None
         at = [station - ego for station in line.station]
-        return [
-            Stretch(at[begin] if gap else -inf, at[end], line.points[begin], gap, turned)
-            for begin, end, gap, turned in parts
-        ]
-
-    def _extent(self, last: int, following: int, speed: float) -> tuple[float, float]:
-        """Distance (m) that the source drove between two points, and its least turn (rad)."""
-        line = self._line
-        (at, east, north, yaw), (next_at, next_east, next_north, next_yaw) = (
-            line.points[last],
-            line.points[following],
-        )
-        if last and line.at[last - 1] != BRIDGE_AT:
-            driven = line.station[last] - line.station[last - 1]
-            speed = 0.5 * (speed + driven / ((at - line.at[last - 1]) / SECOND))
-        chord = hypot(next_east - east, next_north - north)
-        course = atan2(next_north - north, next_east - east)
-        turn = abs(remainder(course - yaw, tau)) + abs(remainder(next_yaw - course, tau))
-        return max(chord, speed * (next_at - at) / SECOND), turn
+        for hole in self._holes:
+            last = bisect_right(line.at, hole.begin) - 1
+            following = bisect_left(line.at, hole.end)
+            if first <= last and following < len(at):  # neither dropped nor without later samples
+                start = at[first] if gap else -inf
+                stretches.append(Stretch(start, at[last], line.points[first], gap))
+                first, gap = following, hole.path
+        start = at[first] if gap else -inf
+        return [*stretches, Stretch(start, at[-1], line.points[first], gap)]
 
     def distance_from(self, east: float, north: float, start: float, end: float) -> float:
         """Distance (m) of (east, north) from the line between `start` and `end` (m from the ego).
@@ -449,25 +460,7 @@ class Trace:
 # follower is blind within a hole, unless positions of the other source cover it.
 
 
-LEAST_BEND: Final = 1.0 / 500.0  # Bends (1/m) to expect anywhere: the paper's lane change
-CERTAIN: Final = 0.5  # Largest deviation (m) of the path from a bridge that a car may cross
 SAME_PATH: Final = 1.75  # Stretches this close (m, half a lane) join
-
-
-class PathHole(NamedTuple):
-    """A stretch that no source covers: `length` (m) along the path, least `turn` (rad) within."""
-
-    length: float
-    turn: float
-
-    def is_certain(self, bend: float) -> bool:
-        """Whether the path is close to any gentle curve over the hole, at curvatures up to `bend`.
-
-        Two curves with the same ends and headings, one bending left first and one right, both with
-        curvature κ, are at most κ s²/16 from the curve between them.
-        """
-        bend = max(bend, LEAST_BEND, self.turn / self.length)
-        return bend * self.length**2 / 16.0 <= CERTAIN
 
 
 class KnownPath(NamedTuple):
@@ -494,7 +487,7 @@ def known_path(traces: Sequence[Trace], east: float, north: float) -> KnownPath:
         joined = [pair for pair in later if _continues(trace, reached, pair[1])]
         if not joined:
             _, beyond = min(later, key=lambda pair: pair[1].start)
-            return KnownPath(reached.end, PathHole(beyond.hole, beyond.turn))
+            return KnownPath(reached.end, beyond.hole)
         trace, reached = max(joined, key=lambda pair: pair[1].end)
     return KnownPath(reached.end, None)
 
@@ -505,4 +498,4 @@ def _continues(trace: Trace, reached: Stretch, later: Stretch) -> bool:
         return False
     _, east, north, _ = later.first
     start = max(reached.start, later.start - SAME_PATH)
-    return later.hole == 0.0 or trace.distance_from(east, north, start, reached.end) <= SAME_PATH
+    return later.hole is None or trace.distance_from(east, north, start, reached.end) <= SAME_PATH
