@@ -139,8 +139,7 @@ def fit_curve(columns: Floats, weight: Floats | None, settings: FitSettings) -> 
     count = len(station)
     if count < 3 or not station.item(-1) - station.item(0) >= SPAN_MIN:
         return None
-    early, middle, late = count // 4, count // 2, (3 * count) // 4
-    frame = local_frame(columns, middle, early, late)
+    frame = local_frame(columns, count // 2, count // 4, (3 * count) // 4)
     if frame is None:
         return None
     samples = samples_in(frame, columns, weight)

@@ -9,6 +9,7 @@ extrapolated to the ego.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import hypot, inf
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -46,7 +47,6 @@ class SourceWindow(NamedTuple):
 
 
 Floats = NDArray[np.float64]
-_sum = np.add.reduce
 
 JUMP_SHARE: Final = 0.25  # Removing a jump lowers the squared residuals by more than this
 MAX_JUMPS: Final = 3  # Number of samples that are removed one by one
@@ -86,29 +86,25 @@ def _worst(columns: Floats) -> int | None:
     curvature along the line of least squares (`arc_fits`).
     """
     east, north, station = columns
-    count = len(station)
-    if count < 5:
-        return None
-    along = station - float(_sum(station)) / count
-    ux, uy = float(_sum(along * east)), float(_sum(along * north))
-    norm = (ux * ux + uy * uy) ** 0.5
-    if not 0.0 < norm < np.inf:
+    count, along = len(station), station - np.mean(station)
+    ux, uy = float(np.sum(along * east)), float(np.sum(along * north))
+    norm = hypot(ux, uy)
+    if count < 5 or not 0.0 < norm < inf:
         return None
     dx, dy = east - east[0], north - north[0]
     x, y = (dx * ux + dy * uy) / norm, (dy * ux - dx * uy) / norm
-    x, y = x - float(_sum(x)) / count, y - float(_sum(y)) / count
-    square = x * x
-    xx = float(_sum(square))
-    curved = square - xx / count - float(_sum(square * x)) / xx * x
-    spread = float(_sum(curved * curved))
+    x, y = x - np.mean(x), y - np.mean(y)
+    square, xx = x * x, float(np.sum(x * x))
+    curved = square - xx / count - float(np.sum(square * x)) / xx * x
+    spread = float(np.sum(curved * curved))
     if not spread > 0.0:
         return None
-    rest = y - float(_sum(x * y)) / xx * x
-    rest = rest - float(_sum(curved * rest)) / spread * curved
+    rest = y - float(np.sum(x * y)) / xx * x
+    rest -= float(np.sum(curved * rest)) / spread * curved
     leverage = 1.0 / count + square / xx + curved * curved / spread
     gain = rest * rest / np.maximum(1.0 - leverage, 1e-9)
     worst = int(gain.argmax())
-    return worst if float(gain[worst]) > JUMP_SHARE * float(_sum(rest * rest)) else None
+    return worst if float(gain[worst]) > JUMP_SHARE * float(np.sum(rest * rest)) else None
 
 
 # ---- Trajectory
@@ -131,17 +127,6 @@ class Fit:
     residual_rms: float
     residual_max: float
     outliers: int
-
-
-class _Merged(NamedTuple):
-    """Samples of all sources in order of station; without `weight` each weighs one.
-
-    `columns` are east, north and station (m), shape (3, n).
-    """
-
-    columns: Floats
-    weight: Floats | None
-    source: NDArray[np.int16]
 
 
 def fit_composite(sources: Sequence[SourceWindow], settings: FitSettings) -> Fit | None:
@@ -177,11 +162,14 @@ def fit_composite(sources: Sequence[SourceWindow], settings: FitSettings) -> Fit
     return Fit(curve.spline, east, north, station, source, curve.rms, most, outliers)
 
 
-def _merge(sources: Sequence[SourceWindow]) -> _Merged | None:
+def _merge(
+    sources: Sequence[SourceWindow],
+) -> tuple[Floats, Floats | None, NDArray[np.int16]] | None:
     """Merge the samples of all sources in order of station, weighted as in eq. (5).
 
+    Returns east, north and station (m), shape (3, n), weights, and the place of each source.
     Weights are scaled so that their sum is the number of equally weighted samples with the same
-    information. With equal weights all are one. None without samples.
+    information. With equal weights they are None. None without samples.
     """
     sampled = [source for source in sources if len(source.window.station)]
     merged = [source for source in sampled if source.weight > 0.0] or sampled
@@ -192,11 +180,11 @@ def _merge(sources: Sequence[SourceWindow]) -> _Merged | None:
     columns = np.concatenate(windows, axis=1)
     source = np.repeat(np.array([one.place for one in merged], dtype=np.int16), counts)
     if len(merged) == 1:
-        return _Merged(columns, None, source)
+        return columns, None, source
     order = columns[2].argsort(kind="stable")
     weights, weight = [one.weight for one in merged], None
     if max(weights) != min(weights):
         total = sum([share * count for share, count in zip(weights, counts, strict=True)])
         squares = sum([share**2 * count for share, count in zip(weights, counts, strict=True)])
         weight = np.repeat([total / squares * share for share in weights], counts).take(order)
-    return _Merged(columns.take(order, 1), weight, source.take(order))
+    return columns.take(order, 1), weight, source.take(order)
