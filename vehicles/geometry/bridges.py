@@ -8,7 +8,7 @@ and headings joins both sides, and points on it fill the hole.
 import math
 from collections.abc import Sequence
 from math import atan, atan2, ceil, cos, hypot, remainder, sin, tau
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -42,18 +42,6 @@ class UnbridgedError(ValueError):
     def __init__(self, text: str, before: int = 0) -> None:
         super().__init__(text)
         self.before = before
-
-
-class FilledPoints(NamedTuple):
-    """Points (2, n) with their holes filled (Hermite).
-
-    `indices` has the new index of each original point, `holes` the original index of the point
-    before each hole.
-    """
-
-    points: FloatArray
-    indices: NDArray[np.int64]
-    holes: tuple[int, ...]
 
 
 def noise_deviation(points: FloatArray) -> float:
@@ -90,10 +78,13 @@ def find_holes(steps: FloatArray) -> NDArray[np.int64]:
     return np.asarray(long[steps[long] > UNUSUAL * np.nanmedian(nearby, axis=1)], dtype=np.int64)
 
 
-def fill_holes(points: FloatArray, reach: float) -> FilledPoints:
+def fill_holes(
+    points: FloatArray, reach: float
+) -> tuple[FloatArray, NDArray[np.int64], tuple[int, ...]]:
     """Fill the holes in `points` (2, n) with points on cubics (Hermite).
 
-    Each side of a hole is fitted over 2 `reach` (m). Raises UnbridgedError.
+    Each side of a hole is fitted over 2 `reach` (m). Returns the points, the new index of each
+    original one, and the original index of the point before each hole. Raises UnbridgedError.
     """
     steps = step_lengths(points)
     holes = find_holes(steps).tolist()
@@ -117,7 +108,7 @@ def fill_holes(points: FloatArray, reach: float) -> FilledPoints:
         added[hole + 1] = bridge.shape[1]
         begin = hole + 1
     indices = np.arange(points.shape[1]) + np.cumsum(added)
-    return FilledPoints(np.concatenate([*parts, points[:, begin:]], axis=1), indices, tuple(holes))
+    return np.concatenate([*parts, points[:, begin:]], axis=1), indices, tuple(holes)
 
 
 def curve_between(before: PlanePose, after: PlanePose, spacing: float) -> FloatArray:

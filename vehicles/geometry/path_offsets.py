@@ -40,8 +40,7 @@ def driven_feet(
 def path_feet(path: SampledPath, points: FloatArray, near: FloatArray) -> FloatArray:
     """Station and lateral offset (m), shape (2, n), of points near stations, see `path_offsets`."""
     low, high = near - WINDOW, near + WINDOW
-    station = np.clip(_nearest_samples(path, points, low, high), low, high)
-    lateral, moving = np.zeros(near.size), np.arange(near.size)
+    station, lateral, moving = near.copy(), np.zeros(near.size), np.arange(near.size)
     places = points[0] + 1j * points[1]
     for _ in range(8):  # each step squares the error; two or three are typical
         here = station[moving]
@@ -55,23 +54,6 @@ def path_feet(path: SampledPath, points: FloatArray, near: FloatArray) -> FloatA
         if not moving.size:
             break
     return np.stack((station, lateral))
-
-
-def _nearest_samples(
-    path: SampledPath, points: FloatArray, low: FloatArray, high: FloatArray
-) -> FloatArray:
-    """Station (m) of the sample nearest to each point, between `low` and `high` (m)."""
-    size = path.station.size
-    first = np.maximum(np.searchsorted(path.station, low) - 1, 0)
-    last = np.minimum(np.searchsorted(path.station, high, side="right") + 1, size)
-    index = first[:, None] + np.arange(max(int(np.max(last - first)), 1))
-    outside = index >= last[:, None]
-    index = np.minimum(index, size - 1)
-    dx, dy = path.east[index] - points[0][:, None], path.north[index] - points[1][:, None]
-    away = np.where(outside, np.inf, dx * dx + dy * dy)
-    nearest = path.station[np.minimum(first + np.argmin(away, axis=1), size - 1)]
-    # A window beyond an end has no samples.
-    return np.where(first < last, nearest, np.where(first > 0, low, high))
 
 
 def _at(

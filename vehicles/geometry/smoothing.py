@@ -302,14 +302,14 @@ def _merged(
     points = np.stack([np.bincount(members, row) for row in given]) / count
     last_of = np.cumsum(count) - 1
     try:
-        filled = fill_holes(points, half_width)
+        filled, indices, before_holes = fill_holes(points, half_width)
     except UnbridgedError as error:
         before = int(last_of[error.before])
         raise NoPathError(str(error), before, ((before, before + 1),)) from error
     steps = step_lengths(points)
-    holes = tuple(Hole(int(last_of[k]), float(steps[k])) for k in filled.holes)
-    t = distances_along(filled.points)
-    return _Record(t, filled.points, float(t[-1])), filled.indices[members], holes
+    holes = tuple(Hole(int(last_of[k]), float(steps[k])) for k in before_holes)
+    t = distances_along(filled)
+    return _Record(t, filled, float(t[-1])), indices[members], holes
 
 
 def _closed(record: _Record, half_width: float) -> _Record:

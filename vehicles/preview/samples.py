@@ -78,43 +78,25 @@ class Polyline:
         final = min(max(bisect_left(stations, high) - 1, first), last)
         best, station = inf, 0.0
         _, next_east, next_north, _ = points[first]
-        # Only the first segment can begin at `low`, and only the final one end at `high`.
-        start, end = 0.0, 1.0
-        if not first or low > stations[first]:
-            start = (low - stations[first]) / (stations[first + 1] - stations[first])
         for k in range(first, final + 1):
             this_east, this_north = next_east, next_north
             _, next_east, next_north, _ = points[k + 1]
-            if k == final and (k == last or high < stations[k + 1]):
-                end = (high - stations[k]) / (stations[k + 1] - stations[k])
             span_east, span_north = next_east - this_east, next_north - this_north
             off_east, off_north = east - this_east, north - this_north
             share = (off_east * span_east + off_north * span_north) / (
                 span_east * span_east + span_north * span_north
             )
-            share = start if share < start else share  # noqa: FURB136 - twice as fast as max
-            share = end if share > end else share  # noqa: FURB136 - twice as fast as min
-            start = 0.0
+            if share < 0.0 and k > 0:
+                share = 0.0
+            elif share > 1.0 and k < last:
+                share = 1.0
             off_east -= share * span_east
             off_north -= share * span_north
             away = off_east * off_east + off_north * off_north
             if away < best:
                 best = away
                 station = stations[k] + share * (stations[k + 1] - stations[k])
-        return station
-
-    def distance_from(self, east: float, north: float, low: float, high: float) -> float:
-        """Distance (m) of (east, north) from the line between the stations `low` and `high` (m)."""
-        if len(self.at) < 2:
-            return hypot(east - self.points[0][1], north - self.points[0][2])
-        station = self.nearest(east, north, low, high)
-        index = min(max(bisect_right(self.station, station) - 1, 0), len(self.at) - 2)
-        share = station - self.station[index]
-        share /= self.station[index + 1] - self.station[index]
-        (_, east0, north0, _), (_, east1, north1, _) = self.points[index : index + 2]
-        return hypot(
-            east0 + share * (east1 - east0) - east, north0 + share * (north1 - north0) - north
-        )
+        return min(max(station, low), high)
 
 
 def step(start: PlacedPose, end: PlacedPose) -> float:

@@ -156,9 +156,7 @@ MARGIN: Final = 2.0  # ...and forward by at most this (m)..
 REACH_RATIO: Final = 1.5  # ...plus this ratio of the distance that the ego moved..
 REACH: Final = 10.0  # ...and never more than this (m)
 MEMORY: Final = 100.0  # Samples further behind the ego (m) are dropped
-CAPACITY: Final = 20_000  # Largest number of samples
 DROP_CHUNK: Final = 64  # Number of samples that are dropped at once
-MAX_HOLES: Final = 64  # Largest number of remembered holes
 LONGEST_STEP: Final = SECOND // 8
 """Time (ns) between two samples from which on a path history closes the step: two missing messages
 at 20 Hz, and every step of a source that sends at 5 Hz or less."""
@@ -216,8 +214,6 @@ class Trace:
             if after_hole or pose.measured_at - newest.measured_at > LONGEST_STEP:
                 self._fill(point, pose, newest.speed, bridges=after_hole)
             self._append(point)
-            if len(self._line.at) > CAPACITY:
-                self._drop_oldest()
         self.sample_count += 1
         self.newest = pose
         _, east, north, _ = self._line.points[-1]
@@ -274,8 +270,8 @@ class Trace:
             points, covers, count = curve_to(pose, before, newest_speed)
         guess, end = list[PlacedPose](), points[0] if points else after
         if bridges and not covers and hypot(end[1] - before[1], end[2] - before[2]) >= HOLE:
-            hole = TraceHole(before[0], end[0], self._path_unobserved(end, pose.speed))
-            self._holes = [*self._holes[1 - MAX_HOLES :], hole]
+            unobserved = self._path_unobserved(end, pose.speed)
+            self._holes.append(TraceHole(before[0], end[0], unobserved))
             guess = bridge(before, end)
             self._guessed.update([point[0] for point in guess])
         # The first point of a curve was received, or is next to one that was.
@@ -422,8 +418,13 @@ class Trace:
 
         Requires a located ego.
         """
-        ego = self._ego_station or 0.0
-        return self._line.distance_from(east, north, ego + start, ego + end)
+        line, ego = self._line, self._ego_station or 0.0
+        station = 0.0
+        if len(line.at) > 1:
+            station = line.nearest(east, north, ego + start, ego + end)
+        _, easts, norths, _ = zip(*line.points, strict=True)
+        line_east, line_north = (np.interp(station, line.station, row) for row in (easts, norths))
+        return hypot(float(line_east) - east, float(line_north) - north)
 
     def _locate(self, east: float, north: float) -> float:
         """Move the ego's station to the nearest point within reach of its last station."""
@@ -442,16 +443,12 @@ class Trace:
             low, high = self._ego_station - BACK, self._ego_station + min(reach, REACH)
         self._ego_station = line.nearest(east, north, low, high)
         if len(line.at) > 2 * DROP_CHUNK and line.station[DROP_CHUNK] < self._ego_station - MEMORY:
-            self._drop_oldest()
+            line.drop(DROP_CHUNK)
+            self._holes = [hole for hole in self._holes if hole.end > line.at[0]]
+            self._guessed.intersection_update(line.at)
+            self._constructed.intersection_update(line.at)
+            self.joined = True
         return self._ego_station
-
-    def _drop_oldest(self) -> None:
-        line = self._line
-        line.drop(DROP_CHUNK)
-        self._holes = [hole for hole in self._holes if hole.end > line.at[0]]
-        self._guessed.intersection_update(line.at)
-        self._constructed.intersection_update(line.at)
-        self.joined = True
 
 
 # ---- The known path ahead: what received positions of all sources cover together

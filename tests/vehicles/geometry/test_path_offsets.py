@@ -22,7 +22,7 @@ PATH = path_from_segments(
 def test_offsets_equal_those_of_single_projections() -> None:
     random = np.random.default_rng(5)
     near = random.uniform(-8.0, PATH.length + 8.0, 3000)
-    beside = random.uniform(-11.0, 11.0, near.size)
+    beside = random.uniform(-5.0, 5.0, near.size)
     feet = [PATH.at(station) for station in near.tolist()]
     points = np.array(
         [
@@ -30,7 +30,7 @@ def test_offsets_equal_those_of_single_projections() -> None:
             for foot, off in zip(feet, beside.tolist(), strict=True)
         ]
     ).T
-    near += random.uniform(-6.0, 6.0, near.size)
+    near += random.uniform(-3.0, 3.0, near.size)
     single = [
         PATH.project(x, y, station).lateral
         for (x, y), station in zip(points.T.tolist(), near.tolist(), strict=True)
