@@ -135,14 +135,6 @@ class Piece:
             return point
         return on_arc((point.east, point.north, point.yaw), point.curvature, station - within)
 
-    def project(self, east: float, north: float) -> Foot:
-        """Project a point on the extended piece (projection and e_lat of Section III-B)."""
-        if self.rate == 0.0:
-            return self.near(east, north)
-        mean = self.curvature + 0.5 * self.rate * self.length
-        near = along_arc((self.east, self.north, self.yaw), mean, east, north)
-        return self.settled(near, east, north)
-
     def settled(self, near: float, east: float, north: float) -> Foot:
         """Project a point on a clothoid (Section III-B), given the station `near` on its mean arc.
 
@@ -197,18 +189,10 @@ class ArcSpline:
 
         Piecewise constant, as in the footnote of Section III-A on arc splines, or linear.
         """
-        last = self.pieces[-1]
-        for piece in self.pieces:
-            if station <= piece.length or piece is last:
-                break
-            station -= piece.length
-        return piece.curvature + piece.rate * min(max(station, 0.0), piece.length)
+        return self.curvatures(station, 1.0, 1)[0]
 
     def curvatures(self, start: float, step: float, count: int) -> list[float]:
-        """Signed curvature (1/m, Section III-A) at `count` stations, `step` (m) apart from `start`.
-
-        Much faster than repeated calls of `curvature_at`.
-        """
+        """Signed curvature (1/m, Section III-A) at `count` stations from `start` by `step` (m)."""
         curvatures: list[float] = []
         offset, last = start, self.pieces[-1]
         for piece in self.pieces:
@@ -246,8 +230,6 @@ class ArcSpline:
         Selects the piece with the smallest sum of offset and distance beyond the piece, measured on
         arcs of the pieces' mean curvatures.
         """
-        if len(self.pieces) == 1:
-            return self.pieces[0].project(east, north)
         chosen = self.pieces[0]
         foot = chosen.near(east, north)
         least = abs(foot.lateral) + max(foot.station - chosen.length, 0.0)

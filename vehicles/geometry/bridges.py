@@ -96,6 +96,7 @@ def fill_holes(
         before, after = points[:, begin : hole + 1], points[:, hole + 1 : end]
         near = np.delete(steps[max(0, hole - NEARBY) : hole + NEARBY + 1], min(hole, NEARBY))
         spacing = min(float(np.median(near)), steps[hole] / _MIN_STEPS) if near.size else math.inf
+        # A single point between two holes has the direction between the points beyond both.
         course = _course(points, max(begin - 1, 0), hole + 1)
         beyond = _course(points, min(end, points.shape[1] - 1), hole)
         try:
@@ -145,9 +146,8 @@ def _course(points: FloatArray, start: int, end: int) -> float:
 def _end(points: FloatArray, reach: float, direction: float) -> PlanePose:
     """Projection of the last of `points` (2, n) on the curve fitted to those within `reach` (m).
 
-    The curve is an arc, or a line if the points do not require an arc. A single point between two
-    holes has no direction of its own and takes `direction` (rad), the direction between the points
-    beyond both holes. Raises ValueError if nothing fits the points.
+    The curve is an arc, or a line if the points do not require an arc. A single point takes
+    `direction` (rad). Raises ValueError if nothing fits the points.
     """
     away = points - points[:, -1:]
     outside = np.flatnonzero(np.hypot(*away) > reach)

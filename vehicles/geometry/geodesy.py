@@ -25,8 +25,6 @@ _MAJOR, _MINOR = float(WGS84.semimajor_axis), float(WGS84.semiminor_axis)
 _MAJOR_SQUARE: Final = _MAJOR**2
 _FLAT: Final = (_MINOR / _MAJOR) ** 2
 
-_HALF_TURN, _FULL_TURN = math.pi, 2.0 * math.pi
-
 
 @dataclass(frozen=True, slots=True)
 class Origin:
@@ -161,10 +159,10 @@ def along(yaw: float, east: float, north: float) -> float:
 
 def wrap_angle(angle: float) -> float:
     """Wrap an angle (rad) to (-pi, pi], by the IEEE 754 remainder."""
-    if -_HALF_TURN < angle <= _HALF_TURN:  # the common case
+    if -math.pi < angle <= math.pi:  # the common case
         return angle
-    wrapped = math.remainder(angle, _FULL_TURN)
-    return _HALF_TURN if wrapped <= -_HALF_TURN else wrapped
+    wrapped = math.remainder(angle, math.tau)
+    return math.pi if wrapped <= -math.pi else wrapped
 
 
 def yaw_from_heading(heading_deg: float) -> float:

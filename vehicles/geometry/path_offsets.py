@@ -5,7 +5,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from vehicles.geometry.sampled_path import WINDOW, FloatArray, SampledPath
 
-_CHUNK = 8192  # points projected at once, to limit memory
 _STEP = 50  # Points of a drive that are projected at once, a second of it at 50 Hz
 
 
@@ -14,9 +13,7 @@ def path_offsets(path: SampledPath, points: FloatArray, near: FloatArray) -> Flo
 
     Equal to `path.project` up to rounding (Section III-B, by Newton's method).
     """
-    chunks = [slice(k, k + _CHUNK) for k in range(0, near.size, _CHUNK)]
-    parts = [path_feet(path, points[:, chunk], near[chunk])[1] for chunk in chunks]
-    return np.concatenate(parts) if parts else np.zeros(0)
+    return np.asarray(path_feet(path, points, near)[1])
 
 
 def driven_feet(

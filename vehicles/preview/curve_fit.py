@@ -8,7 +8,6 @@ Anderson, "Model selection and multimodel inference", 2002, Section 2.9). The cu
 continuously from one shape to another; a choice would make the command jump.
 """
 
-from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, replace
 from math import atan2, cos, exp, hypot, inf, log, sin, sqrt
 from typing import Final, Literal
@@ -50,9 +49,6 @@ IGNORED: Final = 0.15
 the temperature; below this share of the best weight it is 0.
 """
 SCORE_MARGIN: Final = 2.0 * TEMPERATURE * log(1.0 / IGNORED)  # Excess, in squared noise, there
-JOINS: Final = 7  # Largest number of positions at which a join is tried first
-PIECE_MIN: Final = 2.0
-PIECE_RATIO: Final = 0.15  # Shortest piece beside a join, in m and as a share of the whole
 NOISE_FLOOR: Final = 2e-4  # Lowest noise (m) that residuals prove
 DRIFT_LIMIT: Final = 0.5
 """Below this drift from an arc or a clothoid no further shape is tried. In units of noise times the
@@ -260,7 +256,7 @@ def _candidates(
         if clothoid is None or is_unlike(clothoid):
             score = min(_scores(graphs, noise, settings))
             limit = score + (SCORE_MARGIN - JOIN_PRICE - settings.caution) * noise
-            joined = _candidate_join(samples, (least, noise), limit)
+            joined = JoinSearch(samples, (least, noise), ARCS_PRICE).best(limit)
         if joined is not None:
             variance = min(variance, variance_of(joined.misfit, joined.freedom))
             noise = min(max(variance, least), stated)
@@ -278,26 +274,6 @@ def _scatter(arc: Graph, samples: Samples) -> float:
     """
     steps = np.diff(samples.offsets(average_graphs((arc,), (1.0,))))
     return 0.5 * float(np.add.reduce(steps * steps)) / len(steps)
-
-
-def _candidate_join(
-    samples: Samples, noise: tuple[float, float], misfit_limit: float
-) -> BestJoin | None:
-    """Best join of one or two arcs, at least three samples away from both ends.
-
-    `noise` (m²) are its bounds. None if the misfit of the join would exceed `misfit_limit` (m²).
-    """
-    stations: list[float] = samples.station.tolist()
-    first, last = stations[0], stations[-1]
-    margin = max(PIECE_MIN, PIECE_RATIO * (last - first))
-    first, last = first + margin, last - margin
-    low = max(bisect_left(stations, first), 2)
-    high = min(bisect_right(stations, last), len(stations) - 3)
-    if high - low < 2:
-        return None
-    count = min(JOINS, high - low)
-    indices = [low + k * (high - 1 - low) // (count - 1) for k in range(count)]
-    return JoinSearch(samples, noise, ARCS_PRICE).best(indices, (first, last), misfit_limit)
 
 
 def average_curves(

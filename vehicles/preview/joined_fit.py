@@ -6,7 +6,7 @@ hill climbing over some of the samples from the middle on, then by parabolas thr
 the best three. All is plain arithmetic on the sums of products up to a join.
 """
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from math import atan, hypot, sqrt
 from typing import Final, NamedTuple
@@ -16,6 +16,9 @@ import numpy as np
 from vehicles.geometry.arc_fits import DETERMINED, LocalCurve, Samples, X, Y
 
 PAIRS = np.triu_indices(4)  # Pairs of rows of `Samples` with distinct products
+JOINS: Final = 7  # Largest number of positions at which a join is tried first
+PIECE_MIN: Final = 2.0
+PIECE_RATIO: Final = 0.15  # Shortest piece beside a join, in m and as a share of the whole
 PASSES: Final = 6  # Largest number of times that the best join is refined
 NEGLIGIBLE_GAIN: Final = 0.05
 """Below this predicted gain, in squared noise, a join is not moved again. A join displaced by its
@@ -75,15 +78,22 @@ class JoinSearch:
         self._total = self._sums[:, -1].tolist()
         self._norms = 1.0 / sqrt(samples.count), 1.0 / sqrt(samples.xx)
 
-    def best(
-        self, indices: Sequence[int], bounds: tuple[float, float], misfit_limit: float
-    ) -> BestJoin | None:
-        """Best line→arc, arc→line or arc→arc, starting from joins at the samples `indices`.
+    def best(self, misfit_limit: float) -> BestJoin | None:
+        """Best line→arc, arc→line or arc→arc, at least three samples away from both ends.
 
-        In up to `PASSES` passes the join moves to the maximum of a parabola through the gains of
-        the best three joins, between the stations `bounds`. None if its predicted misfit exceeds
+        Starts from joins at some samples. In up to `PASSES` passes the join moves to the maximum of
+        a parabola through the gains of the best three joins. None if its predicted misfit exceeds
         `misfit_limit` (m²). Section III-A splits off the longest straight prefix instead.
         """
+        stations = self._stations
+        margin = max(PIECE_MIN, PIECE_RATIO * (stations[-1] - stations[0]))
+        bounds = stations[0] + margin, stations[-1] - margin
+        low = max(bisect_left(stations, bounds[0]), 2)
+        high = min(bisect_right(stations, bounds[1]), len(stations) - 3)
+        if high - low < 2:
+            return None
+        count = min(JOINS, high - low)
+        indices = [low + k * (high - 1 - low) // (count - 1) for k in range(count)]
         three, best, side = self._climb(indices)
         top = _top(three, side, bounds)
         gain = best.gains[side] if top is None else max(best.gains[side], top[1])
