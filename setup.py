@@ -26,8 +26,8 @@ NEEDS = ["mypy[mypyc]==2.4.1", "numpy>=2.0"]
 """The compiler whose bits were compared, and the types of arrays."""
 MODULES = {
     "vehicles": "received_pose schedule",
-    "vehicles/geometry": "arc_spline driven_path geodesy sampled_path",
-    "vehicles/preview": "arc_fits curve_fit samples trace trajectory",
+    "vehicles/geometry": "arc_fits arc_spline driven_path geodesy sampled_path",
+    "vehicles/preview": "curve_fit joined_fit samples trace trajectory",
     "vehicles/car": "dynamics gnss imu noise outline path_history path_keeping tyres",
     "vehicles/driver": "command_limit decision follower innovation_gate intended_path leader"
     " modes own_state pose_estimator situation source sources"

@@ -23,8 +23,7 @@ from scenarios.results.watches import (
     TrustWatch,
 )
 from vehicles.car.tyres import SLIDING_SHARE
-from vehicles.geometry.driven_path import CrossTrack, CrossTrackError
-from vehicles.geometry.path_offsets import PathWalk
+from vehicles.geometry.driven_path import CrossTrack, CrossTrackError, PathWalk
 from vehicles.messages import Message, RunStart, Tracking, TruePose
 from vehicles.schedule import MILLISECOND, SECOND
 

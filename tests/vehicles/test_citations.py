@@ -13,7 +13,7 @@ EQUATIONS = (
     *("car/dynamics.py", "car/tyres.py"),
     *("driver/own_state.py", "driver/steering.py", "driver/tracking.py"),
     *("geometry/arc_spline.py", "geometry/geodesy.py", "geometry/smoothing.py"),
-    *("preview/arc_fits.py", "preview/paper_recipe.py"),
+    *("geometry/arc_fits.py", "preview/joined_fit.py", "preview/paper_recipe.py"),
 )
 """Modules of equations and models, as patterns: what they calculate has a source."""
 INDEXING = {"sections_where"}

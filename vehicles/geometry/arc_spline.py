@@ -13,15 +13,14 @@ from vehicles.messages import CompositeTrajectory
 PlanePose = tuple[float, float, float]  # East, north (m) and yaw (rad)
 STRAIGHT: Final = 1e-12
 """Curvature (1/m) below which a piece counts as a line: turn / curvature loses precision."""
-NODE_1: Final = 0.046910077030668018
-NODE_2: Final = 0.23076534494715845
-NODE_4: Final = 0.76923465505284155
-NODE_5: Final = 0.95308992296933198
-"""Nodes of Gauss-Legendre quadrature over (0, 1), except the middle; exact up to x⁹."""
-OUTER_WEIGHT: Final = 0.11846344252809454
-INNER_WEIGHT: Final = 0.23931433524968324
-MIDDLE_WEIGHT: Final = 0.28444444444444444
-"""Weights of the outer nodes, the inner nodes and the middle."""
+NODES: Final = (
+    (0.046910077030668018, 0.11846344252809454),
+    (0.23076534494715845, 0.23931433524968324),
+    (0.5, 0.28444444444444444),
+    (0.76923465505284155, 0.23931433524968324),
+    (0.95308992296933198, 0.11846344252809454),
+)
+"""Nodes and weights of Gauss-Legendre quadrature over (0, 1), exact up to x⁹."""
 CONVERGED: Final = 5e-3
 """Newton's method has converged after a step below this (m): the remaining error is its cube."""
 MAX_STEPS: Final = 8  # Limit of the steps of Newton's method; one or two are typical
@@ -34,27 +33,12 @@ def clothoid_chord(curvature: float, rate: float, length: float) -> tuple[float,
     quadrature of cos and sin of the turn κs + cs²/2: within 1e-9 of the length for turns up to
     2 rad, within 1e-5 for a half circle.
     """
-    half = 0.5 * rate
-    a, b, c, d, e = NODE_1 * length, NODE_2 * length, 0.5 * length, NODE_4 * length, NODE_5 * length
-    a *= curvature + half * a  # the turns up to the nodes
-    b *= curvature + half * b
-    c *= curvature + half * c
-    d *= curvature + half * d
-    e *= curvature + half * e
-    ahead = (
-        OUTER_WEIGHT * cos(a)
-        + INNER_WEIGHT * cos(b)
-        + MIDDLE_WEIGHT * cos(c)
-        + INNER_WEIGHT * cos(d)
-        + OUTER_WEIGHT * cos(e)
-    )
-    left = (
-        OUTER_WEIGHT * sin(a)
-        + INNER_WEIGHT * sin(b)
-        + MIDDLE_WEIGHT * sin(c)
-        + INNER_WEIGHT * sin(d)
-        + OUTER_WEIGHT * sin(e)
-    )
+    ahead = left = 0.0
+    for node, weight in NODES:
+        station = node * length
+        turn = station * (curvature + 0.5 * rate * station)
+        ahead += weight * cos(turn)
+        left += weight * sin(turn)
     return length * ahead, length * left
 
 
@@ -151,18 +135,6 @@ class Piece:
             return point
         return on_arc((point.east, point.north, point.yaw), point.curvature, station - within)
 
-    def curvature_at(self, station: float) -> float:
-        """Signed curvature (1/m, Section III-A) at `station` (m), constant beyond the ends."""
-        return self.curvature + self.rate * min(max(station, 0.0), self.length)
-
-    def project(self, east: float, north: float) -> Foot:
-        """Project a point on the extended piece (projection and e_lat of Section III-B)."""
-        if self.rate == 0.0:
-            return self.near(east, north)
-        mean = self.curvature + 0.5 * self.rate * self.length
-        near = along_arc((self.east, self.north, self.yaw), mean, east, north)
-        return self.settled(near, east, north)
-
     def settled(self, near: float, east: float, north: float) -> Foot:
         """Project a point on a clothoid (Section III-B), given the station `near` on its mean arc.
 
@@ -177,7 +149,8 @@ class Piece:
             station += foot.station
             if abs(foot.station) < CONVERGED:
                 break
-        return Foot(station, foot.lateral, foot.yaw, self.curvature_at(station))
+        curvature = self.curvature + self.rate * min(max(station, 0.0), self.length)
+        return Foot(station, foot.lateral, foot.yaw, curvature)
 
     def near(self, east: float, north: float) -> Foot:
         """Project a point on the extended arc of the piece's mean curvature (Section III-B)."""
@@ -216,35 +189,25 @@ class ArcSpline:
 
         Piecewise constant, as in the footnote of Section III-A on arc splines, or linear.
         """
-        for piece in self.pieces[:-1]:
-            if station <= piece.length:
-                return piece.curvature_at(station)
-            station -= piece.length
-        return self.pieces[-1].curvature_at(station)
+        return self.curvatures(station, 1.0, 1)[0]
 
     def curvatures(self, start: float, step: float, count: int) -> list[float]:
-        """Signed curvature (1/m, Section III-A) at `count` stations, `step` (m) apart from `start`.
-
-        Much faster than repeated calls of `curvature_at`.
-        """
-        if len(self.pieces) == 1 and self.pieces[0].rate == 0.0:
-            return [self.pieces[0].curvature] * count
+        """Signed curvature (1/m, Section III-A) at `count` stations from `start` by `step` (m)."""
         curvatures: list[float] = []
-        offset, last = start, len(self.pieces) - 1
-        for index, piece in enumerate(self.pieces):
-            k, passed = len(curvatures), floor((piece.length - offset) / step) + 1
-            end = max(count if index == last else min(count, passed), k)
-            if piece.rate == 0.0:
+        offset, last = start, self.pieces[-1]
+        for piece in self.pieces:
+            k, length, rate = len(curvatures), piece.length, piece.rate
+            end = count
+            if piece is not last:
+                end = max(min(count, floor((length - offset) / step) + 1), k)
+            if rate == 0.0:
                 curvatures += [piece.curvature] * (end - k)
-            elif end > k:
-                # Constant before the piece, linear within it, and constant after it.
-                begin = min(max(ceil(-offset / step), k), end)
-                after = min(max(passed, begin), end)
-                curvatures += [piece.curvature] * (begin - k)
-                bend, rise = piece.curvature + piece.rate * offset, piece.rate * step
-                curvatures += [bend + rise * j for j in range(begin, after)]
-                curvatures += [piece.curvature + piece.rate * piece.length] * (end - after)
-            offset -= piece.length
+            else:
+                within = [offset + step * j for j in range(k, end)]
+                curvatures += [
+                    piece.curvature + rate * min(max(station, 0.0), length) for station in within
+                ]
+            offset -= length
         return curvatures
 
     def fading(self, length: float, most: float) -> "ArcSpline":
@@ -267,8 +230,6 @@ class ArcSpline:
         Selects the piece with the smallest sum of offset and distance beyond the piece, measured on
         arcs of the pieces' mean curvatures.
         """
-        if len(self.pieces) == 1:
-            return self.pieces[0].project(east, north)
         chosen = self.pieces[0]
         foot = chosen.near(east, north)
         least = abs(foot.lateral) + max(foot.station - chosen.length, 0.0)
@@ -302,7 +263,7 @@ def points_along(
     """
     points: list[tuple[float, float, float]] = []
     left = LONGEST_M
-    for piece in zip(
+    for east, north, yaw, curvature, rate, length in zip(
         trajectory.piece_east_m,
         trajectory.piece_north_m,
         trajectory.piece_yaw_rad,
@@ -311,36 +272,15 @@ def points_along(
         trajectory.piece_length_m,
         strict=False,
     ):
-        if not all(map(math.isfinite, piece)):
+        drawn = max(0.0, min(length, left))
+        turn = drawn * (abs(curvature) + abs(rate) * drawn)
+        if not math.isfinite(abs(east) + abs(north) + abs(yaw) + abs(length) + turn):
             continue
-        east, north, yaw, curvature, rate, length = piece
-        length = max(0.0, min(length, left))
-        if not math.isfinite(length * (abs(curvature) + abs(rate) * length)):
-            continue
-        left -= length
-        cos_yaw, sin_yaw = math.cos(yaw), math.sin(yaw)
-        steps = max(1, math.ceil(length / spacing_m))
+        left -= drawn
+        steps = max(1, ceil(drawn / spacing_m))
         for step in range(1 if points else 0, steps + 1):
-            along = length * step / steps
-            ahead, across = _chord(curvature, rate, along)
-            points.append(
-                (
-                    east + ahead * cos_yaw - across * sin_yaw,
-                    north + ahead * sin_yaw + across * cos_yaw,
-                    yaw + along * (curvature + 0.5 * rate * along),
-                )
-            )
+            station = drawn * step / steps
+            place = on_clothoid((east, north, yaw), curvature, rate, station)
+            turned = station * (curvature + 0.5 * rate * station)
+            points.append((place.east, place.north, yaw + turned))
     return points
-
-
-def _chord(curvature: float, rate: float, along: float) -> tuple[float, float]:
-    """Point `along` (m) after the start of a piece, in the frame of the start; exact for arcs.
-
-    The chord of an arc of length s and curvature κ has the direction κs/2 and the length
-    s·sin(κs/2)/(κs/2).
-    """
-    if rate != 0.0:
-        return clothoid_chord(curvature, rate, along)
-    half_turn = 0.5 * curvature * along
-    chord = along * (math.sin(half_turn) / half_turn if abs(half_turn) > 1e-9 else 1.0)
-    return chord * math.cos(half_turn), chord * math.sin(half_turn)

@@ -1,4 +1,4 @@
-"""Filling of holes in recorded points, by curves fitted to both sides.
+"""Curves over holes in recorded points, and through sparse positions.
 
 At a hole a local polynomial extrapolates the noise of one side. So each side is fitted separately,
 by an arc, or by a line if the points do not require an arc. A cubic with the resulting positions
@@ -6,15 +6,18 @@ and headings joins both sides, and points on it fill the hole.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from math import atan, atan2, ceil, cos, hypot, remainder, sin, tau
+from typing import Final
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from vehicles.geometry.arc_spline import Piece, PlanePose
+from vehicles.geometry.arc_fits import Samples, average_graphs
+from vehicles.geometry.arc_spline import PlanePose
 from vehicles.geometry.geodesy import wrap_angle
-
-FloatArray = NDArray[np.float64]
+from vehicles.geometry.sampled_path import CHORD_TOLERANCE, FloatArray, Place, PlacedPose
 
 HOLE = 5.0  # A step between two points is a hole if it is longer than this (m)..
 UNUSUAL = 4.0  # ...and longer than this multiple of the median of the steps nearby
@@ -27,8 +30,6 @@ CERTAIN = 3.0
 MAX_TURN = math.radians(100.0)
 """Sides are not joined if one points further than this (rad) away from the other."""
 
-_CHUNK = 16_384  # steps compared at once, to limit memory
-
 _MIN_STEPS = 8  # Minimum number of steps that fill a hole
 _NORMAL = 0.6745 * math.sqrt(20.0)
 """Median size of the third difference of white noise, in standard deviations of the noise: the
@@ -38,31 +39,9 @@ difference has 20 times its variance, and half of all normal numbers are within 
 class UnbridgedError(ValueError):
     """A hole that cannot be bridged; `before` is the index of the point before it."""
 
-    def __init__(self, text: str, before: int) -> None:
+    def __init__(self, text: str, before: int = 0) -> None:
         super().__init__(text)
         self.before = before
-
-
-@dataclass(frozen=True, slots=True)
-class FilledPoints:
-    """Points (2, n) with their holes filled (Hermite).
-
-    `indices` has the new index of each original point, `holes` the original index of the point
-    before each hole.
-    """
-
-    points: FloatArray
-    indices: NDArray[np.int64]
-    holes: tuple[int, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class _End:
-    """End of one side of a hole (m), and the direction towards the hole (rad)."""
-
-    x: float
-    y: float
-    yaw: float
 
 
 def noise_deviation(points: FloatArray) -> float:
@@ -71,10 +50,8 @@ def noise_deviation(points: FloatArray) -> float:
     From the median of their third difference across the direction of travel, which is insensitive
     to uneven spacing, steady curvature and outliers.
     """
-    if points.shape[1] < SIDE:
-        return 0.0
-    moved = np.any(np.diff(points) != 0.0, axis=0)
-    distinct = points[:, np.concatenate((np.ones(1, dtype=bool), moved))]
+    moved = np.any(np.diff(points, prepend=math.nan) != 0.0, axis=0)
+    distinct = points[:, moved]
     if distinct.shape[1] < SIDE:
         return 0.0
     third, course = np.diff(distinct, n=3), distinct[:, 3:] - distinct[:, :-3]
@@ -85,8 +62,7 @@ def noise_deviation(points: FloatArray) -> float:
 
 def step_lengths(points: FloatArray) -> FloatArray:
     """Distance (m) from each of `points` (2, n) to the next."""
-    steps = np.diff(points)
-    return np.asarray(np.hypot(steps[0], steps[1]))
+    return np.asarray(np.hypot(*np.diff(points)))
 
 
 def distances_along(points: FloatArray) -> FloatArray:
@@ -97,179 +73,162 @@ def distances_along(points: FloatArray) -> FloatArray:
 def find_holes(steps: FloatArray) -> NDArray[np.int64]:
     """Indices of the `steps` (m) from point to point that are holes."""
     long = np.flatnonzero(steps > HOLE)
-    return np.asarray(long[steps[long] > UNUSUAL * _usual_steps(steps, long)], dtype=np.int64)
+    padded = np.pad(steps, NEARBY, constant_values=math.nan)
+    nearby = sliding_window_view(padded, 2 * NEARBY + 1)[long]
+    return np.asarray(long[steps[long] > UNUSUAL * np.nanmedian(nearby, axis=1)], dtype=np.int64)
 
 
-def _usual_steps(steps: FloatArray, places: NDArray[np.int64]) -> FloatArray:
-    """Median of the `steps` (m) near each of `places`."""
-    usual = np.zeros(places.size)
-    inner = (places >= NEARBY) & (places < steps.size - NEARBY)
-    for k in np.flatnonzero(~inner).tolist():
-        place = int(places[k])
-        usual[k] = np.median(steps[max(0, place - NEARBY) : place + NEARBY + 1])
-    whole = np.flatnonzero(inner)
-    for chunk in np.array_split(whole, whole.size // _CHUNK + 1):
-        around = steps[places[chunk][:, None] + np.arange(-NEARBY, NEARBY + 1)]
-        usual[chunk] = np.partition(around, NEARBY, axis=1)[:, NEARBY]
-    return usual
-
-
-def fill_holes(points: FloatArray, reach: float) -> FilledPoints:
+def fill_holes(
+    points: FloatArray, reach: float
+) -> tuple[FloatArray, NDArray[np.int64], tuple[int, ...]]:
     """Fill the holes in `points` (2, n) with points on cubics (Hermite).
 
-    Each side of a hole is fitted over 2 `reach` (m). Raises UnbridgedError.
+    Each side of a hole is fitted over 2 `reach` (m). Returns the points, the new index of each
+    original one, and the original index of the point before each hole. Raises UnbridgedError.
     """
     steps = step_lengths(points)
     holes = find_holes(steps).tolist()
     added = np.zeros(points.shape[1], dtype=np.int64)
     parts, begin = [], 0
-    for number, hole in enumerate(holes, 1):
-        end = holes[number] + 1 if number < len(holes) else points.shape[1]
+    for hole, end in zip(
+        holes, [*[later + 1 for later in holes[1:]], points.shape[1]], strict=False
+    ):
         before, after = points[:, begin : hole + 1], points[:, hole + 1 : end]
         near = np.delete(steps[max(0, hole - NEARBY) : hole + NEARBY + 1], min(hole, NEARBY))
         spacing = min(float(np.median(near)), steps[hole] / _MIN_STEPS) if near.size else math.inf
+        # A single point between two holes has the direction between the points beyond both.
         course = _course(points, max(begin - 1, 0), hole + 1)
         beyond = _course(points, min(end, points.shape[1] - 1), hole)
         try:
-            bridge = _bridge(
-                _end(before, 2.0 * reach, course),
-                _end(after[:, ::-1], 2.0 * reach, beyond),
-                float(spacing),
-            )
+            x, y, yaw = _end(after[:, ::-1], 2.0 * reach, beyond)
+            joined = x, y, yaw + math.pi
+            bridge = curve_between(_end(before, 2.0 * reach, course), joined, float(spacing))
         except ValueError as error:
             raise UnbridgedError(f"a hole of {steps[hole]:.1f} m {error}", hole) from error
         parts += [before, bridge]
         added[hole + 1] = bridge.shape[1]
         begin = hole + 1
     indices = np.arange(points.shape[1]) + np.cumsum(added)
-    return FilledPoints(np.concatenate([*parts, points[:, begin:]], axis=1), indices, tuple(holes))
+    return np.concatenate([*parts, points[:, begin:]], axis=1), indices, tuple(holes)
 
 
 def curve_between(before: PlanePose, after: PlanePose, spacing: float) -> FloatArray:
     """Points (2, n) on a cubic (Hermite) between two poses, without both ends.
 
-    About `spacing` (m) apart, at least seven. Raises UnbridgedError if the poses point away from
-    each other.
+    About `spacing` (m) apart, at least seven. The lengths of the tangents approximate an arc, if
+    both poses are on one. Raises UnbridgedError if the poses point away from each other.
     """
-    away = _End(after[0], after[1], after[2] + math.pi)
-    try:
-        return _bridge(_End(*before), away, spacing)
-    except ValueError as error:
-        raise UnbridgedError(str(error), 0) from error
-
-
-def _bridge(before: _End, after: _End, spacing: float) -> FloatArray:
-    """Points about `spacing` (m) apart from one side to the other, without both ends.
-
-    The lengths of the cubic's tangents approximate an arc, if both sides are on one.
-    """
-    dx, dy = after.x - before.x, after.y - before.y
-    chord, course = math.hypot(dx, dy), math.atan2(dy, dx)
-    arriving = after.yaw + math.pi
-    turned = abs(wrap_angle(before.yaw - course)), abs(wrap_angle(arriving - course))
+    (x, y, leaving), (end_x, end_y, arriving) = before, after
+    dx, dy = end_x - x, end_y - y
+    chord, course = hypot(dx, dy), atan2(dy, dx)
+    turned = abs(wrap_angle(leaving - course)), abs(wrap_angle(arriving - course))
     if max(turned) > MAX_TURN:
-        raise ValueError(f"whose sides point {math.degrees(max(turned)):.0f}° away from each other")
-    handle = chord / math.cos(0.25 * sum(turned)) ** 2
-    count = max(_MIN_STEPS, math.ceil(chord / spacing) if spacing > 0.0 else _MIN_STEPS)
+        degrees = math.degrees(max(turned))
+        raise UnbridgedError(f"whose sides point {degrees:.0f}° away from each other")
+    handle = chord / cos(0.25 * sum(turned)) ** 2
+    count = max(_MIN_STEPS, ceil(chord / spacing) if spacing > 0.0 else _MIN_STEPS)
     u = np.arange(1, count) / count
-    rest, towards = 1.0 - u, u * u * (3.0 - 2.0 * u)
-    leaving, joining = handle * u * rest * rest, -handle * u * u * rest
+    towards = u * u * (3.0 - 2.0 * u)
+    out, back = handle * u * (1.0 - u) ** 2, -handle * u * u * (1.0 - u)
     return np.stack(
         (
-            before.x + towards * dx + leaving * math.cos(before.yaw) + joining * math.cos(arriving),
-            before.y + towards * dy + leaving * math.sin(before.yaw) + joining * math.sin(arriving),
+            x + towards * dx + out * cos(leaving) + back * cos(arriving),
+            y + towards * dy + out * sin(leaving) + back * sin(arriving),
         )
     )
 
 
 def _course(points: FloatArray, start: int, end: int) -> float:
     dx, dy = (points[:, end] - points[:, start]).tolist()
-    return math.atan2(dy, dx)
+    return atan2(dy, dx)
 
 
-def _end(points: FloatArray, reach: float, direction: float) -> _End:
-    """Projection of the last of `points` (2, n) on the arc or line fitted to those within `reach`.
+def _end(points: FloatArray, reach: float, direction: float) -> PlanePose:
+    """Projection of the last of `points` (2, n) on the curve fitted to those within `reach` (m).
 
-    A single point between two holes has no direction of its own and takes `direction` (rad), the
-    direction between the points beyond both holes. Raises ValueError if nothing fits the points.
+    The curve is an arc, or a line if the points do not require an arc. A single point takes
+    `direction` (rad). Raises ValueError if nothing fits the points.
     """
-    away = np.hypot(points[0] - points[0, -1], points[1] - points[1, -1])
-    outside = np.flatnonzero(away > reach)
+    away = points - points[:, -1:]
+    outside = np.flatnonzero(np.hypot(*away) > reach)
     first = min(int(outside[-1]) + 1 if outside.size else 0, points.shape[1] - SIDE)
-    side = points[:, max(first, 0) :]
-    x, y = float(side[0, -1]), float(side[1, -1])
-    if side.shape[1] == 1:
-        return _End(x, y, direction)
-    arc = _arc(side)
-    foot = arc.at(arc.project(x, y).station)
-    if not math.hypot(foot.east - x, foot.north - y) <= reach:  # the fit diverged
+    away = away[:, max(first, 0) :]
+    x, y = points[:, -1].tolist()
+    count = away.shape[1]
+    if count == 1:
+        return x, y, direction
+    yaw = _course(away[:, -SIDE:], 0, -1)
+    samples = Samples(away, cos(yaw), sin(yaw), away[0], None)
+    arc = samples.arc() if count >= SIDE else None
+    if arc is not None:
+        deviation = math.sqrt(arc.distance / max(count - 3, 1))
+        if not abs(arc.half) * math.sqrt(samples.spread) > CERTAIN * deviation:
+            arc = None
+    curve = average_graphs((arc or samples.line(),), (1.0,))
+    if not hypot(curve.x, curve.y) <= reach:  # the fit diverged
         raise ValueError("next to which the points lie in no order")
-    return _End(foot.east, foot.north, foot.yaw)
+    east = x + curve.x * cos(yaw) - curve.y * sin(yaw)
+    return east, y + curve.x * sin(yaw) + curve.y * cos(yaw), yaw + curve.angle
 
 
-def _arc(side: FloatArray) -> Piece:
-    """Fit an arc to points (2, n) by Gauss–Newton, or a line if they do not require an arc."""
-    (x0, y0), (x1, y1) = side[:, 0].tolist(), side[:, -1].tolist()
-    line = Piece(x0, y0, math.atan2(y1 - y0, x1 - x0), 0.0, 1.0)
-    line, _, _ = _refined(line, side, bends=False)
-    if side.shape[1] < SIDE:
-        return line
-    start = Piece(x0, y0, line.yaw, 0.0, 1.0)
-    middle = line.project(*side[:, side.shape[1] // 2].tolist())
-    length = math.hypot(x1 - x0, y1 - y0)
-    if length > 0.0:  # the sagitta of an arc through both ends
-        start.curvature = -8.0 * middle.lateral / (length * length)
-        start.yaw -= 0.5 * start.curvature * length
-    arc, rms, weight = _refined(start, side, bends=True)
-    return arc if abs(arc.curvature) * weight > CERTAIN * rms else line
+# ---- A curve through sparse positions whose chords are close to the driven path
 
 
-def _refined(piece: Piece, side: FloatArray, *, bends: bool) -> tuple[Piece, float, float]:
-    """Fit `piece` to points (2, n); also return the rms residual (m) and curvature weight (m²)."""
-    columns: list[FloatArray] = []
-    rms, weight = 0.0, 1.0
-    for _ in range(6):
-        feet = [piece.project(x, y) for x, y in side.T.tolist()]
-        left = np.array([foot.lateral for foot in feet])
-        along = np.array([foot.station for foot in feet])
-        columns = [np.ones(along.size), along, 0.5 * along * along][: 3 if bends else 2]
-        (*solved, weight), rest = _least_squares(columns, left)
-        rms = math.sqrt(float(np.sum(rest * rest)) / max(left.size - len(columns), 1))
-        offset, turn, bend = (*solved, 0.0)[:3]
-        piece = Piece(
-            piece.east - offset * math.sin(piece.yaw),
-            piece.north + offset * math.cos(piece.yaw),
-            piece.yaw + turn,
-            piece.curvature + bend,
-            piece.length,
-        )
-    return piece, rms, weight
+NEIGHBOUR_SHARE: Final = 0.3
+"""A neighbour nearer than this share of a chord does not determine its direction: its noise would
+turn a long chord."""
+STEEPEST: Final = 0.5  # Largest slope of a curve against its chord
 
 
-def _least_squares(
-    columns: list[FloatArray], values: FloatArray
-) -> tuple[tuple[float, ...], FloatArray]:
-    """Least-squares factors of `columns`, the last column's weight, and the residuals.
+def curve_through(places: Sequence[Place], first: int, spacing: float) -> list[PlacedPose]:
+    """Points about `spacing` (m) apart along a curve from `places[first]` to the last of `places`.
 
-    By Gram–Schmidt orthogonalisation, which needs no linear solver.
+    The curve consists of a cubic (Hermite) per chord. Its directions at the ends are those of the
+    circles through three places; they are limited so that the cubic stays within `CHORD_TOLERANCE`
+    of its chord. Places before `first` are neighbours only. The point at `first` is included, the
+    one at the end is not. Instants are interpolated along the chord.
     """
-    orthogonal: list[FloatArray] = []
-    mixed: list[list[float]] = []
-    rest, shares = values, []
-    norm = 0.0
-    for column in columns:
-        left, mix = column, []
-        for other in orthogonal:
-            factor = float(np.sum(left * other)) / float(np.sum(other * other))
-            mix.append(factor)
-            left = left - factor * other
-        norm = float(np.sum(left * left))
-        share = float(np.sum(rest * left)) / norm if norm > 0.0 else 0.0
-        rest = rest - share * left
-        orthogonal.append(left if norm > 0.0 else np.ones_like(left))
-        mixed.append(mix)
-        shares.append(share)
-    for k in range(len(shares) - 1, 0, -1):
-        for j in range(k):
-            shares[j] -= shares[k] * mixed[k][j]
-    return (*shares, math.sqrt(norm)), rest
+    points: list[PlacedPose] = []
+    for k in range(first, len(places) - 1):
+        (at, east, north), (next_at, next_east, next_north) = places[k : k + 2]
+        dx, dy = next_east - east, next_north - north
+        chord, course = hypot(dx, dy), atan2(dy, dx)
+        if chord == 0.0:
+            continue
+        leaving = _slope(places[k::-1], chord, course + math.pi)
+        arriving = _slope(places[k + 1 :], chord, course)
+        if leaving is None:
+            leaving = -(arriving or 0.0)
+        if arriving is None:
+            arriving = -leaving
+        most = min(4.0 * CHORD_TOLERANCE / chord, STEEPEST)
+        leaving, arriving = min(max(leaving, -most), most), min(max(arriving, -most), most)
+        count = ceil(chord / spacing)
+        for step in range(count):
+            u = step / count
+            rest = 1.0 - u
+            aside = leaving * u * rest * rest - arriving * u * u * rest
+            slope = leaving * rest * (1.0 - 3.0 * u) + arriving * u * (3.0 * u - 2.0)
+            points.append(
+                (
+                    at + (next_at - at) * step // count,
+                    east + u * dx - aside * dy,
+                    north + u * dy + aside * dx,
+                    course + atan(slope),
+                )
+            )
+    return points
+
+
+def _slope(places: Sequence[Place], chord: float, course: float) -> float | None:
+    """Slope against a chord (m) of `course` (rad) that ends at the first of `places`.
+
+    The others follow it. The nearest that determines a direction is used; None without any.
+    """
+    _, east, north = places[0]
+    for _, next_east, next_north in places[1:]:
+        length = hypot(next_east - east, next_north - north)
+        if length >= NEIGHBOUR_SHARE * chord:
+            turn = remainder(atan2(next_north - north, next_east - east) - course, tau)
+            return turn * chord / (chord + length)
+    return None

@@ -1,11 +1,14 @@
-"""True cross-track error: the distance of each vehicle from the path driven by the lead."""
+"""True cross-track errors: distances from the path driven by the lead, or from a known path."""
 
+from array import array
+from bisect import bisect_right
 from collections import deque
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
-from math import cos, hypot, sin
+from math import cos, hypot, sin, sqrt
 from typing import Final, NamedTuple
 
+from vehicles.geometry.sampled_path import SampledPath
 from vehicles.messages import TruePose
 from vehicles.schedule import SECOND
 
@@ -16,6 +19,10 @@ Otherwise it moves forwards only, so that it stays on its branch where the path 
 runs parallel to itself.
 """
 
+MAX_STEP: Final = 10.0
+"""A vehicle that drove further (m) along a known path between two positions is searched at its
+distance driven."""
+
 MIN_STEP: Final = 0.01  # Poses of the lead closer together (m) are a standstill
 
 HOLE_NS: Final = SECOND // 10
@@ -25,8 +32,62 @@ A longer interval is a hole in the record, where the lead's path is unknown.
 """
 
 DROP_EVERY: Final = 500  # Chords of the lead between attempts to drop passed ones
-MAX_CHORDS: Final = 100_000  # Kept for a silent follower: half an hour at 50 Hz
 MAX_WAITING: Final = 3000  # Poses of a follower ahead of the lead's path, 60 s at 50 Hz
+
+
+def walk(
+    easts: Sequence[float],
+    norths: Sequence[float],
+    index: int,
+    floor: int,
+    point: tuple[float, float],
+) -> tuple[int, float, float]:
+    """Foot of a `point` (m) on a polyline, whose chord is searched from chord `index` on.
+
+    Returns the index of its chord, its share of the chord, and the lateral distance (m, left
+    positive). Searches forwards, then backwards as far as `floor`, and visits each chord once. Both
+    end chords are extended: the share is below 0 or above 1 there.
+    """
+    last, forwards = len(easts) - 2, True
+    point_east, point_north = point
+    while True:
+        east, north = easts[index], norths[index]
+        along_east, along_north = easts[index + 1] - east, norths[index + 1] - north
+        to_east, to_north = point_east - east, point_north - north
+        along = to_east * along_east + to_north * along_north
+        square = along_east * along_east + along_north * along_north
+        if forwards and along > square and index < last:
+            index += 1
+        elif along < 0.0 and index > floor:
+            index -= 1
+            forwards = False
+        else:
+            lateral = (along_east * to_north - along_north * to_east) / sqrt(square)
+            return index, along / square, lateral
+
+
+class PathWalk:
+    """Offsets of a vehicle that drives along a path, from one position to the next.
+
+    The path counts as a polyline through its samples: at a radius of 10 m it is 1 mm off.
+    """
+
+    def __init__(self, path: SampledPath, station: float) -> None:
+        """`station` (m) is that of the vehicle at distance 0."""
+        self._stations = array("d", path.station.tobytes())
+        self._east = array("d", path.east.tobytes())
+        self._north = array("d", path.north.tobytes())
+        self._start, self._distance, self._index = station, -2.0 * MAX_STEP, 0
+
+    def offset(self, east: float, north: float, distance: float) -> float:
+        """Lateral offset (m, left positive) of a position (m) after a `distance` driven (m)."""
+        if not 0.0 <= distance - self._distance <= MAX_STEP:
+            index = bisect_right(self._stations, self._start + distance) - 1
+            self._index = min(max(index, 0), len(self._stations) - 2)
+        self._distance = distance
+        index, floor = self._index, max(self._index - MAX_STEP_BACK, 0)
+        self._index, _, lateral = walk(self._east, self._north, index, floor, (east, north))
+        return lateral
 
 
 class CrossTrack(NamedTuple):
@@ -41,36 +102,18 @@ class CrossTrack(NamedTuple):
     lateral: float
 
 
-class _Chord(NamedTuple):
-    """Straight line between two poses of the lead: start, components, length, station (m).
-
-    `is_hole`: poses in between were not recorded.
-    """
-
-    east: float
-    north: float
-    along_east: float
-    along_north: float
-    length: float
-    station: float
-    is_hole: bool
-
-
-_Point = tuple[str, int, float, float]  # Vehicle, instant (ns), point (m, m)
-
-
 @dataclass(slots=True)
 class _Follower:
-    """The points of a follower without a foot point yet.
+    """The points of a follower without a foot point yet, each with its instant (ns).
 
-    The next foot point is searched forwards from chord `index`, and backwards as far as `floor`. A
-    follower that is `left_behind` is behind the stored path.
+    The next foot point is searched forwards from chord `index`, and backwards as far as `floor`.
     """
 
     index: int = 0
     floor: int = 0
-    left_behind: bool = False
-    waiting: deque[_Point] = field(default_factory=lambda: deque(maxlen=MAX_WAITING))
+    waiting: deque[tuple[int, tuple[float, float]]] = field(
+        default_factory=lambda: deque(maxlen=MAX_WAITING)
+    )
 
 
 class CrossTrackError:
@@ -99,11 +142,12 @@ class CrossTrackError:
         self._replayed = replayed
         self._road_yaw = road_yaw
         self._from_start = True
-        self._chords: list[_Chord] = []
-        self._end = (0.0, 0.0)
+        self._east: list[float] = []
+        self._north: list[float] = []
+        self._station: list[float] = []
+        self._is_hole: list[bool] = []  # of each chord: poses in between were not recorded
         self._newest: TruePose | None = None
         self._followers: dict[str, _Follower] = {}
-        self._has_waiting = False
         self.follow(followers)
 
     def follow(self, names: Iterable[str]) -> None:
@@ -119,116 +163,69 @@ class CrossTrackError:
         """
         if pose.vehicle != self._lead:
             return self.add_point(pose.vehicle, pose.true_at_ns, pose.east_m, pose.north_m)
-        if self._extend(pose) and self._has_waiting:
-            waiting = [other for other in self._followers.values() if other.waiting]
-            self._has_waiting = bool(waiting)
-            return [foot for other in waiting for foot in self._feet(other)]
-        return []
+        if not self._extend(pose):
+            return []
+        waiting = [(name, other) for name, other in self._followers.items() if other.waiting]
+        return [foot for name, other in waiting for foot in self._feet(name, other)]
 
     def add_point(self, vehicle: str, at: int, east: float, north: float) -> list[CrossTrack]:
         """Add a point (m) of a follower, or of a named part of it."""
         follower = self._followers.get(vehicle)
         if follower is None:
             follower = self._followers[vehicle] = _Follower()
-        point = vehicle, at, east, north
-        if follower.waiting or follower.left_behind or not self._chords:
-            follower.waiting.append(point)
-            self._has_waiting = True
-            return self._feet(follower) if self._chords else []
-        foot = self._foot(follower, point)
-        if foot is None:
-            follower.waiting.append(point)
-            self._has_waiting = True
-            return []
-        return [foot] if self._counts(follower, foot) else []
-
-    def _counts(self, follower: _Follower, foot: CrossTrack) -> bool:
-        """Whether the lead's path is known beside the foot point."""
-        if foot.station < 0.0 and (
-            not self._from_start or foot.vehicle.partition("/")[0] in self._replayed
-        ):
-            return False
-        return not self._chords[follower.index].is_hole
+        follower.waiting.append((at, (east, north)))
+        return self._feet(vehicle, follower) if self._station else []
 
     def _extend(self, pose: TruePose) -> bool:
         """Extend the lead's path to `pose`, unless the lead stood still."""
         before, self._newest = self._newest, pose
-        if not self._chords:
+        is_hole = False
+        if before is None:
             self._from_start = pose.distance_m == 0.0
             yaw = pose.yaw_rad
             if self._road_yaw is not None and self._from_start:
                 yaw = self._road_yaw
             # The first chord extends backwards to infinity, so its length does not matter.
-            along_east, along_north = cos(yaw), sin(yaw)
-            east, north = pose.east_m - along_east, pose.north_m - along_north
-            self._chords.append(_Chord(east, north, along_east, along_north, 1.0, -1.0, False))
+            self._east.append(pose.east_m - cos(yaw))
+            self._north.append(pose.north_m - sin(yaw))
+            self._station.append(-1.0)
+            station = 0.0
         else:
-            east, north = self._end
-            along_east, along_north = pose.east_m - east, pose.north_m - north
-            step = hypot(along_east, along_north)
+            step = hypot(pose.east_m - self._east[-1], pose.north_m - self._north[-1])
             if not step > MIN_STEP:
                 return False
-            last = self._chords[-1]
-            station = last.station + last.length
-            hole = (
-                before is not None
-                and pose.seq - before.seq > 1
-                and pose.true_at_ns - before.true_at_ns > HOLE_NS
-            )
-            self._chords.append(_Chord(east, north, along_east, along_north, step, station, hole))
-            if self._drops_chords and len(self._chords) % DROP_EVERY == 0:
-                self._drop_chords()
-        self._end = (pose.east_m, pose.north_m)
+            station = self._station[-1] + step
+            is_hole = pose.seq - before.seq > 1 and pose.true_at_ns - before.true_at_ns > HOLE_NS
+        self._east.append(pose.east_m)
+        self._north.append(pose.north_m)
+        self._station.append(station)
+        self._is_hole.append(is_hole)
+        if self._drops_chords and len(self._is_hole) % DROP_EVERY == 0:
+            count = min(other.floor for other in self._followers.values())
+            del self._east[:count], self._north[:count], self._station[:count]
+            del self._is_hole[:count]
+            for other in self._followers.values():
+                other.index -= count
+                other.floor -= count
         return True
 
-    def _drop_chords(self) -> None:
-        """Drop the chords that all followers have passed, and the oldest beyond MAX_CHORDS."""
-        on_path = [other for other in self._followers.values() if not other.left_behind]
-        passed = min((other.floor for other in on_path), default=len(self._chords) - 1)
-        count = max(passed, len(self._chords) - MAX_CHORDS)
-        del self._chords[:count]
-        for other in on_path:
-            other.left_behind = other.floor < count
-            other.index -= count
-            other.floor -= count
-
-    def _feet(self, follower: _Follower) -> list[CrossTrack]:
+    def _feet(self, vehicle: str, follower: _Follower) -> list[CrossTrack]:
         """Foot points of the waiting points, up to the first one beyond the end of the path."""
         feet: list[CrossTrack] = []
-        if follower.left_behind:
-            follower.waiting.clear()
         while follower.waiting:
-            foot = self._foot(follower, follower.waiting[0])
-            if foot is None:
+            at, point = follower.waiting[0]
+            index, floor = follower.index, follower.floor
+            index, share, lateral = walk(self._east, self._north, index, floor, point)
+            follower.index = index
+            if share > 1.0 and index == len(self._is_hole) - 1:  # the path does not reach it yet
                 break
+            follower.floor = max(index - MAX_STEP_BACK, 0)
             follower.waiting.popleft()
-            if self._counts(follower, foot):
-                feet.append(foot)
+            start, end = self._station[index : index + 2]
+            station = start + share * (end - start)
+            is_before = station < 0.0 and (
+                not self._from_start or vehicle.partition("/")[0] in self._replayed
+            )
+            if not is_before and not self._is_hole[index]:
+                feet.append(CrossTrack(vehicle, at, station, lateral))
         return feet
-
-    def _foot(self, follower: _Follower, point: _Point) -> CrossTrack | None:
-        """Foot point of `point`; None if it is beyond the end of the path.
-
-        Searches forwards, then backwards, and visits each chord once.
-        """
-        chords, index, floor = self._chords, follower.index, follower.floor
-        vehicle, at, point_east, point_north = point
-        count = len(chords)
-        forwards = True
-        while True:
-            east, north, along_east, along_north, length, station, _ = chords[index]
-            to_east, to_north = point_east - east, point_north - north
-            along = (to_east * along_east + to_north * along_north) / length
-            if forwards and along > length:
-                index += 1
-                if index == count:
-                    follower.index = index - 1  # the next search continues here
-                    return None
-            elif along < 0.0 and index > floor:
-                index -= 1
-                forwards = False
-            else:
-                break
-        follower.index, follower.floor = index, max(index - MAX_STEP_BACK, 0)
-        lateral = (along_east * to_north - along_north * to_east) / length
-        return CrossTrack(vehicle, at, station + along, lateral)

@@ -20,18 +20,10 @@ REACH: Final = 100_000.0  # Distance (m) from the origin beyond which a plane is
 EXACT: Final = 1e-8  # Coordinates are corrected until the error is below this (m)
 MAX_CORRECTIONS: Final = 20  # Three are typical within some kilometres of the origin
 
-_CERTAIN: Final = 50_000.0
-"""Points whose offsets in latitude, longitude and altitude sum up to less than this (m) are surely
-within REACH."""
-
-_METRES_PER_DEGREE: Final = 112_000.0  # Upper bound of latitude and longitude
-
 WGS84 = Ellipsoid.from_name("wgs84")
 _MAJOR, _MINOR = float(WGS84.semimajor_axis), float(WGS84.semiminor_axis)
 _MAJOR_SQUARE: Final = _MAJOR**2
 _FLAT: Final = (_MINOR / _MAJOR) ** 2
-
-_HALF_TURN, _FULL_TURN = math.pi, 2.0 * math.pi
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,34 +81,17 @@ class LocalPlane:
     def to_plane_all(
         self, latitudes_deg: FloatArray, longitudes_deg: FloatArray, altitude_m: float
     ) -> FloatArray:
-        """East and north (m), shape (2, n), of WGS84 points (n,) at one height.
+        """East and north (m), shape (2, n), of WGS84 points (n,) at one height, as by `to_plane`.
 
-        The same bits as `to_plane`, which means the sine of the C library. Points beyond REACH are
-        NaN.
+        Points beyond REACH are NaN.
         """
-        latitudes = [math.radians(degrees) for degrees in latitudes_deg.tolist()]
-        longitudes = [math.radians(degrees) for degrees in longitudes_deg.tolist()]
-        cos, sin = _cosines(latitudes), _sines(latitudes)
-        normal = _MAJOR_SQUARE / np.hypot(_MAJOR * cos, _MINOR * sin)
-        x0, y0, z0 = self._centre
-        x = (normal + altitude_m) * cos * _cosines(longitudes) - x0
-        y = (normal + altitude_m) * cos * _sines(longitudes) - y0
-        z = (normal * _FLAT + altitude_m) * sin - z0
-        turn_cos, turn_sin = self._longitude_turn
-        outward, east = turn_cos * x + turn_sin * y, -turn_sin * x + turn_cos * y
-        turn_cos, turn_sin = self._latitude_turn
-        north, up = -turn_sin * outward + turn_cos * z, turn_cos * outward + turn_sin * z
-        near = east * east + north * north + up * up <= REACH * REACH
-        return np.where(near, np.stack((east, north)), math.nan)
+        points = zip(latitudes_deg.tolist(), longitudes_deg.tolist(), strict=True)
+        places = np.array([self._topocentric(*point, altitude_m) for point in points])
+        places = places.reshape(-1, 3).T
+        return np.where(np.sum(places * places, axis=0) <= REACH * REACH, places[:2], math.nan)
 
     def reaches(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> bool:
         """Whether a WGS84 point is within REACH of the origin, so that `to_plane` accepts it."""
-        origin = self.origin
-        degrees = abs(latitude_deg - origin.latitude_deg) + abs(
-            longitude_deg - origin.longitude_deg
-        )
-        if _METRES_PER_DEGREE * degrees + abs(altitude_m - origin.altitude_m) < _CERTAIN:
-            return True  # the common case, in a tenth of the time
         try:
             self.to_plane(latitude_deg, longitude_deg, altitude_m)
         except ValueError:
@@ -174,14 +149,6 @@ class LocalPlane:
         return east, -sin * outward + cos * z, cos * outward + sin * z
 
 
-def _cosines(angles: list[float]) -> FloatArray:
-    return np.fromiter(map(math.cos, angles), dtype=np.float64, count=len(angles))
-
-
-def _sines(angles: list[float]) -> FloatArray:
-    return np.fromiter(map(math.sin, angles), dtype=np.float64, count=len(angles))
-
-
 def along(yaw: float, east: float, north: float) -> float:
     """Component (m) of the vector (east, north) (m) in the direction `yaw` (rad).
 
@@ -192,10 +159,10 @@ def along(yaw: float, east: float, north: float) -> float:
 
 def wrap_angle(angle: float) -> float:
     """Wrap an angle (rad) to (-pi, pi], by the IEEE 754 remainder."""
-    if -_HALF_TURN < angle <= _HALF_TURN:  # the common case
+    if -math.pi < angle <= math.pi:  # the common case
         return angle
-    wrapped = math.remainder(angle, _FULL_TURN)
-    return _HALF_TURN if wrapped <= -_HALF_TURN else wrapped
+    wrapped = math.remainder(angle, math.tau)
+    return math.pi if wrapped <= -math.pi else wrapped
 
 
 def yaw_from_heading(heading_deg: float) -> float:

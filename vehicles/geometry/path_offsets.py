@@ -1,15 +1,10 @@
-"""Offsets of many points from a path: at once, by arrays, or one after the other along it."""
-
-from array import array
-from bisect import bisect_right
-from math import hypot
+"""Offsets of many points from a path at once; edges of a lane, and simplified paths."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vehicles.geometry.sampled_path import WINDOW, FloatArray, SampledPath
 
-_CHUNK = 8192  # points projected at once, to limit memory
 _STEP = 50  # Points of a drive that are projected at once, a second of it at 50 Hz
 
 
@@ -18,9 +13,7 @@ def path_offsets(path: SampledPath, points: FloatArray, near: FloatArray) -> Flo
 
     Equal to `path.project` up to rounding (Section III-B, by Newton's method).
     """
-    chunks = [slice(k, k + _CHUNK) for k in range(0, near.size, _CHUNK)]
-    parts = [path_feet(path, points[:, chunk], near[chunk])[1] for chunk in chunks]
-    return np.concatenate(parts) if parts else np.zeros(0)
+    return np.asarray(path_feet(path, points, near)[1])
 
 
 def driven_feet(
@@ -44,16 +37,14 @@ def driven_feet(
 def path_feet(path: SampledPath, points: FloatArray, near: FloatArray) -> FloatArray:
     """Station and lateral offset (m), shape (2, n), of points near stations, see `path_offsets`."""
     low, high = near - WINDOW, near + WINDOW
-    station = np.clip(_nearest_samples(path, points, low, high), low, high)
-    lateral, moving = np.zeros(near.size), np.arange(near.size)
+    station, lateral, moving = near.copy(), np.zeros(near.size), np.arange(near.size)
+    places = points[0] + 1j * points[1]
     for _ in range(8):  # each step squares the error; two or three are typical
         here = station[moving]
-        east, north, yaw, curvature = _at(path, here)
-        dx, dy = points[0, moving] - east, points[1, moving] - north
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        left = dy * cos - dx * sin
-        along = (dx * cos + dy * sin) / np.maximum(1.0 - curvature * left, 0.2)
-        lateral[moving] = left
+        foot, yaw, curvature = _at(path, here)
+        away = (places[moving] - foot) * np.exp(-1j * yaw)
+        lateral[moving] = away.imag
+        along = away.real / np.maximum(1.0 - curvature * away.imag, 0.2)
         target = np.clip(here + along, low[moving], high[moving])
         station[moving] = target
         moving = moving[np.abs(target - here) >= 1e-9]
@@ -62,97 +53,22 @@ def path_feet(path: SampledPath, points: FloatArray, near: FloatArray) -> FloatA
     return np.stack((station, lateral))
 
 
-def _nearest_samples(
-    path: SampledPath, points: FloatArray, low: FloatArray, high: FloatArray
-) -> FloatArray:
-    """Station (m) of the sample nearest to each point, between `low` and `high` (m)."""
-    size = path.station.size
-    first = np.maximum(np.searchsorted(path.station, low) - 1, 0)
-    last = np.minimum(np.searchsorted(path.station, high, side="right") + 1, size)
-    index = first[:, None] + np.arange(max(int(np.max(last - first)), 1))
-    outside = index >= last[:, None]
-    index = np.minimum(index, size - 1)
-    dx, dy = path.east[index] - points[0][:, None], path.north[index] - points[1][:, None]
-    away = np.where(outside, np.inf, dx * dx + dy * dy)
-    nearest = path.station[np.minimum(first + np.argmin(away, axis=1), size - 1)]
-    # A window beyond an end has no samples.
-    return np.where(first < last, nearest, np.where(first > 0, low, high))
-
-
 def _at(
     path: SampledPath, station: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """East, north, yaw and curvature at stations (m), as `SampledPath.at`."""
-    last = path.station.size - 1
-    index = np.clip(np.searchsorted(path.station, station, side="right") - 1, 0, last - 1)
-    after = index + 1
-    step = path.station[after] - path.station[index]
-    inside = np.clip(station, path.station[0], path.station[-1])
-    beyond = station - inside
-    share = (inside - path.station[index]) / step
-    rest = 1.0 - share
-    weight = share * share * (3.0 - 2.0 * share)
-    leaving, arriving = share * rest * rest * step, -share * share * rest * step
-    yaw0, yaw1 = path.yaw[index], path.yaw[after]
-    yaw = yaw0 + share * (yaw1 - yaw0)
-    bend0, bend1 = path.curvature[index], path.curvature[after]
-    curvature = np.where(beyond == 0.0, bend0 + share * (bend1 - bend0), 0.0)
-
-    def coordinate(values: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
-        begin, end = values[index], values[after]
-        return begin + weight * (end - begin) + leaving * first + arriving * second
-
-    east = coordinate(path.east, np.cos(yaw0), np.cos(yaw1)) + beyond * np.cos(yaw)
-    north = coordinate(path.north, np.sin(yaw0), np.sin(yaw1)) + beyond * np.sin(yaw)
-    return east, north, yaw, curvature
-
-
-class PathWalk:
-    """Offsets of a vehicle that drives along a path, from one position to the next.
-
-    The path counts as a polyline through its samples: at a radius of 10 m it is 1 mm off. The foot
-    point moves by a few samples at most, so that it stays on its branch of the path.
-    """
-
-    MAX_STEP_BACK = 3
-    """Samples by which the foot point may move backwards from one position to the next."""
-    MAX_STEP = 10.0
-    """A vehicle that drove further (m) between two positions is searched at its distance driven."""
-
-    def __init__(self, path: SampledPath, station: float) -> None:
-        """`station` (m) is that of the vehicle at distance 0."""
-        self._stations: array[float] = array("d", path.station.tolist())
-        self._east: array[float] = array("d", path.east.tolist())
-        self._north: array[float] = array("d", path.north.tolist())
-        self._start = station
-        self._index = self._sample_before(station)
-        self._distance = 0.0
-
-    def _sample_before(self, station: float) -> int:
-        return min(max(bisect_right(self._stations, station) - 1, 0), len(self._stations) - 2)
-
-    def offset(self, east: float, north: float, distance: float) -> float:
-        """Lateral offset (m, left positive) of a position (m) after a `distance` driven (m)."""
-        moved, self._distance = distance - self._distance, distance
-        if not 0.0 <= moved <= self.MAX_STEP:
-            self._index = self._sample_before(self._start + distance)
-        easts, norths, index, last = self._east, self._north, self._index, len(self._east) - 2
-        floor, forwards = max(index - self.MAX_STEP_BACK, 0), True
-        while True:
-            start_east, start_north = easts[index], norths[index]
-            along_east, along_north = easts[index + 1] - start_east, norths[index + 1] - start_north
-            to_east, to_north = east - start_east, north - start_north
-            along = to_east * along_east + to_north * along_north
-            squared = along_east * along_east + along_north * along_north
-            if forwards and along > squared and index < last:
-                index += 1
-            elif along < 0.0 and index > floor:
-                index -= 1
-                forwards = False
-            else:
-                break
-        self._index = index
-        return (along_east * to_north - along_north * to_east) / hypot(along_east, along_north)
+) -> tuple[NDArray[np.complex128], FloatArray, FloatArray]:
+    """East + i north (m), yaw and curvature at stations (m), as `SampledPath.at`."""
+    index = np.searchsorted(path.station, station, side="right") - 1
+    index = np.clip(index, 0, path.station.size - 2) + np.array([[0], [1]])
+    (start, end), inside = path.station[index], np.clip(station, *path.station[[0, -1]])
+    share = (inside - start) / (end - start)
+    weight, handle = share * share * (3.0 - 2.0 * share), share * (1.0 - share) * (end - start)
+    place, after = path.east[index] + 1j * path.north[index]
+    leaving, arriving = np.exp(1j * path.yaw[index])
+    yaw = np.interp(station, path.station, path.yaw)
+    place = place + weight * (after - place)
+    place += handle * ((1.0 - share) * leaving - share * arriving)
+    place += (station - inside) * np.exp(1j * yaw)
+    return place, yaw, np.interp(station, path.station, path.curvature, 0.0, 0.0)
 
 
 # ---- Edges of a lane along a path, and simplified paths, for pictures

@@ -9,8 +9,8 @@ from array import array
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import atan, atan2, ceil, cos, hypot, remainder, sin, tau
-from typing import Final, NamedTuple
+from math import cos, hypot, sin
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,13 +109,22 @@ class SampledPath:
         return self._stations[-1] - self._stations[0]
 
     def at(self, station: float) -> PathPoint:
-        index = bisect_right(self._stations, station) - 1
-        if index < 0:
-            return _straight_on(self._rows[:COLUMNS], station)
-        if index >= len(self._stations) - 1:
-            return _straight_on(self._rows[-COLUMNS:], station)
-        first = COLUMNS * index
-        return _between(self._rows[first : first + 2 * COLUMNS], station)
+        stations = self._stations
+        index = min(max(bisect_right(stations, station) - 1, 0), len(stations) - 2)
+        row = self._rows[COLUMNS * index : COLUMNS * (index + 2)]
+        start, east, north, yaw, curvature, end, next_east, next_north, next_yaw, next_bend = row
+        inside = min(max(station, stations[0]), stations[-1])
+        step, beyond = end - start, station - inside
+        share = (inside - start) / step
+        rest = 1.0 - share
+        weight = share * share * (3.0 - 2.0 * share)
+        leaving, arriving = share * rest * rest * step, -share * share * rest * step
+        heading = yaw + share * (next_yaw - yaw)
+        east += weight * (next_east - east) + leaving * cos(yaw) + arriving * cos(next_yaw)
+        north += weight * (next_north - north) + leaving * sin(yaw) + arriving * sin(next_yaw)
+        if beyond == 0.0:
+            return PathPoint(east, north, heading, curvature + share * (next_bend - curvature))
+        return PathPoint(east + beyond * cos(heading), north + beyond * sin(heading), heading, 0.0)
 
     def curvature_at(self, station: float) -> float:
         """Signed curvature (1/m, Section III-A) at `station` (m)."""
@@ -140,9 +149,9 @@ class SampledPath:
         station = min(max(self._nearest_sample(east, north, low, high), low), high)
         point = self.at(station)
         for _ in range(8):  # each step squares the error; two or three are typical
-            cos, sin = math.cos(point.yaw), math.sin(point.yaw)
-            lateral = (north - point.north) * cos - (east - point.east) * sin
-            along = (east - point.east) * cos + (north - point.north) * sin
+            forward, left = cos(point.yaw), sin(point.yaw)
+            lateral = (north - point.north) * forward - (east - point.east) * left
+            along = (east - point.east) * forward + (north - point.north) * left
             # No projection exists beyond the centre of curvature; the bound keeps the step finite.
             along /= max(1.0 - point.curvature * lateral, 0.2)
             target = min(max(station + along, low), high)
@@ -161,39 +170,6 @@ class SampledPath:
 
 
 _Row = tuple[float, float, float, float, float]
-
-
-def _straight_on(row: "array[float]", station: float) -> PathPoint:
-    start, east, north, yaw, curvature = row
-    distance = station - start
-    return PathPoint(
-        east + distance * math.cos(yaw),
-        north + distance * math.sin(yaw),
-        yaw,
-        curvature if distance == 0.0 else 0.0,
-    )
-
-
-def _between(rows: "array[float]", station: float) -> PathPoint:
-    """Interpolate between two samples: cubic Hermite position, linear yaw and curvature."""
-    start, east, north, yaw, curvature, end, next_east, next_north, next_yaw, next_curvature = rows
-    step = end - start
-    share = (station - start) / step
-    rest = 1.0 - share
-    weight = share * share * (3.0 - 2.0 * share)
-    leaving, arriving = share * rest * rest * step, -share * share * rest * step
-    return PathPoint(
-        east
-        + weight * (next_east - east)
-        + leaving * math.cos(yaw)
-        + arriving * math.cos(next_yaw),
-        north
-        + weight * (next_north - north)
-        + leaving * math.sin(yaw)
-        + arriving * math.sin(next_yaw),
-        yaw + share * (next_yaw - yaw),
-        curvature + share * (next_curvature - curvature),
-    )
 
 
 def path_from_segments(
@@ -224,11 +200,11 @@ def _along(start: _Row, curvature: float, distance: float) -> _Row:
     """Sample `distance` (m) along the arc of `curvature` (1/m) from `start`."""
     station, east, north, yaw, _ = start
     half = 0.5 * curvature * distance
-    chord = distance * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
+    chord = distance * (sin(half) / half if abs(half) > 1e-9 else 1.0)
     return (
         station + distance,
-        east + chord * math.cos(yaw + half),
-        north + chord * math.sin(yaw + half),
+        east + chord * cos(yaw + half),
+        north + chord * sin(yaw + half),
         yaw + 2.0 * half,
         curvature,
     )
@@ -240,10 +216,6 @@ def _along(start: _Row, curvature: float, distance: float) -> _Row:
 CHORD_TOLERANCE: Final = 0.05  # Largest distance (m) of the driven path from a chord
 TIME_UNIT: Final = 10 * MILLISECOND  # ns, as in SAE J2735 and EN 302 637-2
 DEGREE_UNITS: Final = 1e7  # Its units of latitude and longitude in a degree
-NEIGHBOUR_SHARE: Final = 0.3
-"""A neighbour nearer than this share of a chord does not determine its direction: its noise would
-turn a long chord."""
-STEEPEST: Final = 0.5  # Largest slope of a curve against its chord
 HARDEST_BRAKING: Final = 12.0  # Largest acceleration (m/s²) of a car along the road
 REACH_RATIO: Final = 1.5
 REACH_MARGIN: Final = 3.0
@@ -270,118 +242,3 @@ def distance_from_segment(start: Place, end: Place, east: float, north: float) -
     share = (off_east * along_east + off_north * along_north) / square if square else 0.0
     share = min(max(share, 0.0), 1.0)
     return hypot(off_east - share * along_east, off_north - share * along_north)
-
-
-class ReceivedCurve(NamedTuple):
-    """Points of a received path between two poses, without both ends.
-
-    `covers` states whether it begins at the first pose; otherwise it begins later. `places` is the
-    number of received positions on it.
-    """
-
-    points: list[PlacedPose]
-    covers: bool
-    places: int
-
-
-def received_curve(
-    history: Sequence[Place], before: Place, after: Place, spacing: float, tolerance: float
-) -> ReceivedCurve:
-    """Curve along the `history` of the pose `after`, oldest position first, from `before` on.
-
-    Nothing is received if `before` lies further than `tolerance` (m) off the history.
-    """
-    older = [place for place in history if place[0] <= before[0] + TIME_UNIT]
-    inside = [place for place in history[len(older) :] if place[0] < after[0] - TIME_UNIT]
-    places = [*inside, after]
-    if not older:
-        points = curve_through(places, 0, len(inside), spacing)
-        return ReceivedCurve(points, covers=False, places=len(inside))
-    if not distance_from_segment(older[-1], places[0], before[1], before[2]) <= tolerance:
-        return ReceivedCurve([], covers=False, places=0)
-    places = [*older, before, *places]
-    points = curve_through(places, len(older), len(places) - 1, spacing)
-    return ReceivedCurve(points[1:], covers=True, places=len(inside))
-
-
-def has_passed(point: PlacedPose, east: float, north: float, yaw: float, aside: float) -> bool:
-    """Whether a vehicle up to `aside` (m) off a path is at or ahead of a `point` of it."""
-    _, point_east, point_north, course = point
-    forward, left = cos(course), sin(course)
-    off_east, off_north = east - point_east, north - point_north
-    offset = off_north * forward - off_east * left
-    is_ahead = off_east * forward + off_north * left >= 0.0
-    return is_ahead and abs(offset) <= aside and cos(yaw - course) > 0.5
-
-
-def curve_through(
-    places: Sequence[Place], first: int, last: int, spacing: float
-) -> list[PlacedPose]:
-    """Points about `spacing` (m) apart along a curve from `places[first]` to `places[last]`.
-
-    The curve consists of a cubic (Hermite) per chord. Its directions at the ends are those of the
-    circles through three places; they are limited so that the cubic stays within `CHORD_TOLERANCE`
-    of its chord. Places before `first` are neighbours only. The point at `first` is included, the
-    one at `last` is not. Instants are interpolated along the chord.
-    """
-    points: list[PlacedPose] = []
-    for k in range(first, last):
-        at, east, north = places[k]
-        next_at, next_east, next_north = places[k + 1]
-        chord_east, chord_north = next_east - east, next_north - north
-        chord = hypot(chord_east, chord_north)
-        if chord == 0.0:
-            continue
-        course = atan2(chord_north, chord_east)
-        leaving, arriving = _slopes(places, k, chord, course)
-        count = ceil(chord / spacing)
-        for step in range(count):
-            u = step / count
-            rest = 1.0 - u
-            aside = leaving * u * rest * rest - arriving * u * u * rest
-            slope = leaving * rest * (1.0 - 3.0 * u) + arriving * u * (3.0 * u - 2.0)
-            points.append(
-                (
-                    at + (next_at - at) * step // count,
-                    east + u * chord_east - aside * chord_north,
-                    north + u * chord_north + aside * chord_east,
-                    course + atan(slope),
-                )
-            )
-    return points
-
-
-def _slopes(places: Sequence[Place], k: int, chord: float, course: float) -> tuple[float, float]:
-    """Slopes against the chord from place `k`, at its begin and at its end."""
-    before = _neighbour(places, k, -1, chord)
-    after = _neighbour(places, k + 1, 1, chord)
-    leaving = arriving = None
-    if before is not None:
-        _, east, north = places[k]
-        turn = remainder(course - atan2(north - before[2], east - before[1]), tau)
-        length = hypot(north - before[2], east - before[1])
-        leaving = -turn * chord / (chord + length)
-    if after is not None:
-        _, east, north = places[k + 1]
-        turn = remainder(atan2(after[2] - north, after[1] - east) - course, tau)
-        length = hypot(after[2] - north, after[1] - east)
-        arriving = turn * chord / (chord + length)
-    if leaving is None:
-        leaving = 0.0 if arriving is None else -arriving
-    if arriving is None:
-        arriving = -leaving
-    most = min(4.0 * CHORD_TOLERANCE / chord, STEEPEST)
-    return min(max(leaving, -most), most), min(max(arriving, -most), most)
-
-
-def _neighbour(places: Sequence[Place], k: int, towards: int, chord: float) -> Place | None:
-    """Nearest place from `k` on in one direction that determines a direction."""
-    _, east, north = places[k]
-    least = NEIGHBOUR_SHARE * chord
-    k += towards
-    while 0 <= k < len(places):
-        place = places[k]
-        if hypot(place[1] - east, place[2] - north) >= least:
-            return place
-        k += towards
-    return None

@@ -9,10 +9,10 @@ curvature stays on the points.
 """
 
 import math
-from array import array
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
 from vehicles.geometry.bridges import (
@@ -22,7 +22,6 @@ from vehicles.geometry.bridges import (
     noise_deviation,
     step_lengths,
 )
-from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.path_offsets import path_offsets
 from vehicles.geometry.sampled_path import SAMPLING, FloatArray, SampledPath
 
@@ -57,7 +56,7 @@ def local_cubic(t: FloatArray, values: FloatArray, at: FloatArray, reach: float)
 def _reaches(t: FloatArray, at: FloatArray, reach: float) -> FloatArray:
     """Reach of the kernel at each location."""
     short = np.maximum(0.0, reach - (at - t[0])) + np.maximum(0.0, reach - (t[-1] - at))
-    right = np.searchsorted(t, at)
+    right, step = np.searchsorted(t, at), float(at[1] - at[0])
     nearest = np.full(at.shape, np.inf)
     for shift in range(NEIGHBOURS + 1):
         first = np.clip(right - shift, 0, t.size - NEIGHBOURS)
@@ -66,23 +65,15 @@ def _reaches(t: FloatArray, at: FloatArray, reach: float) -> FloatArray:
     # Without points on both sides, the cubic would extrapolate.
     before = at - t[np.maximum(right - ON_EACH_SIDE, 0)]
     after = t[np.minimum(right + ON_EACH_SIDE - 1, t.size - 1)] - at
-    sparse = _gradual(np.maximum(nearest, np.maximum(before, after)), at[1] - at[0])
-    needed = np.maximum(reach + short, sparse)
-    return _envelope(needed, math.ceil(0.25 * reach / (at[1] - at[0])))
-
-
-def _gradual(needed: FloatArray, step: float) -> FloatArray:
-    """Lowest curve above `needed`, sampled every `step` m, with a slope of at most SLOPE."""
-    slope = SLOPE * step * np.arange(needed.size)
-    from_left = np.maximum.accumulate(needed + slope) - slope
-    from_right = (np.maximum.accumulate((needed - slope)[::-1]))[::-1] + slope
-    return np.asarray(np.maximum(from_left, from_right))
-
-
-def _envelope(needed: FloatArray, cells: int) -> FloatArray:
-    """Smooth upper bound of `needed`: its maximum within 2 `cells`, averaged."""
+    sparse = np.maximum(nearest, np.maximum(before, after))
+    slope = SLOPE * step * np.arange(at.size)
+    from_left = np.maximum.accumulate(sparse + slope) - slope
+    from_right = np.maximum.accumulate((sparse - slope)[::-1])[::-1] + slope
+    needed = np.maximum(reach + short, np.maximum(from_left, from_right))
+    # A smooth upper bound: the maximum within 2 `cells`, averaged twice.
+    cells = math.ceil(0.25 * reach / step)
     highest = np.pad(needed, 2 * cells, mode="edge")
-    highest = np.max(np.lib.stride_tricks.sliding_window_view(highest, 4 * cells + 1), axis=1)
+    highest = np.max(sliding_window_view(highest, 4 * cells + 1), axis=1)
     for _ in range(2):
         sums = np.cumsum(np.pad(highest, (cells + 1, cells), mode="edge"))
         highest = (sums[2 * cells + 1 :] - sums[: -2 * cells - 1]) / (2 * cells + 1)
@@ -101,39 +92,33 @@ def _fit(t: FloatArray, values: FloatArray, at: FloatArray, reaches: FloatArray)
     inside = index < last[:, None]
     index = np.minimum(index, t.size - 1)
     u = (t[index] - at[:, None]) / reaches[:, None]
-    fall = 1.0 - np.minimum(u * u, 1.0)
-    weight = np.where(inside, fall * fall * fall, 0.0)
+    weight = np.where(inside, (1.0 - np.minimum(u * u, 1.0)) ** 3, 0.0)
     reached = values[:, index]
     smoothed = np.zeros((values.shape[0], at.size))
-    polynomial, previous, weighted, square = np.ones_like(u), np.zeros_like(u), weight, weight
-    here, here_before, ratio = np.ones(at.size), np.zeros(at.size), np.zeros(at.size)
-    norm = np.sum(square, axis=1)
-    for degree in range(4):
-        smoothed += np.sum(weighted * reached, axis=2) / norm * here
-        if degree == 3:
-            break
-        shift = np.sum(square * u, axis=1) / norm
-        following = (u - shift[:, None]) * polynomial - ratio[:, None] * previous
-        here, here_before = -shift * here - ratio * here_before, here  # the same at u = 0
-        polynomial, previous = following, polynomial
+    polynomial, previous = np.ones_like(u), np.zeros_like(u)
+    here, here_before = np.ones(at.size), np.zeros(at.size)  # their values at u = 0
+    norm_before = np.full(at.size, np.inf)
+    for _ in range(4):
         weighted = weight * polynomial
         square = weighted * polynomial
-        norm, norm_before = np.sum(square, axis=1), norm
-        ratio = norm / norm_before
+        norm = np.sum(square, axis=1)
+        smoothed += np.sum(weighted * reached, axis=2) / norm * here
+        shift, ratio = np.sum(square * u, axis=1) / norm, norm / norm_before
+        following = (u - shift[:, None]) * polynomial - ratio[:, None] * previous
+        here, here_before = -shift * here - ratio * here_before, here
+        polynomial, previous, norm_before = following, polynomial, norm
     return smoothed
 
 
-def cubic_weights(t: FloatArray, at: FloatArray | float) -> FloatArray:
-    """Weights of four values at `t` (4, ...) in the value of their cubic at `at` (...).
+def cubic_at(t: FloatArray, values: FloatArray, at: FloatArray | float) -> FloatArray:
+    """Value at `at` (...) of the cubic through four `values` (4, ...) at `t` (4, ...).
 
-    Lagrange's form (elementary algebra); the weights have the shape of `t`.
+    Lagrange's form (elementary algebra).
     """
-    weights = np.ones_like(t)
+    total: FloatArray = np.zeros_like(values[0])
     for i in range(4):
-        for j in range(4):
-            if j != i:
-                weights[i] *= (at - t[j]) / (t[i] - t[j])
-    return weights
+        total += values[i] * math.prod((at - t[j]) / (t[i] - t[j]) for j in range(4) if j != i)
+    return total
 
 
 # ---- Smoothing
@@ -148,8 +133,6 @@ to move back and forth."""
 MIN_POINTS = 8  # Minimum number of distinct points of a path
 CLOSING_DISTANCE = 10.0  # A closed drive returns to within this distance (m) of its first point
 SEAM_BLEND = 20.0  # Distance (m) before and after the seam that is blended
-_CHUNK = 16_384  # steps converted at once, to limit memory
-_STRAIGHT_ON = 3.0  # turns (rad) of less than this need no wrapping
 MIN_PROGRESS = 0.5  # Smoothed points that advance less per metre double back
 
 
@@ -168,16 +151,14 @@ class NoPathError(ValueError):
         self.sections = sections
 
 
-@dataclass(frozen=True, slots=True)
-class Hole:
+class Hole(NamedTuple):
     """A hole in a recorded drive (Section V-D): index of the point before it, and length (m)."""
 
     point: int
     length: float
 
 
-@dataclass(frozen=True, slots=True)
-class SmoothedPath:
+class SmoothedPath(NamedTuple):
     """A path and its deviations (m) from its source points, such as a run of Section V-D.
 
     `deviation_rms` is at the points. `deviation_max` also covers the sections between them: the
@@ -203,23 +184,12 @@ class SmoothedPath:
     noise: float
 
 
-@dataclass(frozen=True, slots=True)
-class _Record:
+class _Record(NamedTuple):
     """Distinct points x, y (m), shape (2, n), at chord lengths t (m), which end at `end` (m)."""
 
     t: FloatArray
     points: FloatArray
     end: float
-
-
-@dataclass(frozen=True, slots=True)
-class _MergedPoints:
-    """The record of the merged points, and the index in it of each given point."""
-
-    record: _Record
-    numbers: NDArray[np.int64]
-    holes: tuple[Hole, ...]
-    noise: float
 
 
 def smooth_path(
@@ -242,59 +212,47 @@ def smooth_path(
     point of lap one, smoothed with the path so that the curvature has no step. Raises ValueError if
     the points do not form a path, and NoPathError if a single point is the cause.
     """
-    given_x, given_y = np.asarray(east, dtype=float), np.asarray(north, dtype=float)
-    _check(given_x, given_y, half_width, laps, lead_in)
-    merged = _merged(given_x, given_y, half_width, noise)
-    record, numbers = merged.record, merged.numbers
+    given = _checked(east, north, half_width, laps, lead_in)
+    noise = max(noise, noise_deviation(given))
+    record, numbers, holes = _merged(given, half_width, noise)
     if closed:
         record = _closed(record, half_width)
     used = int(np.searchsorted(numbers, record.t.size))
     cells = math.ceil(record.end / SAMPLING)
     grid = record.end * np.arange(cells * (laps if closed else 1) + 1) / cells
-    data = _unrolled(record, laps) if closed else record
-    lead_in_cells = 0
-    if lead_in > 0.0:
+    data = record
+    if closed:  # one more lap before and after them
+        t = np.concatenate([record.t + record.end * turn for turn in range(-1, laps + 1)])
+        data = _Record(t, np.tile(record.points, laps + 2), record.end * laps)
+    led_in = math.ceil(lead_in / SAMPLING)
+    if led_in:
         data = _led_in(data, half_width, lead_in)
-        lead_in_cells = math.ceil(lead_in / SAMPLING)
-        grid = np.concatenate((lead_in * np.arange(-lead_in_cells, 0) / lead_in_cells, grid))
+        grid = np.concatenate((lead_in * np.arange(-led_in, 0) / led_in, grid))
     smoothed = local_cubic(data.t, data.points, grid, half_width)
     _check_progress(smoothed, grid, record.t[numbers[:used]])
     path = _path(smoothed)
-    stations = np.interp(record.t[numbers[:used]], grid, path.station)
-    offsets = path_offsets(path, np.stack((given_x[:used], given_y[:used])), stations)
-    between = path_offsets(path, *_between(record, np.interp(record.t, grid, path.station)))
+    at_points = np.interp(record.t, grid, path.station)
+    stations = at_points[numbers[:used]]
+    offsets = np.abs(path_offsets(path, given[:, :used], stations))
+    between = np.abs(path_offsets(path, *_between(record, at_points)))
     return SmoothedPath(
         path=path,
         deviation_rms=math.sqrt(float(np.mean(offsets * offsets))),
-        deviation_max=float(max(np.max(np.abs(offsets)), np.max(np.abs(between), initial=0.0))),
+        deviation_max=float(max(np.max(offsets), np.max(between, initial=0.0))),
         points_used=used,
         stations=stations,
-        start=float(path.station[lead_in_cells]),
-        lap_length=float(path.station[lead_in_cells + cells] - path.station[lead_in_cells]),
-        holes=tuple(hole for hole in merged.holes if hole.point < used - 1),
+        start=float(path.station[led_in]),
+        lap_length=float(path.station[led_in + cells] - path.station[led_in]),
+        holes=tuple(hole for hole in holes if hole.point < used - 1),
         half_width=half_width,
-        noise=merged.noise,
+        noise=noise,
     )
 
 
-def _between(record: _Record, stations: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points (2, m) halfway between widely spaced points, on cubics, and their stations (m).
-
-    `stations` are those of the record's points.
-    """
-    t, points = record.t, record.points
-    if t.size < 4:
-        return points[:, :0], stations[:0]
-    k = np.flatnonzero(np.diff(t[1:-1]) > 2.0 * SAMPLING) + 1
-    at = 0.5 * (t[k] + t[k + 1])
-    four = [k - 1, k, k + 1, k + 2]
-    halfway = np.zeros((2, k.size))
-    for i, weight in zip(four, cubic_weights(np.stack([t[i] for i in four]), at), strict=True):
-        halfway += weight * points[:, i]
-    return halfway, 0.5 * (stations[k] + stations[k + 1])
-
-
-def _check(x: FloatArray, y: FloatArray, half_width: float, laps: int, lead_in: float) -> None:
+def _checked(
+    east: ArrayLike, north: ArrayLike, half_width: float, laps: int, lead_in: float
+) -> FloatArray:
+    x, y = np.asarray(east, dtype=float), np.asarray(north, dtype=float)
     if x.ndim != 1 or x.shape != y.shape:
         raise ValueError("a path needs equal numbers of east and north coordinates")
     if not (np.isfinite(x).all() and np.isfinite(y).all()):
@@ -305,53 +263,53 @@ def _check(x: FloatArray, y: FloatArray, half_width: float, laps: int, lead_in: 
         raise ValueError(f"a path has at least one lap, not {laps}")
     if not 0.0 <= lead_in < math.inf:
         raise ValueError(f"the lead-in must be at least 0 m long, not {lead_in} m")
+    return np.stack((x, y))
 
 
-def _merged(x: FloatArray, y: FloatArray, half_width: float, noise: float) -> _MergedPoints:
-    noise = max(noise, noise_deviation(np.stack((x, y))))
+def _between(record: _Record, stations: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points (2, m) halfway between widely spaced points, on cubics, and their stations (m).
+
+    `stations` are those of the record's points.
+    """
+    t, points = record.t, record.points
+    k = np.flatnonzero(np.diff(t[1:-1]) > 2.0 * SAMPLING) + 1
+    four = k + np.arange(-1, 3)[:, None]
+    halfway = [cubic_at(t[four], row[four], 0.5 * (t[k] + t[k + 1])) for row in points]
+    return np.stack(halfway), 0.5 * (stations[k] + stations[k + 1])
+
+
+def _merged(
+    given: FloatArray, half_width: float, noise: float
+) -> tuple[_Record, NDArray[np.int64], tuple[Hole, ...]]:
+    """Merge the points (2, n); return also the index of each in the record, and the holes."""
     distance = max(MERGE_DISTANCE, MERGED_NOISE * noise)
-    # Means of five: a single outlier among noisy points must not begin a new point.
-    means = (x, y) if distance == MERGE_DISTANCE else (_of_five(x), _of_five(y))
-    moved = np.append(math.inf, step_lengths(np.stack((x, y))))[: x.size] > 0.0
-    members = np.cumsum(_begins_group(*means, moved, distance)) - 1
+    means = given
+    if distance > MERGE_DISTANCE:  # a single outlier among noisy points must not begin a group
+        padded = np.pad(given, ((0, 0), (2, 2)), mode="edge")
+        means = sliding_window_view(padded, 5, axis=1).mean(axis=2)
+    begins = np.zeros(given.shape[1], dtype=bool)
+    moved = np.flatnonzero(np.any(np.diff(given, prepend=math.nan) != 0.0, axis=0))
+    at_x, at_y = math.inf, math.inf
+    for k, x, y in zip(moved.tolist(), *means[:, moved].tolist(), strict=True):
+        if not math.hypot(x - at_x, y - at_y) <= distance:
+            at_x, at_y, begins[k] = x, y, True
+    members = np.cumsum(begins) - 1
     count = np.bincount(members)
     if count.size < MIN_POINTS:
         raise ValueError(
             f"a path needs at least {MIN_POINTS} points {distance:.3g} m apart, found {count.size}"
         )
-    points = np.stack((np.bincount(members, x), np.bincount(members, y))) / count
+    points = np.stack([np.bincount(members, row) for row in given]) / count
     last_of = np.cumsum(count) - 1
     try:
-        filled = fill_holes(points, half_width)
+        filled, indices, before_holes = fill_holes(points, half_width)
     except UnbridgedError as error:
         before = int(last_of[error.before])
         raise NoPathError(str(error), before, ((before, before + 1),)) from error
     steps = step_lengths(points)
-    holes = tuple(Hole(int(last_of[k]), float(steps[k])) for k in filled.holes)
-    t = distances_along(filled.points)
-    return _MergedPoints(
-        _Record(t, filled.points, float(t[-1])), filled.indices[members], holes, noise
-    )
-
-
-def _begins_group(
-    x: FloatArray, y: FloatArray, moved: NDArray[np.bool_], distance: float
-) -> NDArray[np.bool_]:
-    """Mark points that moved further than `distance` (m) from the first point of their group."""
-    begins = np.zeros(x.size, dtype=bool)
-    at_x, at_y = math.inf, math.inf
-    candidates = np.flatnonzero(moved)
-    rows = zip(candidates.tolist(), x[moved].tolist(), y[moved].tolist(), strict=True)
-    for k, px, py in rows:  # in a loop, because each group begins where the one before ends
-        if not math.hypot(px - at_x, py - at_y) <= distance:
-            at_x, at_y = px, py
-            begins[k] = True
-    return begins
-
-
-def _of_five(values: FloatArray) -> FloatArray:
-    padded = np.pad(values, 2, mode="edge")
-    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 5).mean(axis=1))
+    holes = tuple(Hole(int(last_of[k]), float(steps[k])) for k in before_holes)
+    t = distances_along(filled)
+    return _Record(t, filled, float(t[-1])), indices[members], holes
 
 
 def _closed(record: _Record, half_width: float) -> _Record:
@@ -360,11 +318,10 @@ def _closed(record: _Record, half_width: float) -> _Record:
     The lap ends where the drive crosses the line through its first point, perpendicular to its
     direction there. The lateral offset is divided between both ends.
     """
-    t, points = record.t, record.points
+    t, points, _ = record
     _, (tx, ty) = _start(record, half_width)
     dx, dy = points - points[:, :1]
-    along, across = dx * tx + dy * ty, dy * tx - dx * ty
-    gap = np.sqrt(dx * dx + dy * dy)
+    along, across, gap = dx * tx + dy * ty, dy * tx - dx * ty, np.hypot(dx, dy)
     near = gap <= CLOSING_DISTANCE
     away = int(np.argmin(near))
     crossing = (along[:-1] < 0.0) & (along[1:] >= 0.0)
@@ -377,11 +334,9 @@ def _closed(record: _Record, half_width: float) -> _Record:
     if not crossed.size:
         return _Record(t, points, float(t[-1] + gap[-1]))
     k = away + int(crossed[0])
-    share = float(shares[k])
-    end = float(t[k] + share * (t[k + 1] - t[k]))
-    first = min(max(k - 1, 0), t.size - 4)
-    weights = cubic_weights(t[first : first + 4], end)
-    missed = math.fsum((weights * across[first : first + 4]).tolist())
+    end = float(t[k] + shares[k] * (t[k + 1] - t[k]))
+    four = np.arange(4) + min(max(k - 1, 0), t.size - 4)
+    missed = float(cubic_at(t[four], across[four], end))
     t, blend = t[: k + 1], min(SEAM_BLEND, 0.5 * end)
     shift = 0.5 * missed * (_ramp(1.0 - t / blend) - _ramp(1.0 - (end - t) / blend))
     return _Record(t, points[:, : k + 1] + np.stack((-ty * shift, tx * shift)), end)
@@ -393,13 +348,6 @@ def _ramp(u: FloatArray) -> FloatArray:
     return u * u * (3.0 - 2.0 * u)
 
 
-def _unrolled(record: _Record, laps: int) -> _Record:
-    """Repeat a closed record for all laps, with one more before and after them."""
-    turns = range(-1, laps + 1)
-    t = np.concatenate([record.t + record.end * turn for turn in turns])
-    return _Record(t, np.tile(record.points, laps + 2), record.end * laps)
-
-
 def _led_in(record: _Record, half_width: float, length: float) -> _Record:
     """Replace the points before t = 0 by points on the tangent, about as dense as the record."""
     origin, tangent = _start(record, half_width)
@@ -407,23 +355,19 @@ def _led_in(record: _Record, half_width: float, length: float) -> _Record:
     t, points = record.t[kept], record.points[:, kept]
     spacing = float(t[-1]) / (t.size - 1)
     before = -spacing * np.arange(math.ceil((length + half_width) / spacing), 0, -1)
-    straight = np.stack([origin[k] + before * tangent[k] for k in range(2)])
+    straight = origin[:, None] + before * tangent[:, None]
     return _Record(
         np.concatenate((before, t)), np.concatenate((straight, points), axis=1), record.end
     )
 
 
-_Pair = tuple[float, float]
-
-
-def _start(record: _Record, half_width: float) -> tuple[_Pair, _Pair]:
+def _start(record: _Record, half_width: float) -> tuple[FloatArray, FloatArray]:
     """Smoothed position (m) and direction (unit vector) at t = 0."""
     places = np.array((0.0, SAMPLING, 2.0 * SAMPLING))
-    (x0, x1, x2), (y0, y1, y2) = local_cubic(record.t, record.points, places, half_width).tolist()
+    here, near, far = local_cubic(record.t, record.points, places, half_width).T
     # One-sided second-order difference: there may be no points before t = 0.
-    dx, dy = 4.0 * x1 - x2 - 3.0 * x0, 4.0 * y1 - y2 - 3.0 * y0
-    norm = math.hypot(dx, dy)
-    return (x0, y0), (dx / norm, dy / norm)
+    ahead = 4.0 * near - far - 3.0 * here
+    return here, ahead / np.hypot(*ahead)
 
 
 def _check_progress(points: FloatArray, t: FloatArray, given: FloatArray) -> None:
@@ -456,30 +400,14 @@ def sections_where(marked: NDArray[np.bool_], at: FloatArray, given: FloatArray)
 
 def _path(points: FloatArray) -> SampledPath:
     """Join smoothed points (2, m) by arcs, which define station, yaw and curvature."""
-    x, y = points
-    steps = np.diff(points)
-    chords = step_lengths(points)
-    course = _unwrapped_course(steps)
+    chords, (dx, dy) = step_lengths(points), np.diff(points).tolist()
+    # The C library's arc tangent: NumPy's depends on the machine.
+    course = np.unwrap(np.fromiter(map(math.atan2, dy, dx), dtype=float, count=len(dx)))
     # The course of a chord is the yaw at its middle: turns are differences of courses.
-    turns = np.diff(course)
-    turns = np.concatenate((turns[:1], turns, turns[-1:]))
+    turns = np.pad(np.diff(course), 1, mode="edge")
     halves = 0.5 * (turns[1:] + turns[:-1])
     arcs = chords * (1.0 + halves * halves / 24.0)
     station = np.concatenate((np.zeros(1), np.cumsum(arcs)))
     around = np.concatenate((arcs[:1], 0.5 * (arcs[1:] + arcs[:-1]), arcs[-1:]))
     yaw = np.concatenate(([course[0] - 0.5 * turns[0]], course + 0.5 * turns[1:]))
-    return SampledPath(station, x, y, yaw, turns / around)
-
-
-def _unwrapped_course(steps: FloatArray) -> FloatArray:
-    """Direction (rad) of each of `steps` (2, n), continuous from step to step."""
-    result = array("d")
-    course = math.atan2(steps[1, 0], steps[0, 0])
-    for begin in range(0, steps.shape[1], _CHUNK):
-        dx, dy = steps[:, begin : begin + _CHUNK].tolist()
-        # The C library's arc tangent: NumPy's depends on the machine.
-        for direction in map(math.atan2, dy, dx):
-            turn = direction - course
-            course += turn if -_STRAIGHT_ON < turn < _STRAIGHT_ON else wrap_angle(turn)
-            result.append(course)
-    return np.array(result)
+    return SampledPath(station, points[0], points[1], yaw, turns / around)

@@ -93,7 +93,7 @@ def test_a_clothoid_integrates_its_curvature(piece: Piece, station: float) -> No
     place = piece.at(station)
     assert math.hypot(place.east - east, place.north - north) < 1e-5
     assert math.remainder(place.yaw - yaw, math.tau) == pytest.approx(0.0, abs=1e-9)
-    assert place.curvature == piece.curvature_at(station)
+    assert place.curvature == ArcSpline((piece,)).curvature_at(station)
 
 
 @given(

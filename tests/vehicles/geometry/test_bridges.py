@@ -56,15 +56,15 @@ def test_an_arc_is_bridged_by_an_arc(  # noqa: PLR0917 - what is drawn
     if not left:
         exact[1], centre[1] = -exact[1], -centre[1]
     points = without(noisy(exact, seed=seed), begin, count)
-    result = fill_holes(points, 8.0)
-    assert result.holes == (begin - 1,)
-    assert np.array_equal(result.points[:, result.indices], points)
-    bridge = np.delete(result.points, result.indices, axis=1)
+    filled, indices, holes = fill_holes(points, 8.0)
+    assert holes == (begin - 1,)
+    assert np.array_equal(filled[:, indices], points)
+    bridge = np.delete(filled, indices, axis=1)
     off = np.hypot(*(bridge - centre)) - radius
     # The error comes from the noise of both headings and grows over the hole.
     assert np.max(np.abs(off)) < 0.05 + 0.004 * length
     # No overshoot: each step goes forwards, and turns no more than the arc and noise.
-    steps = np.diff(result.points[:, begin - 1 : begin + bridge.shape[1] + 1])
+    steps = np.diff(filled[:, begin - 1 : begin + bridge.shape[1] + 1])
     course = np.unwrap(np.arctan2(steps[1], steps[0]))[1:-1]
     assert np.all(np.abs(np.diff(course)) < 3.0 * step_lengths(bridge)[1:].max() / radius + 0.05)
 

@@ -131,7 +131,7 @@ def test_any_samples_give_finite_numbers_or_none(settings: FitSettings) -> None:
         if random.random() < 0.3 and count:
             east[:], north[:] = east[0], north[0]
         station = np.sort(scale * random.random(count))
-        curve = recipe_curve(east, north, station, np.ones(count), settings)
+        curve = recipe_curve(np.stack((east, north, station)), np.ones(count), settings)
         if curve is None:
             continue
         for piece in curve.spline.pieces:

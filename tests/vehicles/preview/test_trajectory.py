@@ -1,5 +1,4 @@
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +9,9 @@ from scipy.optimize import least_squares
 from tests.made.examples import examples
 from tests.made.vehicles.arc_courses import course, fit_errors, point_at, window, with_noise
 from tests.made.vehicles.fusions import fit_two, fuse
+from vehicles.geometry.arc_fits import average_graphs
 from vehicles.geometry.arc_spline import ArcSpline
-from vehicles.preview.curve_fit import FitSettings
+from vehicles.preview.curve_fit import FitSettings, local_frame, samples_in
 from vehicles.preview.samples import Window
 from vehicles.preview.trajectory import Fit
 
@@ -193,10 +193,11 @@ def test_a_noisy_arc_minimises_the_distances() -> None:
 
     east, north = point_at(path, 5.0, 25.0)
     radius = least_squares(away, [east, north, 25.0]).x[2]
-    best_alone = replace(SETTINGS, ignored=0.999)
-    fitted = fit_two(seen, None, alpha=0.5, settings=best_alone)
-    assert fitted is not None
-    assert fitted.spline.pieces[0].curvature == pytest.approx(1.0 / radius, rel=2e-4)
+    frame = local_frame(np.stack(seen), 15, 7, 22)
+    assert frame is not None
+    arc = samples_in(frame, np.stack(seen), None).arc()
+    assert arc is not None
+    assert average_graphs([arc], [1.0]).after == pytest.approx(1.0 / radius, rel=2e-4)
 
 
 @pytest.mark.parametrize("which", [0, 3, 10, 19])
