@@ -20,15 +20,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh, expm, solve_continuous_lyapunov
 from scipy.optimize import brentq, minimize
 
 from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.theory.gain_sets import is_stable_over
-from vehicles.theory.linear_model import closed_loop, closed_loop_at, speed_change_matrix
-
-Array = NDArray[np.float64]
+from vehicles.theory.linear_model import Array, closed_loop, closed_loop_at, speed_change_matrix
 
 SLOWEST = 2.0  # Default lowest speed (m/s) of a certificate; below it the plant model changes
 FASTEST = 36.0  # Default highest speed (m/s) of a certificate, 130 km/h
@@ -117,18 +114,30 @@ def lyapunov_change(
     P and its derivative with respect to gamma solve Lyapunov's equation. Without `speed_term` E is
     omitted, as in the A(gamma(t)) of Proposition 1.
     """
-    constant, inverse_speed = closed_loop(parameters, gains)
     root = np.sqrt(np.array(weights))
     # In coordinates y = Q^1/2 z the right-hand side of Lyapunov's equation is the identity.
-    frozen = (constant + inverse_speed / speed) * root[:, None] / root
-    slope = inverse_speed * root[:, None] / root
-    entering = speed_change_matrix() * root[:, None] / root
-    energy = solve_continuous_lyapunov(frozen.T, -np.eye(6))
+    return _solution(parameters, gains, speed, np.eye(6), root, speed_term=speed_term)
+
+
+def _solution(
+    parameters: VehicleParameters,
+    gains: Gains,
+    speed: float,
+    right: Array,
+    root: Array,
+    *,
+    speed_term: bool = True,
+) -> tuple[Array, Array]:
+    """S and P (see the module) for Q = `right`, in coordinates `root` * z."""
+    constant, slope = closed_loop(parameters, gains)
+    frozen, slope, entering = (
+        matrix * root[:, None] / root
+        for matrix in (constant + slope / speed, slope, speed_change_matrix())
+    )
+    energy = np.asarray(solve_continuous_lyapunov(frozen.T, -right), dtype=np.float64)
     by_gamma = solve_continuous_lyapunov(frozen.T, -_symmetric(energy @ slope))
-    change = -by_gamma / speed**2
-    if speed_term:
-        change = change + _symmetric(energy @ entering)
-    return change, energy
+    change = np.asarray(-by_gamma / speed**2, dtype=np.float64)
+    return (change + _symmetric(energy @ entering) if speed_term else change), energy
 
 
 def _symmetric(matrix: Array) -> Array:
@@ -173,13 +182,9 @@ def tuned_weights(
     changes, energies = _basis(parameters, gains, speeds)
     unknowns = np.zeros(6 + len(speeds))
     for power in (4.0, 16.0, 64.0):
+        arguments = (changes, energies, power)
         unknowns = minimize(
-            _spread,
-            unknowns,
-            args=(changes, energies, power),
-            jac=True,
-            method="BFGS",
-            options={"gtol": 1e-4},
+            _spread, unknowns, arguments, "BFGS", jac=True, options={"gtol": 1e-4}
         ).x
     logarithms = unknowns[:6] - unknowns[:6].mean()
     return tuple(float(f"{weight:.3g}") for weight in np.exp(logarithms))
@@ -187,18 +192,9 @@ def tuned_weights(
 
 def _basis(parameters: VehicleParameters, gains: Gains, speeds: list[float]) -> tuple[Array, Array]:
     """S and P for each unit Q = e_i e_i' and speed; both are linear in Q. Shapes (n, 6, 6, 6)."""
-    constant, inverse_speed = closed_loop(parameters, gains)
-    entering = speed_change_matrix()
-    changes, energies = np.zeros((2, len(speeds), 6, 6, 6))
-    for k, speed in enumerate(speeds):
-        frozen = constant + inverse_speed / speed
-        for i in range(6):
-            unit = np.zeros((6, 6))
-            unit[i, i] = 1.0
-            energy = solve_continuous_lyapunov(frozen.T, -unit)
-            by_gamma = solve_continuous_lyapunov(frozen.T, -_symmetric(energy @ inverse_speed))
-            energies[k, i] = energy
-            changes[k, i] = -by_gamma / speed**2 + _symmetric(energy @ entering)
+    units, root = np.eye(6)[:, :, None] * np.eye(6)[:, None, :], np.ones(6)
+    rows = [[_solution(parameters, gains, v, unit, root) for unit in units] for v in speeds]
+    changes, energies = np.moveaxis(np.array(rows), 2, 0)
     return changes, energies
 
 
@@ -238,8 +234,6 @@ def _spread(unknowns: Array, changes: Array, energies: Array, power: float) -> t
 # Cauchy-Schwarz inequality a mean of v'² below mu*² is sufficient, condition (ii). A finite
 # integral of v'² is also sufficient, as its mean tends to zero.
 
-
-Weights = tuple[float, ...]
 
 SPEEDS = 60  # Number of speeds at which c and k are computed, evenly spaced in ln v
 STEPS = 100  # Steps of a transition matrix; within 5e-3 (relative) of a numerical integrator
@@ -311,7 +305,7 @@ def transition(
 
 
 def energy_root(
-    parameters: VehicleParameters, gains: Gains, speed: float, weights: Weights
+    parameters: VehicleParameters, gains: Gains, speed: float, weights: tuple[float, ...]
 ) -> Array:
     """A root F of P = F'F at `speed` (m/s), so that |F z|² is Lyapunov's z'Pz; shape (6, 6)."""
     _, energy = lyapunov_change(parameters, gains, speed, weights)
