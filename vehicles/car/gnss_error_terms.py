@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import hypot
 from typing import Annotated, ClassVar, Final, Literal, Protocol
@@ -81,10 +81,6 @@ class ErrorTerm(ABC):
         return type(self).__name__
 
 
-def begin_term(term: ErrorTerm, context: ReceiverContext) -> ErrorProcess:
-    return term.begin(context)
-
-
 # ---- A constant error of a receiver
 
 
@@ -143,6 +139,10 @@ class Drift:
         float, Setting("time constant of the drift", "s", MIN_TIME_CONSTANT, 100_000)
     ] = 100.0
 
+    def process(self, start_at: int, random: Generator) -> "DriftProcess":
+        """Begin the drift at `start_at` (ns)."""
+        return DriftProcess(self.deviation, GaussMarkov(self.time_constant, start_at, random))
+
 
 class GaussMarkov:
     """A stationary first-order Gauss–Markov process in two axes, of standard deviation 1 per axis.
@@ -185,15 +185,16 @@ class GaussMarkov:
         self._east, self._north = path.tolist()
 
 
-def restarted(
-    value: tuple[float, float], first: tuple[float, float], jump: tuple[float, float], kept: float
-) -> tuple[float, float]:
-    """Value of a Gauss–Markov process that restarted at `jump` instead of `first`.
+@dataclass(frozen=True, slots=True)
+class DriftProcess:
+    """A Gauss–Markov process of standard deviation `deviation` (m)."""
 
-    `value` is that of the undisturbed process, which had the value `first` at the restart. The
-    initial difference decays by the factor `kept`, exp(-t / time constant).
-    """
-    return (value[0] + kept * (jump[0] - first[0]), value[1] + kept * (jump[1] - first[1]))
+    deviation: float
+    unit_process: GaussMarkov
+
+    def at(self, body: Body, now: int) -> tuple[float, float]:
+        east, north = self.unit_process.at(now)
+        return self.deviation * east, self.deviation * north
 
 
 def draw_truncated(
@@ -229,31 +230,16 @@ class CommonDrift(Drift, ErrorTerm):
         return self.deviation**2
 
     def begin(self, context: ReceiverContext) -> ErrorProcess:
-        return ScaledDrift(
-            self.deviation,
-            GaussMarkov(self.time_constant, context.start_at, context.shared_streams("drift")),
-        )
+        return self.process(context.start_at, context.shared_streams("drift"))
 
     def describe(self) -> str:
         return f"common drift {self.deviation:g} m over {self.time_constant:g} s"
 
 
-@dataclass(frozen=True, slots=True)
-class ScaledDrift:
-    """A Gauss–Markov process of standard deviation `deviation` (m)."""
-
-    deviation: float
-    unit_process: GaussMarkov
-
-    def at(self, body: Body, now: int) -> tuple[float, float]:
-        east, north = self.unit_process.at(now)
-        return self.deviation * east, self.deviation * north
-
-
 # ---- Times and places without a fix, as in a tunnel: state 0 of NMEA 0183
 
 
-MAX_COORDINATE = 1_000_000  # Limit (m) of coordinates and distances in scenario files
+FAR = 1_000_000  # Limit (m) of coordinates and distances in scenario files
 
 
 class FixOutage(ABC):
@@ -295,26 +281,10 @@ class FixOutageStretch(FixOutage):
     """
 
     begin: Annotated[
-        float,
-        Setting(
-            "start of the stretch, inclusive",
-            unit="m",
-            minimum=-MAX_COORDINATE,
-            maximum=MAX_COORDINATE,
-            name="from",
-            example=300.0,
-        ),
+        float, Setting("start of the stretch", "m", -FAR, FAR, name="from", example=300.0)
     ]
     end: Annotated[
-        float,
-        Setting(
-            "end of the stretch, exclusive",
-            unit="m",
-            minimum=-MAX_COORDINATE,
-            maximum=MAX_COORDINATE,
-            name="to",
-            example=400.0,
-        ),
+        float, Setting("end of the stretch, exclusive", "m", -FAR, FAR, name="to", example=400.0)
     ]
 
     def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:
@@ -328,13 +298,9 @@ class FixOutageStretch(FixOutage):
 class FixOutageCircle(FixOutage):
     """No fix within a circle in the plane."""
 
-    east: Annotated[
-        float, Setting("centre, east", "m", -MAX_COORDINATE, MAX_COORDINATE, example=500.0)
-    ]
-    north: Annotated[
-        float, Setting("centre, north", "m", -MAX_COORDINATE, MAX_COORDINATE, example=0.0)
-    ]
-    radius: Annotated[float, Setting("radius", "m", above=0, maximum=MAX_COORDINATE, example=40.0)]
+    east: Annotated[float, Setting("centre, east", "m", -FAR, FAR, example=500.0)]
+    north: Annotated[float, Setting("centre, north", "m", -FAR, FAR, example=0.0)]
+    radius: Annotated[float, Setting("radius", "m", above=0, maximum=FAR, example=40.0)]
 
     def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:
         return hypot(body.east - self.east, body.north - self.north) <= self.radius
@@ -366,77 +332,22 @@ class StateInterval:
     until: int
 
 
-class FixStates(Protocol):
-    """The fix states of a receiver over time."""
+class FixStates:
+    """The fix states of a receiver over time; calls must be in order of time.
 
-    def at(self, now: int) -> StateInterval:
-        """State at `now` (ns); calls must be in order of time."""
-        ...
-
-
-class StateSchedule:
-    """Listed states: each entry has a time (s) after the start, and the state from then on."""
-
-    def __init__(
-        self, first: ReceiverState, entries: Sequence[tuple[float, ReceiverState]], start_at: int
-    ) -> None:
-        begins = [start_at, *(start_at + nanoseconds(at) for at, _ in entries)]
-        states = [first, *(state for _, state in entries)]
-        ends = [*begins[1:], NO_END]
-        self._intervals = [
-            StateInterval(state, begin, end)
-            for state, begin, end in zip(states, begins, ends, strict=True)
-            if begin < end  # an entry at the start leaves no time for the first state
-        ]
-        self._index = 0
-
-    def at(self, now: int) -> StateInterval:
-        while now >= self._intervals[self._index].until:
-            self._index += 1
-        return self._intervals[self._index]
-
-
-class StateChain:
-    """A continuous-time Markov chain: each transition has an exponential waiting time.
-
-    `means` (s) are by state and next state. The earliest transition out of a state is taken, so
-    the time in a state is also exponential, with the sum of the rates.
+    The sequence continues in the background while a state is forced.
     """
 
-    def __init__(
-        self,
-        first: ReceiverState,
-        means: Mapping[ReceiverState, Mapping[ReceiverState, float]],
-        start_at: int,
-        random: Generator,
-    ) -> None:
-        """Draw one number per transition out of each entered state."""
-        self._means = means
-        self._random = random
-        self._current, self._next = self._enter(first, start_at)
+    def __init__(self, intervals: Iterator[StateInterval]) -> None:
+        self._intervals = intervals
+        self._current = next(intervals)
+        self._forced: StateInterval | None = None
 
     def at(self, now: int) -> StateInterval:
+        """State at `now` (ns)."""
         while now >= self._current.until:
-            self._current, self._next = self._enter(self._next, self._current.until)
-        return self._current
-
-    def _enter(self, state: ReceiverState, at: int) -> tuple[StateInterval, ReceiverState]:
-        waits = [
-            (nanoseconds(mean * self._random.standard_exponential()), following)
-            for following, mean in self._means.get(state, {}).items()
-        ]
-        if not waits:
-            return StateInterval(state, at, NO_END), state
-        wait, following = min(waits, key=lambda candidate: candidate[0])
-        return StateInterval(state, at, at + max(wait, 1)), following
-
-
-class ForcedStates:
-    """States by a law, which continues in the background while a state is forced by hand."""
-
-    def __init__(self, law: FixStates) -> None:
-        self._law = law
-        self._forced: StateInterval | None = None
+            self._current = next(self._intervals)
+        return self._forced if self._forced is not None and self.is_forced(now) else self._current
 
     def force(self, state: ReceiverState | None, since: int, until: int = NO_END) -> None:
         """Force a state from `since` (ns) to `until`, excluded; None ends it."""
@@ -445,10 +356,6 @@ class ForcedStates:
     def is_forced(self, now: int) -> bool:
         return self._forced is not None and self._forced.since <= now < self._forced.until
 
-    def at(self, now: int) -> StateInterval:
-        own = self._law.at(now)
-        return self._forced if self._forced is not None and self.is_forced(now) else own
-
 
 class FixStateLaw(ABC):
     """Settings of a sequence of fix states: each subclass is a kind of `[gnss.fix_states]`."""
@@ -456,8 +363,8 @@ class FixStateLaw(ABC):
     __slots__ = ()
 
     @abstractmethod
-    def begin(self, first: ReceiverState, context: ReceiverContext) -> FixStates:
-        """Return the states of a run that starts in the state `first`."""
+    def intervals(self, first: ReceiverState, context: ReceiverContext) -> Iterator[StateInterval]:
+        """Yield the states of a run that starts in the state `first`; the last has no end."""
 
     @abstractmethod
     def states(self) -> set[ReceiverState]:
@@ -482,9 +389,14 @@ class ScheduledStates(FixStateLaw):
 
     entries: Annotated[tuple[StateEntry, ...], Setting("states in order of time", nonempty=True)]
 
-    def begin(self, first: ReceiverState, context: ReceiverContext) -> FixStates:
-        entries = [(entry.at, entry.state) for entry in self.entries]
-        return StateSchedule(first, entries, context.start_at)
+    def intervals(self, first: ReceiverState, context: ReceiverContext) -> Iterator[StateInterval]:
+        state, since = first, context.start_at
+        for entry in self.entries:
+            until = context.start_at + nanoseconds(entry.at)
+            if since < until:  # an entry at the start leaves no time for the first state
+                yield StateInterval(state, since, until)
+            state, since = entry.state, until
+        yield StateInterval(state, since, NO_END)
 
     def states(self) -> set[ReceiverState]:
         return {entry.state for entry in self.entries}
@@ -510,17 +422,27 @@ class Transition:
 
 @dataclass(frozen=True, slots=True)
 class ChainOfStates(FixStateLaw):
-    """Fix states by a Markov chain, random for each vehicle; the first state is `gnss.fix`."""
+    """Fix states by a Markov chain, random for each vehicle; the first state is `gnss.fix`.
+
+    Each transition has an exponential waiting time, and the earliest one out of a state is taken.
+    So the time in a state is also exponential, with the sum of the rates.
+    """
 
     transitions: Annotated[
         tuple[Transition, ...], Setting("all transitions of the chain", nonempty=True)
     ]
 
-    def begin(self, first: ReceiverState, context: ReceiverContext) -> FixStates:
-        means: dict[ReceiverState, dict[ReceiverState, float]] = {}
-        for transition in self.transitions:
-            means.setdefault(transition.state, {})[transition.to] = transition.mean
-        return StateChain(first, means, context.start_at, context.own_streams("states"))
+    def intervals(self, first: ReceiverState, context: ReceiverContext) -> Iterator[StateInterval]:
+        random, state, since = context.own_streams("states"), first, context.start_at
+        while waits := [
+            (nanoseconds(each.mean * random.standard_exponential()), each.to)
+            for each in self.transitions
+            if each.state == state
+        ]:
+            wait, following = min(waits, key=lambda candidate: candidate[0])
+            yield StateInterval(state, since, until := since + max(wait, 1))
+            state, since = following, until
+        yield StateInterval(state, since, NO_END)
 
     def states(self) -> set[ReceiverState]:
         return {transition.to for transition in self.transitions}

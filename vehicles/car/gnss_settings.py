@@ -28,25 +28,16 @@ STATES_WITH_FIX: tuple[FixState, ...] = get_args(FixState)
 NOISE = GnssNoise()
 NO_DRIFT = Drift(0.0)
 Preset = Literal["rtk_fixed", "rtk_float", "single", "none"]
+
+
+def _preset(fix: FixState, noise: float, drift: Drift, jump: float | None = None) -> dict[str, Any]:
+    return {"fix": fix, "position_noise": noise, "drift": drift, "entry_jump": jump}
+
+
 PRESETS: Mapping[Preset, Mapping[str, Any]] = {
-    "rtk_fixed": {
-        "fix": "fixed",
-        "position_noise": 0.006,
-        "drift": Drift(0.016, 100.0),
-        "entry_jump": None,
-    },
-    "rtk_float": {
-        "fix": "float",
-        "position_noise": 0.0,
-        "drift": Drift(0.19, 100.0),
-        "entry_jump": 0.5,
-    },
-    "single": {
-        "fix": "single",
-        "position_noise": 0.0,
-        "drift": Drift(1.5, 300.0),
-        "entry_jump": None,
-    },
+    "rtk_fixed": _preset("fixed", 0.006, Drift(0.016, 100.0)),
+    "rtk_float": _preset("float", 0.0, Drift(0.19, 100.0), 0.5),
+    "single": _preset("single", 0.0, Drift(1.5, 300.0)),
     "none": {"fix": "none"},
 }
 """Fields of `GnssSettings` by preset.
@@ -196,15 +187,8 @@ class GnssSettings(StateErrors):
 
     @property
     def has_only_white_noise(self) -> bool:
-        return self.fix == "fixed" and not (
-            self.drift
-            or self.error_terms
-            or self.quantisation
-            or self.latency
-            or self.fix_states
-            or self.outages
-            or self.accuracy != 1.0
-        )
+        more = self.drift or self.error_terms or self.quantisation or self.accuracy != 1.0
+        return self.fix == "fixed" and not (more or self.fix_states or self.outages)
 
     @property
     def has_fix_every_instant(self) -> bool:
@@ -227,14 +211,9 @@ class GnssSettings(StateErrors):
         """
         errors = self.errors_in(state)
         variance = errors.position_noise**2 + (errors.drift or NO_DRIFT).deviation ** 2
-        common = 0.0
-        for error in self.error_terms:
-            if error.shared:
-                common += error.variance
-            else:
-                variance += error.variance
-        variance += self.quantisation**2 / 12.0 + (common if shared else 0.0)
-        return sqrt(variance)
+        own = sum([error.variance for error in self.error_terms if not error.shared], variance)
+        common = sum([error.variance for error in self.error_terms if error.shared])
+        return sqrt(own + (self.quantisation**2 / 12.0 + (common if shared else 0.0)))
 
     @property
     def states(self) -> list[FixState]:
@@ -245,9 +224,7 @@ class GnssSettings(StateErrors):
     @property
     def initial_deviation(self) -> float:
         """Standard deviation (m) per axis in the initial state."""
-        if self.has_only_white_noise or self.fix == "none":
-            return self.position_noise
-        return self.deviation(self.fix)
+        return self.position_noise if self.fix == "none" else self.deviation(self.fix)
 
     @property
     def assumed_deviation(self) -> float:
@@ -256,8 +233,6 @@ class GnssSettings(StateErrors):
         Excludes shared errors, which do not change relative positions. Includes drift, by which two
         sources differ even if each of them is smooth.
         """
-        if self.has_only_white_noise:
-            return self.position_noise
         deviations = [self.deviation(state, shared=False) for state in self.states]
         return max(deviations, default=self.position_noise)
 
@@ -272,20 +247,17 @@ class GnssSettings(StateErrors):
         return hypot(max((drift.deviation for drift in drifts), default=0.0), sqrt(sum(own)))
 
     def problems(self) -> Iterator[Problem]:
-        configured: dict[FixState, StateErrors] = {}
+        yield from self.entry_problems()
         for state in STATES_WITH_FIX:
             key = f"while_{state}"
             errors: StateErrors | None = getattr(self, key)
             if errors is None:
                 continue
-            configured[state] = errors
             if state == self.fix:
                 yield key, f'given for fix = "{self.fix}", whose errors are keys of gnss itself'
             elif self.fix_states is None:
                 yield key, "given without fix_states, so this state never occurs"
-        yield from self.entry_problems()
-        for state, errors in configured.items():
-            yield from errors.entry_problems(f"while_{state}.")
+            yield from errors.entry_problems(f"{key}.")
         if self.fix_states is not None:
             for key, reason in self.fix_states.problems(self.fix):
                 yield f"fix_states.{key}", reason

@@ -1,10 +1,10 @@
 """The inertial sensor of the car: gyroscope and wheel speed. Its readings are not broadcast."""
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Final
 
-from numpy.random import PCG64, Generator
+from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
 from vehicles.car.parameters import VehicleParameters
@@ -37,15 +37,6 @@ class InertialNoise:
     speed_bias: float = 0.1
     yaw_rate_bias: float = 0.00175
 
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(f"{field.name} noise must be at least 0, not {value}")
-
-
-_State = tuple[Generator, Motion, list[float]]
-
 
 class InertialSensor:
     """Inertial unit of Section V-D, measuring every 1/`rate_hz` s from `start_at` (ns) on.
@@ -57,22 +48,12 @@ class InertialSensor:
     def __init__(
         self, noise: InertialNoise, rate_hz: float, start_at: int, random: Generator
     ) -> None:
-        if not (math.isfinite(rate_hz) and rate_hz > 0.0):
-            raise ValueError(f"the measuring rate must be positive, not {rate_hz} Hz")
         self._noise = noise
         self._cadence = Cadence(start_at, rate_hz)
         self._random = random
         speed, yaw_rate = random.standard_normal(2).tolist()
         self._bias = Motion(noise.speed_bias * speed, noise.yaw_rate_bias * yaw_rate)
         self._drawn: list[float] = []
-
-    def __reduce__(self) -> "tuple[type[InertialSensor], tuple[object, ...], _State]":
-        # The constructor draws numbers, so it must not get the pickled stream.
-        arguments = self._noise, self._cadence.rate_hz, self._cadence.start_at, Generator(PCG64(0))
-        return InertialSensor, arguments, (self._random, self._bias, self._drawn)
-
-    def __setstate__(self, state: "_State") -> None:
-        self._random, self._bias, self._drawn = state
 
     def measure(self, body: Body, now: int) -> Motion | None:
         """Measure `body` if `now` (ns) is an instant of measurement, else None.

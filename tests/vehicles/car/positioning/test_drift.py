@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from vehicles.car.gnss_error_terms import GRID, GaussMarkov, draw_truncated, restarted
+from vehicles.car.gnss_error_terms import GRID, GaussMarkov, draw_truncated
 from vehicles.schedule import SECOND, instants
 
 START = 1_700_000_000_123_456_789
@@ -115,9 +115,3 @@ def test_in_a_wide_circle_an_entry_jump_has_the_distribution_of_the_drift() -> N
     )
     # In a narrow circle the distribution is uniform, with a variance of radius² / 4 per axis.
     assert np.mean(narrow**2) == pytest.approx(0.03**2 / 4.0, rel=0.05)
-
-
-def test_the_initial_value_of_a_drift_decays() -> None:
-    assert restarted((0.3, -0.2), (0.1, 0.1), (0.5, 0.0), 1.0) == pytest.approx((0.7, -0.3))
-    assert restarted((0.1, 0.1), (0.1, 0.1), (0.5, 0.0), 1.0) == pytest.approx((0.5, 0.0))
-    assert restarted((0.3, -0.2), (0.1, 0.1), (0.5, 0.0), 0.0) == (0.3, -0.2)
