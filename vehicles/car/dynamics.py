@@ -3,7 +3,7 @@
 Lateral motion by eqs. (1), (2) in the body's lateral speed and yaw rate, steering by the
 second-order actuation of eq. (4), position by integrating the body's velocity. World frame:
 east-north, yaw counter-clockwise from east; left is positive. SI units. This is for linear tyres;
-for saturating tyres see `BrushMotion`.
+the motion on saturating tyres is described below.
 
 Integration: Runge-Kutta of order 4 with a constant command, in sub-steps h with
 h * rate <= STEP_PER_RATE, where `rate` is the fastest rate of tyres and steering. Tolerance: over
@@ -29,11 +29,6 @@ from vehicles.car.tyres import (
     lateral_coefficients,
     lateral_share,
 )
-
-# ---- Integration shared by both tyre models: position, steering limits, and step length
-#
-# World frame: east-north, yaw counter-clockwise from east. SI units.
-
 
 STEP_PER_RATE: Final = 0.45  # Longest sub-step, in units of the shortest time constant
 RATE_LIMITED_STEP: Final = 0.0025  # Longest sub-step (s) near the rate limit
@@ -76,45 +71,6 @@ def actuator(p: VehicleParameters) -> tuple[float, float]:
     return square, 2.0 * p.steering_damping * p.steering_frequency
 
 
-class Steering:
-    """Steering of one car by eq. (4), with limits of angle and rate."""
-
-    def __init__(self, p: VehicleParameters) -> None:
-        self.free = actuator(p)
-        self.limit = p.steering_limit
-        self.rate_limit = p.steering_rate_limit
-
-    def substeps(self, span: float, off: float, rate: float) -> int:
-        """Count the sub-steps of a span (s) in which the rate limit may be reached; 0 if it is not.
-
-        `off` is the command minus the angle (rad), `rate` in rad/s. Uses an upper bound of the rate
-        by eq. (4).
-        """
-        square, damping = self.free
-        fast = abs(rate)
-        if fast + span * (square * abs(off) + damping * fast) < self.rate_limit:
-            return 0
-        return math.ceil(span / RATE_LIMITED_STEP)
-
-    def is_at_rate_limit(self, off: float, rate: float) -> bool:
-        """Whether the steering is at its rate limit and eq. (4) would accelerate it further.
-
-        `off` is the command minus the angle (rad), `rate` in rad/s.
-        """
-        if abs(rate) < self.rate_limit:
-            return False
-        square, damping = self.free
-        return (square * off - damping * rate) * rate > 0.0
-
-    def clamped(self, angle: float, rate: float) -> tuple[float, float]:
-        """Clamp angle (rad) and rate (rad/s) of eq. (4) to the limits of the steering rack."""
-        if abs(angle) > self.limit:  # the rack's end stop
-            return math.copysign(self.limit, angle), 0.0
-        if abs(rate) > self.rate_limit:
-            return angle, math.copysign(self.rate_limit, rate)
-        return angle, rate
-
-
 # ---- Motion of the car on saturating tyres: a car that can slide, spin and brake up to friction
 #
 # The single-track model of Section II with its small angles, lateral forces of the brush model (see
@@ -135,84 +91,16 @@ class Steering:
 # single-track model; it is continuous in v, and braking is still limited by friction. The steering
 # for a curvature is then L + K_sg v WALKING_PACE, within 0.1 % of eq. (6).
 #
-# Classical Runge-Kutta, sub-steps as in `dynamics`. Tolerance over a span of 20 ms against the
+# Classical Runge-Kutta, sub-steps as for linear tyres. Tolerance over a span of 20 ms against the
 # exact solution, in full slides and under braking: 0.1 mm in position, 0.01 m/s, 0.01 rad/s. The
 # largest errors occur at the onset of sliding and at the stop; elsewhere they are a tenth of that.
 
 
 Vector5 = tuple[float, float, float, float, float]
-_Tyres = tuple[float, float, float, float, float, float, float, float, float, float]
+_Axles = tuple[float, float, float, float, float, float, float, float, float, float]
 
 
-class BrushMotion:
-    """Motion of one car with the brush model (Section II)."""
-
-    def __init__(self, p: VehicleParameters, steering: Steering) -> None:
-        self._steering = steering
-        self._friction = p.friction
-        self._limit = p.friction * GRAVITY
-        self._wheelbase = p.wheelbase
-        self._front_arm, self._rear_arm = p.front_axle_distance, p.rear_axle_distance
-        self._front = p.front_cornering_stiffness / p.mass
-        self._rear = p.rear_cornering_stiffness / p.mass
-        self._per_inertia = p.mass / p.yaw_inertia
-
-    def move(  # noqa: PLR0917 - keyword arguments are slower, and every tick calls this
-        self,
-        position: Vector4,
-        state: Vector5,
-        command: float,
-        acceleration: float,
-        span: float,
-        fastest: float,
-        substeps: int | None = None,
-    ) -> tuple[Vector4, Vector5]:
-        """Move the car by `span` (s) with constant steering command (rad) and acceleration (m/s²).
-
-        Section II with the brush model, by the classical Runge–Kutta method. `position` is (east,
-        north, yaw, distance), `state` is (speed, lateral speed, yaw rate, steering, steering rate);
-        `fastest` is the fastest rate (1/s) of tyres and steering at the lowest speed of the span.
-        """
-        limit, wheels = self._limit, self._steering
-        given = -limit if acceleration < -limit else limit if acceleration > limit else acceleration
-        near_limit = wheels.substeps(span, command - state[3], state[4])
-        needed = math.ceil(span * fastest / STEP_PER_RATE)
-        count = substeps or (near_limit if near_limit > needed else needed)
-        h = span / count
-        rolls = state[0] > 0.0 or given > 0.0
-        drive = given if rolls else 0.0
-        tyres = self._tyres(drive)
-        for _ in range(count):
-            held = near_limit and wheels.is_at_rate_limit(command - state[3], state[4])
-            actuation = (0.0, 0.0) if held else wheels.free
-            position, state = _brush_step(position, state, command, drive, h, tyres, actuation)
-            speed, lateral, yaw_rate, steering, rate = state
-            if abs(steering) > wheels.limit or abs(rate) > wheels.rate_limit:
-                steering, rate = wheels.clamped(steering, rate)
-                state = (speed, lateral, yaw_rate, steering, rate)
-            if speed <= 0.0:  # the car does not roll backwards
-                state = (0.0, lateral, yaw_rate, steering, rate)
-            if (state[0] > 0.0 or given > 0.0) != rolls:
-                rolls = not rolls
-                drive = given if rolls else 0.0
-                tyres = self._tyres(drive)
-        return position, state
-
-    def _tyres(self, drive: float) -> _Tyres:
-        """Lever arms, and for each axle C/m, capacity/m, C/(3 capacity), at a `drive` (m/s²)."""
-        a, b, front, rear = self._front_arm, self._rear_arm, self._front, self._rear
-        left = self._limit * lateral_share(drive, self._friction) / self._wheelbase
-        most_front, most_rear = left * b, left * a
-        # Without friction left, any slip is full sliding.
-        front_bend = front / (3.0 * most_front) if most_front > 0.0 else math.inf
-        rear_bend = rear / (3.0 * most_rear) if most_rear > 0.0 else math.inf
-        return (
-            *(a, b, a * self._per_inertia, b * self._per_inertia),
-            *(front, most_front, front_bend, rear, most_rear, rear_bend),
-        )
-
-
-def _rates(v: float, y: float, r: float, s: float, tyres: _Tyres) -> tuple[float, float, float]:
+def _rates(v: float, y: float, r: float, s: float, tyres: _Axles) -> tuple[float, float, float]:
     """Derivatives of speed (without drive), lateral speed and yaw rate."""
     a, b, turn_front, turn_rear, front, most_front, front_bend, rear, most_rear, rear_bend = tyres
     rolling = v if v > WALKING_PACE else WALKING_PACE
@@ -231,13 +119,13 @@ def _rates(v: float, y: float, r: float, s: float, tyres: _Tyres) -> tuple[float
     return r * y - f * s, f + g - r * v, turn_front * f - turn_rear * g
 
 
-def _brush_step(  # noqa: PLR0917 - as above
+def _brush_step(  # noqa: PLR0917 - every tick calls this
     position: Vector4,
     state: Vector5,
     command: float,
     drive: float,
     h: float,
-    tyres: _Tyres,
+    tyres: _Axles,
     actuation: tuple[float, float],
 ) -> tuple[Vector4, Vector5]:
     """One Runge-Kutta step; the derivative of the state at stage i is (ci, ai, bi, wi, di)."""
@@ -350,82 +238,135 @@ class DriveTrain:
 
 
 class CarMotion:
-    """Motion of one car by eqs. (1), (2) and (4)."""
+    """Motion of one car by eqs. (1), (2) and (4), on linear tyres or by the brush model."""
 
     def __init__(self, parameters: VehicleParameters) -> None:
         p = self._parameters = parameters
-        self._steering = Steering(p)
+        self._free = actuator(p)
+        self._steering_limit, self._rate_limit = p.steering_limit, p.steering_rate_limit
         self._tyres = lateral_coefficients(p)
         self._saturates = p.tyres == "brush"
-        self._brushes = BrushMotion(p, self._steering)
         damping = p.steering_damping
         overdamped = damping + math.sqrt(damping * damping - 1.0) if damping > 1.0 else 1.0
         self._steering_rate = overdamped * p.steering_frequency
         self._tyres_damping = -min(self._tyres[0], self._tyres[4])
+        self._grip = p.friction * GRAVITY
 
-    def advance(
-        self, body: Body, actuation: Actuation, span: float, substeps: int | None = None
-    ) -> Body:
+    def advance(self, body: Body, actuation: Actuation, span: float) -> Body:
         """Move the car by `span` (s) with constant `actuation`; classical Runge–Kutta method.
 
         Command and angle of the steering are clamped to the steering limit. A braking car stops
-        and never reverses. `substeps` overrides the number of integration steps (before and after
-        the stop). Raises ValueError for a command that is not finite or a negative span, and
-        OutOfModelError for a divergent spin of an unstable car.
+        and never reverses. Raises ValueError for a command that is not finite or a negative span,
+        and OutOfModelError for a divergent spin of an unstable car.
         """
         command, acceleration = actuation.steering, actuation.acceleration
         if not (math.isfinite(command) and math.isfinite(acceleration)):
             raise ValueError(f"a command must be finite: {actuation}")
         if not 0.0 <= span < math.inf:
             raise ValueError(f"a span must be finite and not negative: {span}")
-        limit = self._steering.limit
+        limit = self._steering_limit
         command = -limit if command < -limit else limit if command > limit else command
         if self._saturates:
-            return self._advance_on_brushes(body, command, acceleration, span, substeps)
+            return self._slide(body, command, acceleration, span)
         final_speed = body.speed + acceleration * span
         if final_speed >= 0.0:
-            return self._integrate(body, command, final_speed, span, substeps)
+            return self._roll(body, command, final_speed, span)
         rolling = -body.speed / acceleration
-        stopped = self._integrate(body, command, 0.0, rolling, substeps)
-        return self._integrate(stopped, command, 0.0, span - rolling, substeps)
+        stopped = self._roll(body, command, 0.0, rolling)
+        return self._roll(stopped, command, 0.0, span - rolling)
 
     def fastest_rate(self, speed: float) -> float:
         """Fastest rate (1/s) at `speed` (m/s): damping of eqs. (1), (2), or pole of eq. (4)."""
         of_tyres, of_steering = self._tyres_damping / speed, self._steering_rate
         return of_steering if of_steering > of_tyres else of_tyres
 
-    def _advance_on_brushes(
-        self, body: Body, command: float, acceleration: float, span: float, substeps: int | None
-    ) -> Body:
+    def _substeps(self, span: float, slowest: float, off: float, rate: float) -> tuple[int, bool]:
+        """Count the sub-steps of a span (s), and tell whether the rate limit may be reached.
+
+        `slowest` is the lowest speed (m/s) in it, `off` the command minus the steering angle (rad),
+        `rate` that of the steering (rad/s). Uses an upper bound of the rate by eq. (4).
+        """
+        slowest = WALKING_PACE if slowest < WALKING_PACE else slowest
+        count = math.ceil(span * self.fastest_rate(slowest) / STEP_PER_RATE)
+        (square, damping), fast = self._free, abs(rate)
+        if fast + span * (square * abs(off) + damping * fast) < self._rate_limit:
+            return count, False
+        return max(count, math.ceil(span / RATE_LIMITED_STEP)), True
+
+    def _actuation(self, off: float, rate: float) -> tuple[float, float]:
+        """Coefficients of eq. (4), 0 where it would accelerate steering that is at its rate limit.
+
+        `off` is the command minus the angle (rad), `rate` in rad/s.
+        """
+        square, damping = self._free
+        held = abs(rate) >= self._rate_limit and (square * off - damping * rate) * rate > 0.0
+        return (0.0, 0.0) if held else self._free
+
+    def _clamped(self, angle: float, rate: float) -> tuple[float, float]:
+        """Clamp angle (rad) and rate (rad/s) of eq. (4) to the limits of the steering rack."""
+        if abs(angle) > self._steering_limit:  # the rack's end stop
+            return math.copysign(self._steering_limit, angle), 0.0
+        if abs(rate) > self._rate_limit:
+            return angle, math.copysign(self._rate_limit, rate)
+        return angle, rate
+
+    def _slide(self, body: Body, command: float, acceleration: float, span: float) -> Body:
+        """Advance on the brush model, with up to the acceleration (m/s²) that friction allows."""
         if span <= 0.0:
             return body
         # In a slide the rotation of the body also changes the speed along it.
         gained = span * (acceleration + body.yaw_rate * body.lateral_speed)
         slowest = body.speed + gained if gained < 0.0 else body.speed
-        slowest = WALKING_PACE if slowest < WALKING_PACE else slowest
-        position, state = self._brushes.move(
-            (body.east, body.north, body.yaw, body.distance),
-            (body.speed, body.lateral_speed, body.yaw_rate, body.steering, body.steering_rate),
-            command,
-            acceleration,
-            span,
-            self.fastest_rate(slowest),
-            substeps,
+        count, near_limit = self._substeps(
+            span, slowest, command - body.steering, body.steering_rate
         )
+        grip, h, free = self._grip, span / count, self._free
+        given = -grip if acceleration < -grip else grip if acceleration > grip else acceleration
+        rolls = body.speed > 0.0 or given > 0.0
+        drive = given if rolls else 0.0
+        axles = self._axles(drive)
+        position: Vector4 = (body.east, body.north, body.yaw, body.distance)
+        speed, lateral, yaw_rate = body.speed, body.lateral_speed, body.yaw_rate
+        steering, rate = body.steering, body.steering_rate
+        for _ in range(count):
+            actuation = self._actuation(command - steering, rate) if near_limit else free
+            position, (speed, lateral, yaw_rate, steering, rate) = _brush_step(
+                position, (speed, lateral, yaw_rate, steering, rate), command, drive, h, axles,
+                actuation,
+            )  # fmt: skip
+            if abs(steering) > self._steering_limit or abs(rate) > self._rate_limit:
+                steering, rate = self._clamped(steering, rate)
+            if speed <= 0.0:  # the car does not roll backwards
+                speed = 0.0
+            if (speed > 0.0 or given > 0.0) != rolls:
+                rolls = not rolls
+                drive = given if rolls else 0.0
+                axles = self._axles(drive)
         east, north, yaw, distance = position
-        speed, lateral, yaw_rate, steering, rate = state
         return Body(east, north, yaw, speed, lateral, yaw_rate, steering, rate, distance)
 
-    def _integrate(
-        self, body: Body, command: float, final_speed: float, span: float, substeps: int | None
-    ) -> Body:
+    def _axles(self, drive: float) -> _Axles:
+        """Lever arms, and for each axle C/m, capacity/m, C/(3 capacity), at a `drive` (m/s²)."""
+        p = self._parameters
+        a, b, per_inertia = p.front_axle_distance, p.rear_axle_distance, p.mass / p.yaw_inertia
+        front, rear = p.front_cornering_stiffness / p.mass, p.rear_cornering_stiffness / p.mass
+        left = self._grip * lateral_share(drive, p.friction) / (a + b)
+        most_front, most_rear = left * b, left * a
+        # Without friction left, any slip is full sliding.
+        front_bend = front / (3.0 * most_front) if most_front > 0.0 else math.inf
+        rear_bend = rear / (3.0 * most_rear) if most_rear > 0.0 else math.inf
+        return (
+            *(a, b, a * per_inertia, b * per_inertia),
+            *(front, most_front, front_bend, rear, most_rear, rear_bend),
+        )
+
+    def _roll(self, body: Body, command: float, final_speed: float, span: float) -> Body:
         """Advance on linear tyres while the speed changes linearly to `final_speed` (m/s)."""
         if span <= 0.0:
             return body
-        p, tyres, wheels = self._parameters, self._tyres, self._steering
-        near_limit = wheels.substeps(span, command - body.steering, body.steering_rate)
-        fastest = self.fastest_rate(max(min(body.speed, final_speed), WALKING_PACE))
-        count = substeps or max(math.ceil(span * fastest / STEP_PER_RATE), near_limit)
+        p, tyres, free = self._parameters, self._tyres, self._free
+        off, slowest = command - body.steering, min(body.speed, final_speed)
+        count, near_limit = self._substeps(span, slowest, off, body.steering_rate)
         position = (body.east, body.north, body.yaw, body.distance)
         state = (body.lateral_speed, body.yaw_rate, body.steering, body.steering_rate)
         speed, change = body.speed, (final_speed - body.speed) / count
@@ -436,13 +377,12 @@ class CarMotion:
             if change != 0.0:
                 middle = _lateral_rates(speeds[1], tyres, p)
                 after = _lateral_rates(faster, tyres, p)
-            held = near_limit and wheels.is_at_rate_limit(command - state[2], state[3])
             position, state = _step(
                 position, state, speeds, (before, middle, after), command=command, h=span / count,
-                actuation=(0.0, 0.0) if held else wheels.free,
+                actuation=self._actuation(command - state[2], state[3]) if near_limit else free,
             )  # fmt: skip
-            if abs(state[2]) > wheels.limit or abs(state[3]) > wheels.rate_limit:
-                state = (state[0], state[1], *wheels.clamped(state[2], state[3]))
+            if abs(state[2]) > self._steering_limit or abs(state[3]) > self._rate_limit:
+                state = (state[0], state[1], *self._clamped(state[2], state[3]))
             speed, before = faster, after
         if not abs(state[0]) < FASTEST_SLIDE:
             raise OutOfModelError(f"the car spins: it is unstable at {final_speed:.1f} m/s")
