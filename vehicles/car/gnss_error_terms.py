@@ -81,9 +81,6 @@ class ErrorTerm(ABC):
         return type(self).__name__
 
 
-# ---- A constant error of a receiver
-
-
 @dataclass(frozen=True, slots=True)
 class Bias(ErrorTerm):
     """A constant error: a configured offset plus a random one per vehicle (m)."""
@@ -100,20 +97,15 @@ class Bias(ErrorTerm):
 
     def begin(self, context: ReceiverContext) -> ErrorProcess:
         east, north = context.own_streams("bias").standard_normal(2).tolist()
-        return ConstantError(self.east + self.deviation * east, self.north + self.deviation * north)
-
-    def describe(self) -> str:
-        offset = f"{self.east:g} m east, {self.north:g} m north"
-        return f"bias {offset}, {self.deviation:g} m random"
-
-
-@dataclass(frozen=True, slots=True)
-class ConstantError:
-    east: float
-    north: float
+        return replace(
+            self, east=self.east + self.deviation * east, north=self.north + self.deviation * north
+        )
 
     def at(self, body: Body, now: int) -> tuple[float, float]:
         return self.east, self.north
+
+    def describe(self) -> str:
+        return f"bias {self.east:g} m east, {self.north:g} m north, {self.deviation:g} m random"
 
 
 # ---- Drifting errors: a first-order Gauss–Markov process in two axes, independent of the rate
@@ -139,81 +131,37 @@ class Drift:
         float, Setting("time constant of the drift", "s", MIN_TIME_CONSTANT, 100_000)
     ] = 100.0
 
-    def process(self, start_at: int, random: Generator) -> "DriftProcess":
-        """Begin the drift at `start_at` (ns)."""
-        return DriftProcess(self.deviation, GaussMarkov(self.time_constant, start_at, random))
-
 
 class GaussMarkov:
-    """A stationary first-order Gauss–Markov process in two axes, of standard deviation 1 per axis.
+    """A stationary first-order Gauss–Markov process in two axes, the course of a drift.
 
     Exact discretisation: x[k] = r x[k-1] + sqrt(1 - r²) w[k] with r = exp(-grid / time constant)
     and white Gaussian w. The autocorrelation at lag t is exp(-t / time constant).
     """
 
-    def __init__(self, time_constant: float, start_at: int, random: Generator) -> None:
-        """`time_constant` in s, `start_at` in ns; ValueError below `MIN_TIME_CONSTANT`."""
-        if not MIN_TIME_CONSTANT <= time_constant < math.inf:
-            raise ValueError(f"the time constant must be at least {MIN_TIME_CONSTANT} s")
-        rate = GRID / SECOND / time_constant
+    def __init__(self, drift: Drift, start_at: int, random: Generator) -> None:
+        """Begin `drift` at `start_at` (ns)."""
+        rate = GRID / SECOND / drift.time_constant
         steps = range(1, BLOCK + 1)
         # NumPy's exp is not used, as its last bit depends on the processor.
         self._kept = np.array([math.exp(-rate * k) for k in steps])
         spread = math.sqrt(-math.expm1(-2.0 * rate))
         self._scaled = np.array([spread * math.exp(rate * k) for k in steps])
-        self._start_at = start_at
-        self._random = random
+        self._deviation, self._start_at, self._random = drift.deviation, start_at, random
         self._before = random.standard_normal(2)
         self._first, self._east, self._north = 0, *([one] for one in self._before.tolist())
 
-    def at(self, now: int) -> tuple[float, float]:
-        """East and north at `now` (ns); calls must be in order of time."""
-        index = (now - self._start_at) // GRID - self._first
-        while index >= len(self._east):
-            index -= len(self._east)
-            self._extend()
-        if index < 0:
-            raise ValueError(f"{now} ns is before the stored part of the process")
-        return self._east[index], self._north[index]
-
-    def _extend(self) -> None:
-        """Compute the next block, with the recursion as a cumulative sum of scaled terms."""
-        drawn = self._random.standard_normal((2, BLOCK))
-        path = self._kept * (self._before[:, None] + np.cumsum(self._scaled * drawn, axis=1))
-        self._first += len(self._east)
-        self._before = path[:, -1]
-        self._east, self._north = path.tolist()
-
-
-@dataclass(frozen=True, slots=True)
-class DriftProcess:
-    """A Gauss–Markov process of standard deviation `deviation` (m)."""
-
-    deviation: float
-    unit_process: GaussMarkov
-
     def at(self, body: Body, now: int) -> tuple[float, float]:
-        east, north = self.unit_process.at(now)
-        return self.deviation * east, self.deviation * north
-
-
-def draw_truncated(
-    deviation: float, radius: float, draws: tuple[float, float]
-) -> tuple[float, float]:
-    """Draw from the stationary distribution of a Gauss–Markov process, truncated to a circle.
-
-    `deviation` (m) is the standard deviation per axis; the circle of `radius` (m) is centred at 0;
-    `draws` are uniform in [0, 1). Inverts the distribution function of Rayleigh's distribution.
-    """
-    if deviation <= 0.0 or radius <= 0.0:
-        return 0.0, 0.0
-    probability = -math.expm1(-0.5 * (radius / deviation) ** 2)
-    distance = min(deviation * math.sqrt(-2.0 * math.log1p(-draws[0] * probability)), radius)
-    angle = 2.0 * math.pi * draws[1]
-    return distance * math.cos(angle), distance * math.sin(angle)
-
-
-# ---- Drift shared by all receivers
+        """East and north (m) at `now` (ns); calls must be in order of time."""
+        index = (now - self._start_at) // GRID - self._first
+        while index >= len(self._east):  # the recursion as a cumulative sum of scaled terms
+            index -= len(self._east)
+            self._first += len(self._east)
+            drawn = self._random.standard_normal((2, BLOCK))
+            path = self._kept * (self._before[:, None] + np.cumsum(self._scaled * drawn, axis=1))
+            self._before = path[:, -1]
+            self._east, self._north = path.tolist()
+        return self._deviation * self._east[index], self._deviation * self._north[index]
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,7 +178,7 @@ class CommonDrift(Drift, ErrorTerm):
         return self.deviation**2
 
     def begin(self, context: ReceiverContext) -> ErrorProcess:
-        return self.process(context.start_at, context.shared_streams("drift"))
+        return GaussMarkov(self, context.start_at, context.shared_streams("drift"))
 
     def describe(self) -> str:
         return f"common drift {self.deviation:g} m over {self.time_constant:g} s"

@@ -6,7 +6,7 @@ receivers share errors from satellites and atmosphere, so their relative error i
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import exp, expm1, hypot, inf, sqrt
+from math import cos, exp, expm1, hypot, inf, log1p, pi, sin, sqrt
 from typing import NamedTuple
 
 from vehicles.car.dynamics import Body
@@ -14,10 +14,10 @@ from vehicles.car.gnss_error_terms import (
     ErrorProcess,
     ErrorTerm,
     FixStates,
+    GaussMarkov,
     ReceiverContext,
     ScheduledStates,
     StateInterval,
-    draw_truncated,
 )
 from vehicles.car.gnss_settings import NO_DRIFT, STATES_WITH_FIX, GnssSettings
 from vehicles.messages import FixState
@@ -47,18 +47,18 @@ class ReceiverErrors:
         self.settings = settings
         law = settings.fix_states or ScheduledStates(())
         self.states = FixStates(law.intervals(settings.fix, context))
-        self._context = context
+        self._context, own = context, context.own_streams
         entries = {id(term): context.for_entry(k) for k, term in enumerate(settings.errors)}
         contexts = ((term, entries.get(id(term), context)) for term in settings.error_terms)
         self._terms = [begin(*one) if begin else one[0].begin(one[1]) for one in contexts]
         self._errors = {state: settings.errors_in(state) for state in STATES_WITH_FIX}
         self._deviations = {state: settings.deviation(state) for state in STATES_WITH_FIX}
         self._drifts = {
-            state: errors.drift.process(context.start_at, context.own_streams(f"drift {state}"))
+            state: GaussMarkov(errors.drift, context.start_at, own(f"drift {state}"))
             for state, errors in self._errors.items()
             if errors.drift and errors.drift.deviation > 0.0
         }
-        self._jumps = context.own_streams("jump")
+        self._jumps = own("jump")
         self._interval: StateInterval | None = None
         self._entered_at = 0  # Instant (ns) at which the drift restarted
         self._shift = (0.0, 0.0)  # Change of the drift (m) by its restart, at that instant
@@ -109,6 +109,22 @@ class ReceiverErrors:
             return east, north
         kept = exp(-(now - self._entered_at) / SECOND / drift.time_constant)
         return east + kept * self._shift[0], north + kept * self._shift[1]
+
+
+def draw_truncated(
+    deviation: float, radius: float, draws: tuple[float, float]
+) -> tuple[float, float]:
+    """Draw from the stationary distribution of a Gauss–Markov process, truncated to a circle.
+
+    `deviation` (m) is the standard deviation per axis; the circle of `radius` (m) is centred at 0;
+    `draws` are uniform in [0, 1). Inverts the distribution function of Rayleigh's distribution.
+    """
+    if deviation <= 0.0 or radius <= 0.0:
+        return 0.0, 0.0
+    probability = -expm1(-0.5 * (radius / deviation) ** 2)
+    distance = min(deviation * sqrt(-2.0 * log1p(-draws[0] * probability)), radius)
+    angle = 2.0 * pi * draws[1]
+    return distance * cos(angle), distance * sin(angle)
 
 
 # ---- The error model that a receiver states: what an estimator may know of its errors

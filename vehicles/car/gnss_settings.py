@@ -1,10 +1,10 @@
 """Settings of a GNSS receiver: its rate, white noise, and position errors.
 
-To add an error, add a field to `GnssSettings` whose type is an `ErrorTerm`, or a kind to ERRORS.
+To add an error, add a kind to ERRORS.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from math import degrees, hypot, sqrt
 from typing import Annotated, Any, Literal, get_args
 
@@ -60,8 +60,9 @@ class StateErrors:
     """Position errors in one fix state: white noise (m, per axis), Gauss–Markov drift.
 
     Omitted keys have the values of the preset of the state: rtk_fixed, rtk_float or single. With
-    `entry_jump_m` the drift restarts when the state is entered. Without, it continues in the
-    background while the receiver is in another state.
+    `entry_jump_m` the drift restarts within this distance of 0 when the state is entered, also
+    after an outage. Without, it continues in the background while the receiver is in another state.
+    An accuracy_ratio of 1 is correct; 0.05 was measured for one solver.
     """
 
     position_noise: Annotated[
@@ -74,29 +75,13 @@ class StateErrors:
     entry_jump: Annotated[
         float | None,
         Setting(
-            "restart the drift within this distance of 0 when the state is entered, also after an "
-            "outage; if not set, the drift continues",
-            unit="m",
-            minimum=0,
-            maximum=1000,
-            example=0.5,
+            "restart the drift this near to 0 when the state begins", "m", 0, 1000, example=0.5
         ),
     ] = None
     accuracy: Annotated[
         float,
-        Setting(
-            "reported accuracy over true standard deviation: 1 is correct; 0.05 was measured for "
-            "one solver",
-            unit="ratio",
-            above=0,
-            maximum=100,
-        ),
+        Setting("reported accuracy over true standard deviation", "ratio", above=0, maximum=100),
     ] = 1.0
-
-    def entry_problems(self, key: str = "") -> Iterator[Problem]:
-        """Report an entry jump without a drift; `key` is the prefix of the table."""
-        if self.entry_jump is not None and self.drift is None:
-            yield f"{key}entry_jump_m", "given without drift, which it restarts"
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,10 +118,7 @@ class GnssSettings(StateErrors):
     ] = "fixed"
     common_drift: Annotated[
         CommonDrift | None,
-        Setting(
-            "drift shared by all receivers (satellites, atmosphere), which does not change "
-            "distances between vehicles"
-        ),
+        Setting("drift shared by all receivers, which does not change distances between vehicles"),
     ] = None
     bias: Annotated[
         Bias | None, Setting("a constant error per vehicle, configured and random parts")
@@ -156,16 +138,13 @@ class GnssSettings(StateErrors):
         Setting("changing fix states; the first one is `fix`", kinds=FIX_STATE_LAWS),
     ] = None
     while_fixed: Annotated[
-        StateErrors | None,
-        Setting('errors in state "fixed", if `fix` is another state; defaults: preset rtk_fixed'),
+        StateErrors | None, Setting('errors in state "fixed"; defaults: preset rtk_fixed')
     ] = None
     while_float: Annotated[
-        StateErrors | None,
-        Setting('errors in state "float", if `fix` is another state; defaults: preset rtk_float'),
+        StateErrors | None, Setting('errors in state "float"; defaults: preset rtk_float')
     ] = None
     while_single: Annotated[
-        StateErrors | None,
-        Setting('errors in state "single", if `fix` is another state; defaults: preset single'),
+        StateErrors | None, Setting('errors in state "single"; defaults: preset single')
     ] = None
     outages: Annotated[
         tuple[FixOutage, ...], Setting("times and places without a fix", kinds=OUTAGES)
@@ -180,9 +159,7 @@ class GnssSettings(StateErrors):
     @property
     def error_terms(self) -> tuple[ErrorTerm, ...]:
         """Errors added to those of the fix state, shared ones last."""
-        values = (getattr(self, field.name) for field in fields(self))
-        terms = [value for value in values if isinstance(value, ErrorTerm)]
-        terms += self.errors
+        terms = [term for term in (self.common_drift, self.bias, *self.errors) if term is not None]
         return tuple(sorted(terms, key=lambda term: term.shared))
 
     @property
@@ -199,9 +176,8 @@ class GnssSettings(StateErrors):
         if state == self.fix:
             return self
         configured: StateErrors | None = getattr(self, f"while_{state}")
-        preset = dict(PRESETS[PRESET_OF_STATE[state]])
-        del preset["fix"]
-        return configured or StateErrors(**preset)
+        preset = PRESETS[PRESET_OF_STATE[state]].items()
+        return configured or StateErrors(**{key: value for key, value in preset if key != "fix"})
 
     def deviation(self, state: FixState, *, shared: bool = True) -> float:
         """True standard deviation (m) per axis in a state, of all independent random errors.
@@ -211,9 +187,9 @@ class GnssSettings(StateErrors):
         """
         errors = self.errors_in(state)
         variance = errors.position_noise**2 + (errors.drift or NO_DRIFT).deviation ** 2
-        own = sum([error.variance for error in self.error_terms if not error.shared], variance)
-        common = sum([error.variance for error in self.error_terms if error.shared])
-        return sqrt(own + (self.quantisation**2 / 12.0 + (common if shared else 0.0)))
+        own = sum([term.variance for term in self.error_terms if not term.shared], variance)
+        common = sum([term.variance for term in self.error_terms if term.shared and shared])
+        return sqrt(own + (self.quantisation**2 / 12.0 + common))
 
     @property
     def states(self) -> list[FixState]:
@@ -247,17 +223,16 @@ class GnssSettings(StateErrors):
         return hypot(max((drift.deviation for drift in drifts), default=0.0), sqrt(sum(own)))
 
     def problems(self) -> Iterator[Problem]:
-        yield from self.entry_problems()
-        for state in STATES_WITH_FIX:
-            key = f"while_{state}"
-            errors: StateErrors | None = getattr(self, key)
-            if errors is None:
-                continue
-            if state == self.fix:
-                yield key, f'given for fix = "{self.fix}", whose errors are keys of gnss itself'
-            elif self.fix_states is None:
-                yield key, "given without fix_states, so this state never occurs"
-            yield from errors.entry_problems(f"{key}.")
+        own = {state: getattr(self, f"while_{state}") for state in STATES_WITH_FIX}
+        for state, errors in own.items():
+            if errors is not None and state == self.fix:
+                reason = f'given for fix = "{self.fix}", whose errors are keys of gnss itself'
+                yield f"while_{state}", reason
+            elif errors is not None and self.fix_states is None:
+                yield f"while_{state}", "given without fix_states, so this state never occurs"
+        for key, errors in (("", self), *((f"while_{state}.", own[state]) for state in own)):
+            if errors is not None and errors.entry_jump is not None and errors.drift is None:
+                yield f"{key}entry_jump_m", "given without drift, which it restarts"
         if self.fix_states is not None:
             for key, reason in self.fix_states.problems(self.fix):
                 yield f"fix_states.{key}", reason
