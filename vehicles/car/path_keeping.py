@@ -127,35 +127,27 @@ class PathKeeping:
         gradient = self._wheelbase + self._steer_gradient * v * v
         longer = 0.5 * slip * slip  # 1/cos θ̃ = 1 + (l κ)²/2, to fourth order
         kappa = sampled[0] + longer * sampled[0] ** 3
+        kappas, headings, angles, start = [], [], [], first * step
         if sampled.count(sampled[0]) == count:  # an arc or a line
-            return PathMotion(
-                AlongPath(0.0, step, (kappa,)),
-                AlongPath(0.0, step, (math.atan(-slip * kappa),)),
-                AlongPath(0.0, step, (gradient * kappa,)),
-            )
-        (keep, gain), (loss, rest), (of_heading, of_turn) = self._off_an_arc(step, v, slip)
-        by_heading, by_turn = self._by_heading, self._by_turn
-        heading = turn = 0.0  # θ̃ and ρ minus those of an arc of the same curvature
-        kappas, headings, angles = [], [], []
-        for k, flat in enumerate(sampled[1:], 1):
-            following = flat + longer * flat * flat * flat
-            change = following - kappa
-            if change or heading:  # both are 0 before the first change
-                heading, turn = (
-                    keep * heading + gain * turn + of_heading * change,
-                    loss * heading + rest * turn + of_turn * change,
-                )
-            kappa = following
-            if k >= fading:
-                kappas.append(kappa)
-                headings.append(math.atan(heading - slip * kappa))
-                angles.append(gradient * kappa - by_heading * heading + by_turn * turn)
-        start = first * step
-        return PathMotion(
-            AlongPath(start, step, kappas),
-            AlongPath(start, step, headings),
-            AlongPath(start, step, angles),
-        )
+            kappas, headings, angles = [kappa], [math.atan(-slip * kappa)], [gradient * kappa]
+        else:
+            (keep, gain), (loss, rest), (of_heading, of_turn) = self._off_an_arc(step, v, slip)
+            by_heading, by_turn = self._by_heading, self._by_turn
+            heading = turn = 0.0  # θ̃ and ρ minus those of an arc of the same curvature
+            for k, flat in enumerate(sampled[1:], 1):
+                following = flat + longer * flat * flat * flat
+                change = following - kappa
+                if change or heading:  # both are 0 before the first change
+                    heading, turn = (
+                        keep * heading + gain * turn + of_heading * change,
+                        loss * heading + rest * turn + of_turn * change,
+                    )
+                kappa = following
+                if k >= fading:
+                    kappas.append(kappa)
+                    headings.append(math.atan(heading - slip * kappa))
+                    angles.append(gradient * kappa - by_heading * heading + by_turn * turn)
+        return PathMotion(*(AlongPath(start, step, one) for one in (kappas, headings, angles)))
 
     def _off_an_arc(self, step: float, v: float, slip: float) -> tuple[Pair, Pair, Pair]:
         """Propagation of θ̃ and ρ, minus those of an arc, over a `step` (m): eqs. (1), (2).
