@@ -80,9 +80,8 @@ class ExactSensor:
 
 # ---- Dead reckoning with the inertial sensor, and the growth of its error
 #
-# Gyroscope and wheels measure yaw rate and speed. The lateral speed follows from the yaw rate by
-# the single-track model. The densities below are the process noise of a filter that corrects dead
-# reckoning with fixes.
+# The lateral speed follows from the yaw rate by the single-track model. The densities below are the
+# process noise of a filter that corrects dead reckoning with fixes.
 
 
 MIN_LAG: Final = 1e-3  # Lower bound (s) of the slip's time constant, for a car that hardly moves

@@ -75,16 +75,6 @@ class GapMeasurement:
         return self.gap + self.rate * age, self.rate, age
 
 
-@dataclass(frozen=True, slots=True)
-class _Sample:
-    """Own state at an instant of measurement (ns), and normal numbers for gap and rate."""
-
-    at: int
-    body: Body
-    gap_noise: float
-    rate_noise: float
-
-
 TargetAt = Callable[[int], TruePose | None]  # Newest true pose by an instant (ns)
 
 
@@ -112,7 +102,7 @@ class GapSensor:
         self._due = Timer(period, control.start_at, steady=True)
         self._valid_for = settings.latency + MISSED * period
         self._random = random
-        self._pending: deque[_Sample] = deque()
+        self._pending: deque[tuple[int, Body, float, float]] = deque()
 
     def measure(self, body: Body, now: int, target_at: TargetAt) -> GapMeasurement | None:
         """Measure if `now` (ns) is an instant of measurement; return what becomes available now.
@@ -121,35 +111,32 @@ class GapSensor:
         instant, which arrives in the meantime.
         """
         if self._control.due(now) and self._due.is_due(now):
-            self._pending.append(_Sample(now, body, *self._random.standard_normal(2).tolist()))
+            self._pending.append((now, body, *self._random.standard_normal(2).tolist()))
         made: GapMeasurement | None = None
-        while self._pending and self._pending[0].at + self._settings.latency <= now:
-            sample = self._pending.popleft()
-            made = self._measured(sample, target_at(sample.at))
+        while self._pending and self._pending[0][0] + self._settings.latency <= now:
+            at, own, gap_noise, rate_noise = self._pending.popleft()
+            made = self._measured(at, own, target_at(at), gap_noise, rate_noise)
         return made
 
-    def _measured(self, sample: _Sample, target: TruePose | None) -> GapMeasurement:
-        valid_until = sample.at + self._valid_for
-        nothing = GapMeasurement(sample.at, valid_until)
-        if target is None or sample.at - target.true_at_ns > OLDEST_POSE:
+    def _measured(
+        self, at: int, own: Body, target: TruePose | None, gap_noise: float, rate_noise: float
+    ) -> GapMeasurement:
+        settings, valid_until = self._settings, at + self._valid_for
+        nothing = GapMeasurement(at, valid_until)
+        if target is None or at - target.true_at_ns > OLDEST_POSE:
             return nothing
-        own, ahead = sample.body, _moved(target, sample.at)
-        east, north = _point(ahead, self._rear)
-        from_east, from_north = _point(own, self._front)
-        east, north = east - from_east, north - from_north
+        ends = zip(_end(_moved(target, at), self._rear), _end(own, self._front), strict=True)
+        east, north, away_east, away_north = (there - here for there, here in ends)
         gap = math.hypot(east, north)
         bearing = math.remainder(math.atan2(north, east) - own.yaw, 2.0 * math.pi)
-        settings = self._settings
         if not 0.0 < gap <= settings.reach or abs(bearing) > 0.5 * settings.field_of_view:
             return nothing
-        ahead_speeds, own_speeds = _velocity(ahead, self._rear), _velocity(own, self._front)
-        closing = [theirs - ours for theirs, ours in zip(ahead_speeds, own_speeds, strict=True)]
-        rate = (east * closing[0] + north * closing[1]) / gap
+        rate = (east * away_east + north * away_north) / gap
         return GapMeasurement(
-            sample.at,
+            at,
             valid_until,
-            max(gap + settings.gap_noise * sample.gap_noise, 0.0),
-            rate + settings.gap_rate_noise * sample.rate_noise,
+            max(gap + settings.gap_noise * gap_noise, 0.0),
+            rate + settings.gap_rate_noise * rate_noise,
         )
 
 
@@ -166,15 +153,14 @@ def _moved(pose: TruePose, now: int) -> Body:
     )
 
 
-def _point(body: Body, ahead: float) -> tuple[float, float]:
-    """Position (m) on the long axis, `ahead` (m) of the centre of mass."""
-    return body.east + ahead * math.cos(body.yaw), body.north + ahead * math.sin(body.yaw)
-
-
-def _velocity(body: Body, ahead: float) -> tuple[float, float]:
-    along, left = body.speed, body.lateral_speed + body.yaw_rate * ahead
+def _end(body: Body, ahead: float) -> tuple[float, float, float, float]:
+    """Position (m) and velocity (m/s) of the long axis, `ahead` (m) of the centre of mass."""
     ux, uy = math.cos(body.yaw), math.sin(body.yaw)
-    return along * ux - left * uy, along * uy + left * ux
+    along, left = body.speed, body.lateral_speed + body.yaw_rate * ahead
+    return (
+        *(body.east + ahead * ux, body.north + ahead * uy),
+        *(along * ux - left * uy, along * uy + left * ux),
+    )
 
 
 # ---- Settings of the inertial sensor (TOML table `[imu]`)
