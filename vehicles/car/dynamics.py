@@ -18,6 +18,7 @@ continuous in v.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -25,7 +26,6 @@ from vehicles.car.parameters import VehicleParameters
 from vehicles.car.tyres import (
     GRAVITY,
     WALKING_PACE,
-    Coefficients,
     lateral_coefficients,
     lateral_share,
 )
@@ -34,35 +34,6 @@ STEP_PER_RATE: Final = 0.45  # Longest sub-step, in units of the shortest time c
 RATE_LIMITED_STEP: Final = 0.0025  # Longest sub-step (s) near the rate limit
 
 Vector4 = tuple[float, float, float, float]
-
-
-def integrate_position(
-    position: Vector4, speeds: Vector4, lateral_speeds: Vector4, yaw_rates: Vector4, h: float
-) -> Vector4:
-    """Integrate (east, north, yaw, distance) over h (s), by the classical Runge–Kutta method.
-
-    The other arguments hold the values at its four stages: speeds along and across the body (m/s)
-    and yaw rate (rad/s).
-    """
-    east, north, yaw, distance = position
-    (v1, v2, v3, v4), (y1, y2, y3, y4), (r1, r2, r3, r4) = speeds, lateral_speeds, yaw_rates
-    cos, sin, sqrt, half = math.cos, math.sin, math.sqrt, 0.5 * h
-    q2, q3, q4 = yaw + half * r1, yaw + half * r2, yaw + h * r3
-    k1, k2, k3, k4 = cos(yaw), cos(q2), cos(q3), cos(q4)
-    z1, z2, z3, z4 = sin(yaw), sin(q2), sin(q3), sin(q4)
-    sixth = h / 6.0
-    eastward = (v1 * k1 - y1 * z1) + (v4 * k4 - y4 * z4)
-    eastward += 2.0 * ((v2 * k2 - y2 * z2) + (v3 * k3 - y3 * z3))
-    northward = (v1 * z1 + y1 * k1) + (v4 * z4 + y4 * k4)
-    northward += 2.0 * ((v2 * z2 + y2 * k2) + (v3 * z3 + y3 * k3))
-    along = sqrt(v1 * v1 + y1 * y1) + sqrt(v4 * v4 + y4 * y4)
-    along += 2.0 * (sqrt(v2 * v2 + y2 * y2) + sqrt(v3 * v3 + y3 * y3))
-    return (
-        east + sixth * eastward,
-        north + sixth * northward,
-        yaw + sixth * (r1 + 2.0 * (r2 + r3) + r4),
-        distance + sixth * along,
-    )
 
 
 def actuator(p: VehicleParameters) -> tuple[float, float]:
@@ -97,12 +68,80 @@ def actuator(p: VehicleParameters) -> tuple[float, float]:
 
 
 Vector5 = tuple[float, float, float, float, float]
-_Axles = tuple[float, float, float, float, float, float, float, float, float, float]
+_Axles = tuple[float, ...]  # The brush model's constants at a longitudinal force, see `_axles`
+_Rates = Callable[[float, float, float, float, _Axles], tuple[float, float, float]]
 
 
-def _rates(v: float, y: float, r: float, s: float, tyres: _Axles) -> tuple[float, float, float]:
-    """Derivatives of speed (without drive), lateral speed and yaw rate."""
-    a, b, turn_front, turn_rear, front, most_front, front_bend, rear, most_rear, rear_bend = tyres
+def _step(  # noqa: PLR0917 - every tick calls this
+    rates: _Rates,
+    axles: _Axles,
+    position: Vector4,
+    state: Vector5,
+    command: float,
+    drive: float,
+    h: float,
+    actuation: tuple[float, float],
+    planned: tuple[float, float] | None,
+) -> tuple[Vector4, Vector5]:
+    """One Runge-Kutta step, written out because runs spend most of their time here.
+
+    `position` is (east, north, yaw, distance), `state` is (speed, lateral speed, yaw rate,
+    steering, steering rate). Its derivative at stage i is (ci + drive, ai, bi, wi, di), unless the
+    speeds in the middle and at the end of the step are `planned`.
+    """
+    square, damping = actuation
+    (v1, y1, r1, s1, w1), half = state, 0.5 * h
+
+    c1, a1, b1 = rates(v1, y1, r1, s1, axles)
+    d1 = square * (command - s1) - damping * w1
+
+    v2 = v1 + half * (c1 + drive) if planned is None else planned[0]
+    y2, r2, s2, w2 = y1 + half * a1, r1 + half * b1, s1 + half * w1, w1 + half * d1
+    c2, a2, b2 = rates(v2, y2, r2, s2, axles)
+    d2 = square * (command - s2) - damping * w2
+
+    v3 = v1 + half * (c2 + drive) if planned is None else planned[0]
+    y3, r3, s3, w3 = y1 + half * a2, r1 + half * b2, s1 + half * w2, w1 + half * d2
+    c3, a3, b3 = rates(v3, y3, r3, s3, axles)
+    d3 = square * (command - s3) - damping * w3
+
+    v4 = v1 + h * (c3 + drive) if planned is None else planned[1]
+    y4, r4, s4, w4 = y1 + h * a3, r1 + h * b3, s1 + h * w3, w1 + h * d3
+    c4, a4, b4 = rates(v4, y4, r4, s4, axles)
+    d4 = square * (command - s4) - damping * w4
+
+    sixth = h / 6.0
+    east, north, yaw, distance = position
+    cos, sin, sqrt = math.cos, math.sin, math.sqrt
+    q2, q3, q4 = yaw + half * r1, yaw + half * r2, yaw + h * r3
+    k1, k2, k3, k4 = cos(yaw), cos(q2), cos(q3), cos(q4)
+    z1, z2, z3, z4 = sin(yaw), sin(q2), sin(q3), sin(q4)
+    eastward = (v1 * k1 - y1 * z1) + (v4 * k4 - y4 * z4)
+    eastward += 2.0 * ((v2 * k2 - y2 * z2) + (v3 * k3 - y3 * z3))
+    northward = (v1 * z1 + y1 * k1) + (v4 * z4 + y4 * k4)
+    northward += 2.0 * ((v2 * z2 + y2 * k2) + (v3 * z3 + y3 * k3))
+    along = sqrt(v1 * v1 + y1 * y1) + sqrt(v4 * v4 + y4 * y4)
+    along += 2.0 * (sqrt(v2 * v2 + y2 * y2) + sqrt(v3 * v3 + y3 * y3))
+    final = v1 + h * drive + sixth * (c1 + 2.0 * (c2 + c3) + c4)
+    return (
+        east + sixth * eastward,
+        north + sixth * northward,
+        yaw + sixth * (r1 + 2.0 * (r2 + r3) + r4),
+        distance + sixth * along,
+    ), (
+        final if planned is None else planned[1],
+        y1 + sixth * (a1 + 2.0 * (a2 + a3) + a4),
+        r1 + sixth * (b1 + 2.0 * (b2 + b3) + b4),
+        s1 + sixth * (w1 + 2.0 * (w2 + w3) + w4),
+        w1 + sixth * (d1 + 2.0 * (d2 + d3) + d4),
+    )
+
+
+def _brush_rates(
+    v: float, y: float, r: float, s: float, axles: _Axles
+) -> tuple[float, float, float]:
+    """Derivatives of speed (without drive), lateral speed and yaw rate on the brush model."""
+    a, b, turn_front, turn_rear, front, most_front, front_bend, rear, most_rear, rear_bend = axles
     rolling = v if v > WALKING_PACE else WALKING_PACE
     slip = (y + a * r - v * s) / rolling
     x = front_bend * slip if slip > 0.0 else -front_bend * slip
@@ -119,52 +158,10 @@ def _rates(v: float, y: float, r: float, s: float, tyres: _Axles) -> tuple[float
     return r * y - f * s, f + g - r * v, turn_front * f - turn_rear * g
 
 
-def _brush_step(  # noqa: PLR0917 - every tick calls this
-    position: Vector4,
-    state: Vector5,
-    command: float,
-    drive: float,
-    h: float,
-    tyres: _Axles,
-    actuation: tuple[float, float],
-) -> tuple[Vector4, Vector5]:
-    """One Runge-Kutta step; the derivative of the state at stage i is (ci, ai, bi, wi, di)."""
-    square, damping = actuation
-    (v1, y1, r1, s1, w1), half = state, 0.5 * h
-
-    c1, a1, b1 = _rates(v1, y1, r1, s1, tyres)
-    d1 = square * (command - s1) - damping * w1
-
-    v2, y2, r2 = v1 + half * (c1 + drive), y1 + half * a1, r1 + half * b1
-    s2, w2 = s1 + half * w1, w1 + half * d1
-    c2, a2, b2 = _rates(v2, y2, r2, s2, tyres)
-    d2 = square * (command - s2) - damping * w2
-
-    v3, y3, r3 = v1 + half * (c2 + drive), y1 + half * a2, r1 + half * b2
-    s3, w3 = s1 + half * w2, w1 + half * d2
-    c3, a3, b3 = _rates(v3, y3, r3, s3, tyres)
-    d3 = square * (command - s3) - damping * w3
-
-    v4, y4, r4, s4, w4 = v1 + h * (c3 + drive), y1 + h * a3, r1 + h * b3, s1 + h * w3, w1 + h * d3
-    c4, a4, b4 = _rates(v4, y4, r4, s4, tyres)
-    d4 = square * (command - s4) - damping * w4
-
-    sixth = h / 6.0
-    return integrate_position(position, (v1, v2, v3, v4), (y1, y2, y3, y4), (r1, r2, r3, r4), h), (
-        v1 + h * drive + sixth * (c1 + 2.0 * (c2 + c3) + c4),
-        y1 + sixth * (a1 + 2.0 * (a2 + a3) + a4),
-        r1 + sixth * (b1 + 2.0 * (b2 + b3) + b4),
-        s1 + sixth * (w1 + 2.0 * (w2 + w3) + w4),
-        w1 + sixth * (d1 + 2.0 * (d2 + d3) + d4),
-    )
-
-
 # ---- Dynamics
 
 
 FASTEST_SLIDE: Final = 1000.0  # Limit of the lateral speed (m/s) of an unstable car
-
-_Lateral = tuple[float, float, float, float, float, float]
 
 
 class OutOfModelError(ValueError):
@@ -267,13 +264,17 @@ class CarMotion:
         limit = self._steering_limit
         command = -limit if command < -limit else limit if command > limit else command
         if self._saturates:
-            return self._slide(body, command, acceleration, span)
+            return self._move(body, command, acceleration, span, None)
         final_speed = body.speed + acceleration * span
         if final_speed >= 0.0:
-            return self._roll(body, command, final_speed, span)
-        rolling = -body.speed / acceleration
-        stopped = self._roll(body, command, 0.0, rolling)
-        return self._roll(stopped, command, 0.0, span - rolling)
+            moved = self._move(body, command, 0.0, span, final_speed)
+        else:
+            rolling = -body.speed / acceleration
+            stopped = self._move(body, command, 0.0, rolling, 0.0)
+            moved = self._move(stopped, command, 0.0, span - rolling, 0.0)
+        if not abs(moved.lateral_speed) < FASTEST_SLIDE:
+            raise OutOfModelError(f"the car spins: it is unstable at {moved.speed:.1f} m/s")
+        return moved
 
     def fastest_rate(self, speed: float) -> float:
         """Fastest rate (1/s) at `speed` (m/s): damping of eqs. (1), (2), or pole of eq. (4)."""
@@ -310,38 +311,53 @@ class CarMotion:
             return angle, math.copysign(self._rate_limit, rate)
         return angle, rate
 
-    def _slide(self, body: Body, command: float, acceleration: float, span: float) -> Body:
-        """Advance on the brush model, with up to the acceleration (m/s²) that friction allows."""
+    def _move(
+        self,
+        body: Body,
+        command: float,
+        acceleration: float,
+        span: float,
+        final_speed: float | None,
+    ) -> Body:
+        """Move the car by `span` (s), with up to the acceleration (m/s²) that friction allows.
+
+        On linear tyres the speed changes linearly to `final_speed` (m/s) instead.
+        """
         if span <= 0.0:
             return body
-        # In a slide the rotation of the body also changes the speed along it.
-        gained = span * (acceleration + body.yaw_rate * body.lateral_speed)
-        slowest = body.speed + gained if gained < 0.0 else body.speed
-        count, near_limit = self._substeps(
-            span, slowest, command - body.steering, body.steering_rate
-        )
+        if final_speed is None:
+            # In a slide the rotation of the body also changes the speed along it.
+            gained = span * (acceleration + body.yaw_rate * body.lateral_speed)
+            slowest = body.speed + gained if gained < 0.0 else body.speed
+        else:
+            slowest = final_speed if final_speed < body.speed else body.speed
+        off, rate = command - body.steering, body.steering_rate
+        count, near_limit = self._substeps(span, slowest, off, rate)
         grip, h, free = self._grip, span / count, self._free
         given = -grip if acceleration < -grip else grip if acceleration > grip else acceleration
-        rolls = body.speed > 0.0 or given > 0.0
-        drive = given if rolls else 0.0
-        axles = self._axles(drive)
+        drive = given if body.speed > 0.0 or given > 0.0 else 0.0
+        rates, axles, planned = _brush_rates, self._axles(drive), None
+        if final_speed is not None:
+            rates, change = self._linear_rates, (final_speed - body.speed) / count
         position: Vector4 = (body.east, body.north, body.yaw, body.distance)
         speed, lateral, yaw_rate = body.speed, body.lateral_speed, body.yaw_rate
-        steering, rate = body.steering, body.steering_rate
-        for _ in range(count):
+        steering = body.steering
+        for index in range(count):
+            if final_speed is not None:
+                faster = body.speed + change * (index + 1)
+                planned = 0.5 * (speed + faster), faster
             actuation = self._actuation(command - steering, rate) if near_limit else free
-            position, (speed, lateral, yaw_rate, steering, rate) = _brush_step(
-                position, (speed, lateral, yaw_rate, steering, rate), command, drive, h, axles,
-                actuation,
-            )  # fmt: skip
+            state = speed, lateral, yaw_rate, steering, rate
+            position, (speed, lateral, yaw_rate, steering, rate) = _step(
+                rates, axles, position, state, command, drive, h, actuation, planned
+            )
             if abs(steering) > self._steering_limit or abs(rate) > self._rate_limit:
                 steering, rate = self._clamped(steering, rate)
-            if speed <= 0.0:  # the car does not roll backwards
-                speed = 0.0
-            if (speed > 0.0 or given > 0.0) != rolls:
-                rolls = not rolls
-                drive = given if rolls else 0.0
-                axles = self._axles(drive)
+            speed = speed if speed > 0.0 else 0.0  # the car does not roll backwards
+            possible = given if speed > 0.0 or given > 0.0 else 0.0
+            if possible != drive:
+                drive, axles = possible, self._axles(possible)
+        speed = speed if final_speed is None else final_speed
         east, north, yaw, distance = position
         return Body(east, north, yaw, speed, lateral, yaw_rate, steering, rate, distance)
 
@@ -360,101 +376,25 @@ class CarMotion:
             *(front, most_front, front_bend, rear, most_rear, rear_bend),
         )
 
-    def _roll(self, body: Body, command: float, final_speed: float, span: float) -> Body:
-        """Advance on linear tyres while the speed changes linearly to `final_speed` (m/s)."""
-        if span <= 0.0:
-            return body
-        p, tyres, free = self._parameters, self._tyres, self._free
-        off, slowest = command - body.steering, min(body.speed, final_speed)
-        count, near_limit = self._substeps(span, slowest, off, body.steering_rate)
-        position = (body.east, body.north, body.yaw, body.distance)
-        state = (body.lateral_speed, body.yaw_rate, body.steering, body.steering_rate)
-        speed, change = body.speed, (final_speed - body.speed) / count
-        before = middle = after = _lateral_rates(speed, tyres, p)
-        for index in range(count):
-            faster = body.speed + change * (index + 1)
-            speeds = (speed, 0.5 * (speed + faster), faster)
-            if change != 0.0:
-                middle = _lateral_rates(speeds[1], tyres, p)
-                after = _lateral_rates(faster, tyres, p)
-            position, state = _step(
-                position, state, speeds, (before, middle, after), command=command, h=span / count,
-                actuation=self._actuation(command - state[2], state[3]) if near_limit else free,
-            )  # fmt: skip
-            if abs(state[2]) > self._steering_limit or abs(state[3]) > self._rate_limit:
-                state = (state[0], state[1], *self._clamped(state[2], state[3]))
-            speed, before = faster, after
-        if not abs(state[0]) < FASTEST_SLIDE:
-            raise OutOfModelError(f"the car spins: it is unstable at {final_speed:.1f} m/s")
-        return Body(position[0], position[1], position[2], final_speed, *state, position[3])
+    def _linear_rates(
+        self, v: float, y: float, r: float, s: float, axles: _Axles
+    ) -> tuple[float, float, float]:
+        """Derivatives of lateral speed and yaw rate on linear tyres, which leave the speed alone.
+
+        Below WALKING_PACE the matrix is that at WALKING_PACE, and the column of the steering gives
+        the equilibrium of the present speed.
+        """
+        a, b, c, d, e, f = self._tyres
+        rolling = v if v > WALKING_PACE else WALKING_PACE
+        vv, vr, rv, rr = a / rolling, b / rolling - rolling, d / rolling, e / rolling
+        if v < WALKING_PACE:
+            p = self._parameters
+            yaw_gain = v / (p.wheelbase + p.steer_gradient * v * v)
+            slip_gain = p.steady_slip_per_curvature(v) * yaw_gain
+            c, f = -(vv * slip_gain + vr * yaw_gain), -(rv * slip_gain + rr * yaw_gain)
+        return 0.0, vv * y + vr * r + c * s, rv * y + rr * r + f * s
 
 
 def fastest_rate(p: VehicleParameters) -> float:
     """Fastest rate (1/s) of tyres and steering over all speeds: that at WALKING_PACE."""
     return CarMotion(p).fastest_rate(WALKING_PACE)
-
-
-def _lateral_rates(speed: float, tyres: Coefficients, p: VehicleParameters) -> _Lateral:
-    """Coefficients (a, b, c, d, e, f) of v_y' = a v_y + b r + c delta, r' = d v_y + e r + f delta.
-
-    Below WALKING_PACE the matrix is that at WALKING_PACE, and the column of the steering gives the
-    equilibrium of the present speed.
-    """
-    v = max(speed, WALKING_PACE)
-    a, b, c, d, e, f = tyres
-    vv, vr, rv, rr = a / v, b / v - v, d / v, e / v
-    if speed >= WALKING_PACE:
-        return vv, vr, c, rv, rr, f
-    yaw_gain = speed / (p.wheelbase + p.steer_gradient * speed * speed)
-    slip_gain = p.steady_slip_per_curvature(speed) * yaw_gain
-    return (
-        *(vv, vr, -(vv * slip_gain + vr * yaw_gain)),
-        *(rv, rr, -(rv * slip_gain + rr * yaw_gain)),
-    )
-
-
-def _step(
-    position: Vector4,
-    state: Vector4,
-    speeds: tuple[float, float, float],
-    rates: tuple[_Lateral, _Lateral, _Lateral],
-    *,
-    command: float,
-    h: float,
-    actuation: tuple[float, float],
-) -> tuple[Vector4, Vector4]:
-    """One Runge-Kutta step, written out because runs spend most of their time here.
-
-    `position` is (east, north, yaw, distance), `state` is (lateral speed, yaw rate, steering,
-    steering rate). Speeds and rates are those at the start, the middle and the end of the step.
-    The derivative of the state at stage i is (ai, bi, wi, di).
-    """
-    square, damping = actuation
-    (y1, r1, s1, w1), half = state, 0.5 * h
-
-    vv, vr, vs, rv, rr, rs = rates[0]
-    a1, b1 = vv * y1 + vr * r1 + vs * s1, rv * y1 + rr * r1 + rs * s1
-    d1 = square * (command - s1) - damping * w1
-
-    vv, vr, vs, rv, rr, rs = rates[1]
-    y2, r2, s2, w2 = y1 + half * a1, r1 + half * b1, s1 + half * w1, w1 + half * d1
-    a2, b2 = vv * y2 + vr * r2 + vs * s2, rv * y2 + rr * r2 + rs * s2
-    d2 = square * (command - s2) - damping * w2
-
-    y3, r3, s3, w3 = y1 + half * a2, r1 + half * b2, s1 + half * w2, w1 + half * d2
-    a3, b3 = vv * y3 + vr * r3 + vs * s3, rv * y3 + rr * r3 + rs * s3
-    d3 = square * (command - s3) - damping * w3
-
-    vv, vr, vs, rv, rr, rs = rates[2]
-    y4, r4, s4, w4 = y1 + h * a3, r1 + h * b3, s1 + h * w3, w1 + h * d3
-    a4, b4 = vv * y4 + vr * r4 + vs * s4, rv * y4 + rr * r4 + rs * s4
-    d4 = square * (command - s4) - damping * w4
-
-    sixth = h / 6.0
-    (v1, v2, v4) = speeds
-    return integrate_position(position, (v1, v2, v2, v4), (y1, y2, y3, y4), (r1, r2, r3, r4), h), (
-        y1 + sixth * (a1 + 2.0 * (a2 + a3) + a4),
-        r1 + sixth * (b1 + 2.0 * (b2 + b3) + b4),
-        s1 + sixth * (w1 + 2.0 * (w2 + w3) + w4),
-        w1 + sixth * (d1 + 2.0 * (d2 + d3) + d4),
-    )
