@@ -57,16 +57,11 @@ class CongestionControl:
         return MIN_INTERVALS[_state_of(max(entry.busy for entry in self.busy))]
 
     def begin(self, start_at: int) -> "ReactiveControl":
-        """Control over a run that starts at `start_at` (ns)."""
         return ReactiveControl(self, start_at)
 
 
 class ReactiveControl:
-    """Reactive congestion control of TS 102 687 V1.2.1, Annex A.1: minimum time between messages.
-
-    The state follows the channel busy ratio, by at most one state per evaluation, and starts at the
-    lowest.
-    """
+    """Congestion control over a run that starts at `start_at` (ns), in the lowest state."""
 
     def __init__(self, settings: CongestionControl, start_at: int) -> None:
         self._since = [start_at + nanoseconds(entry.at) for entry in settings.busy]
@@ -85,7 +80,6 @@ class ReactiveControl:
 
 
 def _state_of(busy_ratio: float) -> int:
-    """State that a busy ratio leads to (TS 102 687)."""
     return bisect_right(BUSY_RATIOS, busy_ratio) - 1
 
 
@@ -113,22 +107,11 @@ class SendingTrigger(Protocol):
 
     def sent(self, now: int, fix: Fix) -> None:
         """Record that `fix` was sent at `now` (ns)."""
-        ...
+        return
 
 
-class Trigger:
-    """Base of triggers that do not depend on the messages."""
-
-    __slots__ = ()
-
-    def sent(self, now: int, fix: Fix) -> None:
-        pass
-
-
-class InstantTrigger(Trigger):
+class InstantTrigger(SendingTrigger):
     """Triggers at given instants (ns); those barred by congestion control are skipped."""
-
-    __slots__ = ("_instants", "_next")
 
     def __init__(self, instants: Iterator[int]) -> None:
         self._instants = instants
@@ -182,11 +165,6 @@ class SendingRule(ABC):
         """Whether messages are periodic, except for missing fixes."""
         return self.has_period and self.dcc is None
 
-    @property
-    def first_send_delay(self) -> int:
-        """Time (ns) from the start to the first message, if it is not random."""
-        return 0
-
     @abstractmethod
     def begin(self, context: SendingContext) -> SendingTrigger:
         """Return the trigger of a run."""
@@ -230,10 +208,6 @@ class PhasedRule(SendingRule):
     drawn_phase: Annotated[bool, Setting("random phase per vehicle, within one period")] = False
 
     @property
-    def first_send_delay(self) -> int:
-        return self.phase
-
-    @property
     @abstractmethod
     def schedule_rate(self) -> float:
         """Rate (Hz) of the schedule."""
@@ -263,11 +237,8 @@ class PhasedRule(SendingRule):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EveryFix(SendingRule, Trigger):
-    """Each fix, as soon as it is available.
-
-    Section III-A: measurements are broadcast.
-    """
+class EveryFix(SendingRule, SendingTrigger):
+    """Each fix, as soon as it is available (Section III-A)."""
 
     has_period = True
 
@@ -386,7 +357,7 @@ class MeasuredIntervals(SendingRule):
         return f"random intervals: {table}, jitter {self.jitter / MILLISECOND:g} ms"
 
 
-class DrawnIntervalTrigger(Trigger):
+class DrawnIntervalTrigger(SendingTrigger):
     """Random intervals; a due message is sent at the next tick of the vehicle's schedule.
 
     The due instants are not rounded to ticks, so the mean interval is that of the distribution
