@@ -83,10 +83,9 @@ def maximum_gain(transfer: Transfer) -> float:
     the integral of the impulse response's magnitude, from partial fractions (simple poles) and the
     trapezoidal rule, within 1e-4. The transfer function must be stable and strictly proper.
     """
-    poles = np.roots(transfer.denominator)
-    residues = np.polyval(transfer.numerator, poles) / np.polyval(
-        np.polyder(transfer.denominator), poles
-    )
+    numerator, denominator = transfer.numerator, transfer.denominator
+    poles = np.roots(denominator)
+    residues = np.polyval(numerator, poles) / np.polyval(np.polyder(denominator), poles)
     span = 25.0 / -float(poles.real.max())
     count = int(np.ceil(400.0 * span * float(np.abs(poles).max()) / (2.0 * np.pi)))
     times = np.linspace(0.0, span, min(count, 400_000))
@@ -153,19 +152,15 @@ def simulated_propagation(
     """Ratio of the second follower's e_lat to the first's on a simulated chain; shape (n,).
 
     Lead and two followers with feedback on x_i - x_(i-1) (Section IV-B); the lead drives a sine of
-    each frequency (rad/s). The linear chain and the oscillator of the lead are integrated exactly,
-    by a matrix exponential; after settling, the first harmonic of a period is taken. Agrees with
-    `propagation` within 1e-3. The first follower's ratio to the lead is not G, as the lead moves
-    sideways without turning.
+    each frequency (rad/s). The chain and the sine are integrated exactly, by a matrix exponential;
+    after settling, the first harmonic of a period is taken. Agrees with `propagation` within 1e-3.
+    The first follower's ratio to the lead is not G, as the lead moves sideways without turning.
     """
     from scipy.linalg import expm  # noqa: PLC0415 - scipy is an extra
 
     constant, inverse_speed = open_loop(parameters)
-    free, row, column = (
-        constant + inverse_speed / speed,
-        feedback_row(gains),
-        steering_input(parameters),
-    )
+    free, row = constant + inverse_speed / speed, feedback_row(gains)
+    column = steering_input(parameters)
     if steering == "instantaneous":  # without the two states of the actuation
         free, row, column = free[:4, :4], row[:4], constant[:4, 4]
     size = len(row)
