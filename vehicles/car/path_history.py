@@ -36,10 +36,10 @@ class PathHistory:
     """Chooses few of the measured positions, so that their chords represent the path driven.
 
     SAE J2945/1, path history: each measured position lies within `CHORD_TOLERANCE` of the chord
-    between the chosen positions around it. The directions from the last chosen position whose chord
-    keeps this tolerance form a wedge, which each fix narrows. Once no direction is left, the chord
-    ends at the last fix that was in the wedge of all fixes before it. The cost of a fix does not
-    depend on the length of the chord.
+    between the chosen positions around it. The directions of chords from the last chosen position
+    that keep it form a wedge, which each fix narrows. Once it is empty, the chord ends at the last
+    fix that was in the wedge of all fixes before it. The cost of a fix does not depend on its
+    length.
     """
 
     def __init__(self, plane: LocalPlane, length: float, points: int) -> None:
@@ -55,7 +55,7 @@ class PathHistory:
         self._last: Fix | None = None
         self._stations: list[float] = []
         self._chosen: list[_Units] = []
-        self._deltas = NO_HISTORY
+        self._rows: list[_Units] = []  # Differences of the chosen positions, newest first
         self._begin_chord(0.0, 0.0)
 
     def _begin_chord(self, east: float, north: float) -> None:
@@ -151,16 +151,11 @@ class PathHistory:
         station = 0.0
         if self._chosen:
             station = self._stations[-1] + hypot(east - self._east, north - self._north)
-            newest = _differences(units, self._chosen[-1])
-            latitudes, longitudes, ages = self._deltas
-            self._deltas = (
-                (newest[0], *latitudes[: self._points - 1]),
-                (newest[1], *longitudes[: self._points - 1]),
-                (newest[2], *ages[: self._points - 1]),
-            )
+            self._rows.insert(0, _differences(units, self._chosen[-1]))
         self._stations.append(station)
         self._chosen.append(units)
         del self._stations[: -self._points], self._chosen[: -self._points]
+        del self._rows[self._points :]
         self._begin_chord(east, north)
 
     def deltas(self) -> HistoryDeltas:
@@ -185,14 +180,10 @@ class PathHistory:
         within = len(self._chosen) - bisect_left(self._stations, behind)
         if within:
             heads.append(self._chosen[-1])
-        first = [_differences(newer, older) for newer, older in pairwise(heads)][: self._points]
-        count = max(min(self._points - len(first), within - 1), 0)
-        latitudes, longitudes, ages = self._deltas
-        return (
-            tuple([delta[0] for delta in first]) + latitudes[:count],
-            tuple([delta[1] for delta in first]) + longitudes[:count],
-            tuple([delta[2] for delta in first]) + ages[:count],
-        )
+        rows = [_differences(newer, older) for newer, older in pairwise(heads)][: self._points]
+        rows += self._rows[: max(min(self._points - len(rows), within - 1), 0)]
+        latitudes, longitudes, ages = zip(*rows, strict=True) if rows else NO_HISTORY
+        return latitudes, longitudes, ages
 
 
 def _chords(fixes: list[Fix]) -> list[Fix]:
