@@ -57,10 +57,9 @@ class ErrorProcess(Protocol):
 class ErrorTerm(ABC):
     """Settings of a position error: a frozen dataclass whose fields are its parameters.
 
-    `begin(context)` draws the random numbers of a run and returns the error over time, an object
-    with the method `at` of `ErrorProcess`. Random numbers come only from the streams of the
-    context, so that the same seed gives the same run. Followers assume the `variance`; `describe`
-    is for tables.
+    `begin(context)` returns the error over a run, an object with the method `at` of `ErrorProcess`.
+    Random numbers come only from the streams of the context, so that the same seed gives the same
+    run. Followers assume the `variance`; `describe` is for tables.
     """
 
     __slots__ = ()
@@ -166,10 +165,7 @@ class GaussMarkov:
 
 @dataclass(frozen=True, slots=True)
 class CommonDrift(Drift, ErrorTerm):
-    """Drift shared by all receivers (satellites, atmosphere), a Gauss–Markov process.
-
-    It does not change distances between vehicles.
-    """
+    """Drift shared by all receivers (satellites, atmosphere); it keeps distances between cars."""
 
     shared = True
 
@@ -319,8 +315,7 @@ class FixStateLaw(ABC):
         """States that can be entered."""
 
     @abstractmethod
-    def problems(self, first: ReceiverState) -> Iterator[Problem]:
-        """Yield keys that contradict others."""
+    def problems(self, first: ReceiverState) -> Iterator[Problem]: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -396,15 +391,13 @@ class ChainOfStates(FixStateLaw):
         return {transition.to for transition in self.transitions}
 
     def problems(self, first: ReceiverState) -> Iterator[Problem]:
-        seen: set[tuple[ReceiverState, ReceiverState]] = set()
-        for index, transition in enumerate(self.transitions):
+        pairs = [(each.state, each.to) for each in self.transitions]
+        for index, (state, to) in enumerate(pairs):
             key = f"transitions[{index}].to"
-            pair = transition.state, transition.to
-            if transition.state == transition.to:
-                yield key, f'given "{transition.to}", allowed another state'
-            elif pair in seen:
-                yield key, f'from "{pair[0]}" to "{pair[1]}" is given twice, allowed once'
-            seen.add(pair)
+            if state == to:
+                yield key, f'given "{to}", allowed another state'
+            elif (state, to) in pairs[:index]:
+                yield key, f'from "{state}" to "{to}" is given twice, allowed once'
 
 
 FIX_STATE_LAWS: Mapping[str, type[FixStateLaw]] = {

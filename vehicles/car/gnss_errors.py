@@ -89,11 +89,7 @@ class ReceiverErrors:
     def _drift(
         self, state: FixState, interval: StateInterval, body: Body, now: int
     ) -> tuple[float, float]:
-        """Own drift (m) in this state; it restarts when the state is entered.
-
-        The difference of a restarted Gauss–Markov process from the undisturbed one decays
-        exponentially.
-        """
+        """Own drift (m) in this state; the change by its restart decays exponentially."""
         errors, process = self._errors[state], self._drifts.get(state)
         east, north = process.at(body, now) if process else (0.0, 0.0)
         drift = errors.drift or NO_DRIFT
@@ -114,10 +110,10 @@ class ReceiverErrors:
 def draw_truncated(
     deviation: float, radius: float, draws: tuple[float, float]
 ) -> tuple[float, float]:
-    """Draw from the stationary distribution of a Gauss–Markov process, truncated to a circle.
+    """Draw a normal position (m), truncated to a circle of `radius` (m) around 0.
 
-    `deviation` (m) is the standard deviation per axis; the circle of `radius` (m) is centred at 0;
-    `draws` are uniform in [0, 1). Inverts the distribution function of Rayleigh's distribution.
+    `deviation` (m) is the standard deviation per axis, `draws` are uniform in [0, 1). Inverts the
+    distribution function of Rayleigh's distribution.
     """
     if deviation <= 0.0 or radius <= 0.0:
         return 0.0, 0.0
@@ -140,9 +136,8 @@ LEAST_NOISE = 0.001  # Least white noise (m) of a position: receivers report mil
 class LastingError:
     """An error per axis that lasts from fix to fix: a stationary Gauss–Markov process.
 
-    Standard deviation (m), time constant (s, infinite for a constant error). It is part of the
-    fixes in `states`, and restarts with the deviation `entry_deviation` (m) whenever such a state
-    is entered, if given.
+    Standard deviation (m), time constant (s, infinite for a constant error). It is part of fixes in
+    `states`, and restarts with `entry_deviation` (m), if given, when such a state is entered.
     """
 
     deviation: float
@@ -163,10 +158,9 @@ class LastingError:
 class StatedErrors:
     """Errors of a receiver's positions, per axis.
 
-    `white` is the variance (m²) of the white noise by fix state, `period` (ns) that of fixes.
-    `common_variance` (m²) is that of the error shared by all receivers, which does not change
-    relative positions, and `common_density` (m²/s) its random walk, 2 σ²/τ of a Gauss–Markov
-    process.
+    `white` is the variance (m²) of the white noise by fix state, `period` (ns) that of fixes. The
+    error shared by all receivers, which does not change relative positions, has `common_variance`
+    (m²) and `common_density` (m²/s), its random walk, 2 σ²/τ of a Gauss–Markov process.
     """
 
     white: Mapping[FixState, float]

@@ -318,7 +318,7 @@ class MeasuredIntervals(SendingRule):
         return min(self.distribution[0]) - JITTER_CUTOFF * self.jitter  # ns
 
     def draw(self, random: Generator) -> int:
-        """Draw an interval (ns) by inversion of its distribution (Molina-Masegosa et al., 2020)."""
+        """Draw an interval (ns) by inversion of its distribution."""
         intervals, shares = self.distribution
         sums = list(accumulate(shares))
         index = bisect_right(sums, random.random() * sums[-1])
@@ -358,11 +358,10 @@ class MeasuredIntervals(SendingRule):
 
 
 class DrawnIntervalTrigger(SendingTrigger):
-    """Random intervals; a due message is sent at the next tick of the vehicle's schedule.
+    """Random intervals from an instant that is uniform within the first one.
 
-    The due instants are not rounded to ticks, so the mean interval is that of the distribution
-    (Molina-Masegosa et al., 2020). The first one is uniform within the first interval. An interval
-    is extended to the minimum of congestion control.
+    Due instants are not rounded to ticks, so the mean interval is that of the distribution. An
+    interval is extended to the minimum of congestion control.
     """
 
     def __init__(self, rule: MeasuredIntervals, start_at: int, random: Generator) -> None:
@@ -370,7 +369,6 @@ class DrawnIntervalTrigger(SendingTrigger):
         self._next = start_at + round(random.random() * rule.draw(random))
 
     def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
-        """Whether an interval ended (Molina-Masegosa et al., 2020); if so, the next one begins."""
         at = max(self._next, allowed_from)
         if now < at:
             return False
@@ -390,7 +388,7 @@ class RateEntry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RateProfile(SendingRule):
-    """At a changing rate; nothing is sent before the first entry."""
+    """At a changing rate, which rescales the current period; nothing before the first entry."""
 
     profile: Annotated[tuple[RateEntry, ...], Setting("rates in order of time", nonempty=True)]
 
@@ -398,10 +396,7 @@ class RateProfile(SendingRule):
         return InstantTrigger(self.instants(context, NO_END))
 
     def instants(self, context: SendingContext, end_at: int) -> Iterator[int]:
-        """Yield instants (ns) at which the integral of the rate is a whole number.
-
-        So a change of rate rescales the rest of the current period.
-        """
+        """Yield instants (ns) at which the integral of the rate is a whole number."""
         integral, target, last = Fraction(0), 0, end_at - context.start_at
         starts = [nanoseconds(entry.at) for entry in self.profile]
         for entry, start, end in zip(self.profile, starts, [*starts[1:], last], strict=True):
@@ -465,8 +460,7 @@ class CamTrigger:
     """The rule of EN 302 637-2, Section 6.1.3, applied to the newest fix at each check.
 
     A message is due if heading, position or speed have changed enough since the last one, or else
-    after the interval of the last such change. After three messages without a change the interval
-    is 1 s. `checks` are at most 100 ms apart.
+    after the interval of the last such change. After three messages without one it is 1 s.
     """
 
     def __init__(self, checks: Cadence) -> None:
@@ -480,8 +474,13 @@ class CamTrigger:
     def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
         if unsent is None or now < allowed_from or not self._checks.due(now):
             return False
+        last = self._last
+        self._changed = last is not None and (
+            abs(degrees(wrap_angle(unsent.yaw - last.yaw))) > HEADING
+            or hypot(unsent.east - last.east, unsent.north - last.north) > POSITION
+            or abs(unsent.speed - last.speed) > SPEED
+        )
         elapsed = now - self._sent_at + ROUNDING
-        self._changed = self._last is not None and _has_changed(self._last, unsent)
         return elapsed >= (MIN_INTERVAL if self._changed else self._interval)
 
     def sent(self, now: int, fix: Fix) -> None:
@@ -494,18 +493,10 @@ class CamTrigger:
         self._last, self._sent_at = fix, now
 
 
-def _has_changed(last: Fix, now: Fix) -> bool:
-    return (
-        abs(degrees(wrap_angle(now.yaw - last.yaw))) > HEADING
-        or hypot(now.east - last.east, now.north - last.north) > POSITION
-        or abs(now.speed - last.speed) > SPEED
-    )
-
-
 def cam_interval(speed: float, check: float) -> float:
-    """Interval (s) of messages by EN 302 637-2 at a constant speed (m/s) on a straight.
+    """Interval (s) of messages by EN 302 637-2 at a constant speed (m/s), checked each `check` (s).
 
-    That is the first check, of a period of `check` (s), after more than 4 m; 0.1 to 1 s.
+    On a straight, a message is due at the first check after more than 4 m and 0.1 to 1 s.
     """
     if speed * MAX_INTERVAL / SECOND <= POSITION:
         return MAX_INTERVAL / SECOND
@@ -527,7 +518,7 @@ RULES: Mapping[str, type[SendingRule]] = {
 
 
 class Sender:
-    """Sends the newest fix when a rule triggers (EN 302 637-2 or simpler), each fix at most once.
+    """Sends the newest fix when `rule` triggers, each fix at most once.
 
     `control` limits the rate (TS 102 687). `path` records each fix for the path history.
     """
