@@ -66,8 +66,7 @@ def _coefficients(parameters: VehicleParameters, speed: float, gains: Array) -> 
 def is_stabilising(parameters: VehicleParameters, speed: float, gains: Array) -> NDArray[np.bool_]:
     """Membership in the stabilising set at one speed, by Routh-Hurwitz; (..., 3) to (...).
 
-    Paper, Section III-F. Agrees with the roots themselves wherever the spectral abscissa is further
-    than 1e-9 of the steering frequency from zero.
+    Paper, Section III-F. Agrees with the roots beyond 1e-9 of the steering frequency from zero.
     """
     return is_hurwitz(_coefficients(parameters, speed, np.asarray(gains, dtype=np.float64)))
 
@@ -97,10 +96,9 @@ def is_stable_over(
 ) -> bool:
     """Whether all roots lie left of -decay (1/s) at every constant speed of an interval (m/s).
 
-    The hypothesis of Proposition 1 for the whole interval, not on a grid. A root crosses the line
-    only at a speed at which two eigenvalues of A(1/v) + decay sum to zero (Kronecker sum of the
-    matrix with itself; one real root is its own pair). These speeds are eigenvalues themselves.
-    One speed is tested between each two of them, and both ends.
+    The hypothesis of Proposition 1 for the whole interval, not on a grid. Roots cross the line only
+    at speeds at which two eigenvalues of A(1/v) + decay sum to zero, which are eigenvalues
+    themselves (Kronecker sum). One speed is tested between each two of them, and both ends.
     """
     if not 0.0 < slowest <= fastest:
         raise ValueError(f"speeds must satisfy 0 < slowest <= fastest: {slowest}, {fastest}")
@@ -110,13 +108,10 @@ def is_stable_over(
         np.kron(matrix, unit) + np.kron(unit, matrix)
         for matrix in (constant + decay * unit, inverse_speed)
     )
-    ends = [slowest, fastest]
-    try:
-        critical = np.linalg.eigvals(-np.linalg.solve(fixed, by_inverse)).real
-    except np.linalg.LinAlgError:  # two roots at infinite speed sum to zero
-        return False
-    ends[1:1] = np.sort(critical[(slowest < critical) & (critical < fastest)]).tolist()
-    probes = [slowest, *(0.5 * (low + high) for low, high in pairwise(ends)), fastest]
+    critical = np.linalg.eigvals(-np.linalg.solve(fixed, by_inverse)).real
+    inside = np.sort(critical[(slowest < critical) & (critical < fastest)]).tolist()
+    between = [0.5 * (low + high) for low, high in pairwise([slowest, *inside, fastest])]
+    probes = [slowest, *between, fastest]
     return bool((abscissa(parameters, gains, probes) < -decay).all())
 
 
@@ -209,10 +204,10 @@ def gain_box(
     """Rough bounds of k_e, k_theta and k_omega around the intersection over cars and speeds.
 
     The set of Section V-A, searched on grids that grow while members are on their outer faces and
-    otherwise shrink to the members. The result is accurate to a cell (about 1/20 of the extent) and
-    widened by one; tips thinner than a cell may stick out (see `gain_extremes`). The grid is skew,
-    along b k_e + k_theta, because A1 > 0 makes the set at low speed a thin wedge along that plane.
-    Raises ValueError if no member is found or the set is not bounded by any grid.
+    otherwise shrink to the members. Widened by a cell (about 1/20 of the extent); thinner tips may
+    stick out (see `gain_extremes`). The grid is skew, along b k_e + k_theta, because A1 > 0 makes
+    the set at low speed a thin wedge along that plane. Raises ValueError if no member or no bound
+    is found.
     """
     skew = min(car.rear_axle_distance for car in cars)
     low, high, most = np.array([0.0, 0.0, -0.5]), np.array([0.5, 2.0, 0.5]), GRID_POINTS - 1
@@ -252,11 +247,10 @@ def gain_extremes(
 ) -> tuple[tuple[Gains, Gains], ...]:
     """Members of the intersection with the smallest and the largest k_e, k_theta and k_omega.
 
-    Extent of the stabilising set of Section V-A, shown at one speed in Fig. 6. The set has tips
-    thinner than a cell of any grid. So the search starts from the outermost members of `gain_box`
-    and moves to better ones at several distances, until there is none within 1e-5 of the box. All
-    six results are members; the set extends at most 1 or 2 % further. Raises ValueError as
-    `gain_box` does.
+    Extent of the stabilising set of Section V-A, shown at one speed in Fig. 6. As its tips are
+    thinner than any grid cell, the search moves from the outermost members of `gain_box` to better
+    ones, until there is none within 1e-5 of the box. The set extends at most 1 or 2 % further.
+    Raises ValueError as `gain_box` does.
     """
     low, high = np.array(gain_box(cars, speeds)).T
     grid = _grid(low, high, GRID_POINTS).reshape(-1, 3)
@@ -321,9 +315,8 @@ class Ball(NamedTuple):
 def stationary_points(numerator: np.poly1d, denominator: np.poly1d) -> Array:
     """Candidates on x > 0 for stationary points of numerator / denominator; none is missed.
 
-    The real parts of all roots of N' D - N D' (quotient rule) in the right half-plane. Callers
-    evaluate the ratio and take the extreme, so spurious candidates are harmless and no tolerance
-    is needed to distinguish real roots. The array may be empty.
+    The real parts of all roots of N' D - N D' (quotient rule) in the right half-plane, if any.
+    Callers take the extreme of the ratio, so spurious candidates are harmless.
     """
     slope = numerator.deriv() * denominator - numerator * denominator.deriv()
     candidates = slope.roots.real
@@ -339,21 +332,16 @@ def stability_ball(
     """Distance from `gains` to the boundary of the stabilising set at one speed.
 
     The metric is Euclidean on (k_e, k_theta, k_omega) / scale; with scale = gains the radius is a
-    relative change of all gains. For each frequency the boundary is a line, so the squared distance
-    is a ratio of polynomials in w². Its stationary points are roots of one polynomial, so the
-    minimum is global. Relative accuracy 1e-6. Radius 0 if the gains do not stabilise. Paper,
-    Section V-A (which gives no radius).
+    relative change of all gains. For each frequency the boundary is a line, and the squared
+    distance a ratio of polynomials in w², so its minimum is global. Relative accuracy 1e-6. Radius
+    0 if the gains do not stabilise. Paper, Section V-A (which gives no radius).
     """
     if not is_stabilising(parameters, speed, np.array(gains)):
         return Ball(0.0, gains, float("nan"), speed)
-    (p, u), (q, w) = (
-        (
-            _along(equation, (1.0, *gains)),
-            [one * k for one, k in zip(equation[1:], scale, strict=True)],
-        )
-        for equation in crossing_equations(parameters, speed)
-    )
-    uu, uw, ww = (_product(*pair) for pair in ((u, u), (u, w), (w, w)))
+    equations = crossing_equations(parameters, speed)
+    p, q = (_dot(equation, (1.0, *gains)) for equation in equations)
+    u, w = ([a * k for a, k in zip(rest, scale, strict=True)] for _, *rest in equations)
+    uu, uw, ww = (_dot(*pair) for pair in ((u, u), (u, w), (w, w)))
     determinant = uu * ww - uw * uw
     best = Ball(gains.lateral / scale[0], Gains(0.0, gains.heading, gains.yaw_rate), 0.0, speed)
     for x in stationary_points(p * p * ww + q * q * uu - p * q * uw * 2.0, determinant):
@@ -368,15 +356,11 @@ def stability_ball(
     return best
 
 
-def _along(equation: Sequence[np.poly1d], weights: Sequence[float]) -> np.poly1d:
+def _dot(left: Sequence[np.poly1d], right: Sequence[np.poly1d | float]) -> np.poly1d:
     total = np.poly1d([0.0])
-    for one, weight in zip(equation, weights, strict=True):
-        total += one * weight
+    for one, other in zip(left, right, strict=True):
+        total += one * other
     return total
-
-
-def _product(left: Sequence[np.poly1d], right: Sequence[np.poly1d]) -> np.poly1d:
-    return left[0] * right[0] + left[1] * right[1] + left[2] * right[2]
 
 
 def common_ball(
@@ -395,16 +379,15 @@ def gain_interval(
 ) -> tuple[float, float]:
     """Largest changes of the gains along `direction`, backward (negative) and forward.
 
-    With (1, 0, 0) only k_e changes. On a line the two equations of the boundary (Section III-F)
-    share one unknown; eliminating it leaves a polynomial in w², whose roots are the candidates. The
-    first candidate beyond which the loop is unstable ends the interval. Infinite without such a
-    candidate; (0, 0) if the gains do not stabilise.
+    With (1, 0, 0) only k_e changes. Eliminating the change from the two equations of the boundary
+    (Section III-F) leaves a polynomial in w². The first of its roots beyond which the loop is
+    unstable ends the interval. Infinite without such a root; (0, 0) if the gains do not stabilise.
     """
     centre, step = np.array(gains), np.array(direction)
     if not is_stabilising(parameters, speed, centre):
         return 0.0, 0.0
     fixed_and_slope = [
-        (_along(equation, (1.0, *gains)), _along(equation, (0.0, *direction)))
+        (_dot(equation, (1.0, *gains)), _dot(equation, (0.0, *direction)))
         for equation in crossing_equations(parameters, speed)
     ]
     (fixed_p, slope_p), (fixed_q, slope_q) = fixed_and_slope
