@@ -84,9 +84,7 @@ class ErrorTerm(ABC):
 class Bias(ErrorTerm):
     """A constant error: a configured offset plus a random one per vehicle (m)."""
 
-    deviation: Annotated[
-        float, Setting("standard deviation of the random part, per axis", "m", 0, 1000)
-    ] = 0.0
+    deviation: Annotated[float, Setting("of the random part, per axis", "m", 0, 1000)] = 0.0
     east: Annotated[float, Setting("configured part, east", "m", -1000, 1000)] = 0.0
     north: Annotated[float, Setting("configured part, north", "m", -1000, 1000)] = 0.0
 
@@ -121,14 +119,10 @@ MIN_TIME_CONSTANT = 0.1  # Lower bound of the time constant (s): below it the gr
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """First-order Gauss–Markov drift: standard deviation per axis (m), and time constant (s)."""
+    """First-order Gauss–Markov drift: standard deviation (m, per axis), and time constant (s)."""
 
-    deviation: Annotated[
-        float, Setting("stationary standard deviation, per axis", "m", 0, 1000, example=0.016)
-    ]
-    time_constant: Annotated[
-        float, Setting("time constant of the drift", "s", MIN_TIME_CONSTANT, 100_000)
-    ] = 100.0
+    deviation: Annotated[float, Setting("stationary, per axis", "m", 0, 1000, example=0.016)]
+    time_constant: Annotated[float, Setting("of drift", "s", MIN_TIME_CONSTANT, 100_000)] = 100.0
 
 
 class GaussMarkov:
@@ -203,12 +197,8 @@ class FixOutage(ABC):
 class FixOutageWindow(FixOutage):
     """No fix between two times after the start of the run."""
 
-    begin: Annotated[
-        int, Setting("start of the outage, inclusive", "s", 0, 86_400, name="from", example=20.0)
-    ]
-    end: Annotated[
-        int, Setting("end of the outage, exclusive", "s", 0, 86_400, name="to", example=25.0)
-    ]
+    begin: Annotated[int, Setting("start, inclusive", "s", 0, 86_400, name="from", example=20.0)]
+    end: Annotated[int, Setting("end, exclusive", "s", 0, 86_400, name="to", example=25.0)]
 
     def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:
         return self.begin <= now - context.start_at < self.end
@@ -224,12 +214,8 @@ class FixOutageStretch(FixOutage):
     Outages of [links] are by arc length from the first point of the path instead.
     """
 
-    begin: Annotated[
-        float, Setting("start of the stretch", "m", -FAR, FAR, name="from", example=300.0)
-    ]
-    end: Annotated[
-        float, Setting("end of the stretch, exclusive", "m", -FAR, FAR, name="to", example=400.0)
-    ]
+    begin: Annotated[float, Setting("start, inclusive", "m", -FAR, FAR, name="from", example=300.0)]
+    end: Annotated[float, Setting("end, exclusive", "m", -FAR, FAR, name="to", example=400.0)]
 
     def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:
         return self.begin <= body.distance - context.distance_behind_lead < self.end
@@ -371,9 +357,7 @@ class ChainOfStates(FixStateLaw):
     So the time in a state is also exponential, with the sum of the rates.
     """
 
-    transitions: Annotated[
-        tuple[Transition, ...], Setting("all transitions of the chain", nonempty=True)
-    ]
+    transitions: Annotated[tuple[Transition, ...], Setting("all transitions", nonempty=True)]
 
     def intervals(self, first: ReceiverState, context: ReceiverContext) -> Iterator[StateInterval]:
         random, state, since = context.own_streams("states"), first, context.start_at

@@ -65,13 +65,8 @@ class StateErrors:
     An accuracy_ratio of 1 is correct; 0.05 was measured for one solver.
     """
 
-    position_noise: Annotated[
-        float, Setting("white noise of the position, per axis", "m", 0, 100)
-    ] = NOISE.position
-    drift: Annotated[
-        Drift | None,
-        Setting("drift of each receiver: a Gauss–Markov process, independent of rate_hz"),
-    ] = None
+    position_noise: Annotated[float, Setting("white noise, per axis", "m", 0, 100)] = NOISE.position
+    drift: Annotated[Drift | None, Setting("drift of the receiver, independent of rate_hz")] = None
     entry_jump: Annotated[
         float | None,
         Setting(
@@ -79,8 +74,7 @@ class StateErrors:
         ),
     ] = None
     accuracy: Annotated[
-        float,
-        Setting("reported accuracy over true standard deviation", "ratio", above=0, maximum=100),
+        float, Setting("reported accuracy over true deviation", "ratio", above=0, maximum=100)
     ] = 1.0
 
 
@@ -102,13 +96,9 @@ class GnssSettings(StateErrors):
         ),
     ] = None
     rate: Annotated[float, Setting("rate of fixes", "hz", 0.01, 100)] = 20.0
-    heading_noise: Annotated[float, Setting("white noise of the heading", "deg", 0, 45)] = (
-        NOISE.heading
-    )
-    speed_noise: Annotated[float, Setting("white noise of the speed", "mps", 0, 10)] = NOISE.speed
-    yaw_rate_noise: Annotated[float, Setting("white noise of the yaw rate", "radps", 0, 1)] = (
-        NOISE.yaw_rate
-    )
+    heading_noise: Annotated[float, Setting("noise of the heading", "deg", 0, 45)] = NOISE.heading
+    speed_noise: Annotated[float, Setting("noise of the speed", "mps", 0, 10)] = NOISE.speed
+    yaw_rate_noise: Annotated[float, Setting("of the yaw rate", "radps", 0, 1)] = NOISE.yaw_rate
     fix: Annotated[
         ReceiverState,
         Setting(
@@ -117,35 +107,23 @@ class GnssSettings(StateErrors):
         ),
     ] = "fixed"
     common_drift: Annotated[
-        CommonDrift | None,
-        Setting("drift shared by all receivers, which does not change distances between vehicles"),
+        CommonDrift | None, Setting("drift shared by all receivers, which keeps distances")
     ] = None
-    bias: Annotated[
-        Bias | None, Setting("a constant error per vehicle, configured and random parts")
-    ] = None
+    bias: Annotated[Bias | None, Setting("a constant error per vehicle")] = None
     errors: Annotated[
         tuple[ErrorTerm, ...],
         Setting("further errors, also your own (convoy reference plug-ins)", kinds=ERRORS),
     ] = ()
-    quantisation: Annotated[
-        float, Setting("positions are rounded to multiples of this", "m", 0, 1000)
-    ] = 0.0
+    quantisation: Annotated[float, Setting("step of rounded positions", "m", 0, 1000)] = 0.0
     latency: Annotated[
         int, Setting("time until a fix is available to its own car and can be sent", "ms", 0, 5000)
     ] = 0
     fix_states: Annotated[
-        FixStateLaw | None,
-        Setting("changing fix states; the first one is `fix`", kinds=FIX_STATE_LAWS),
+        FixStateLaw | None, Setting("changing states, the first is `fix`", kinds=FIX_STATE_LAWS)
     ] = None
-    while_fixed: Annotated[
-        StateErrors | None, Setting('errors in state "fixed"; defaults: preset rtk_fixed')
-    ] = None
-    while_float: Annotated[
-        StateErrors | None, Setting('errors in state "float"; defaults: preset rtk_float')
-    ] = None
-    while_single: Annotated[
-        StateErrors | None, Setting('errors in state "single"; defaults: preset single')
-    ] = None
+    while_fixed: Annotated[StateErrors | None, Setting('errors in state "fixed"')] = None
+    while_float: Annotated[StateErrors | None, Setting('errors in state "float"')] = None
+    while_single: Annotated[StateErrors | None, Setting('errors in state "single"')] = None
     outages: Annotated[
         tuple[FixOutage, ...], Setting("times and places without a fix", kinds=OUTAGES)
     ] = ()

@@ -124,9 +124,7 @@ class Loading:
     rear_passengers: Annotated[int, Setting("in the rear", "", 0, 60)] = 0
     passenger_mass: Annotated[float, Setting("per passenger", "kg", 0, 500)] = 70.0
     luggage_mass: Annotated[float, Setting("per passenger, in the boot", "kg", 0, 1000)] = 50.0
-    luggage_offset: Annotated[
-        float, Setting("distance of the boot behind the rear axle", "m", 0, 10)
-    ] = 0.5
+    luggage_offset: Annotated[float, Setting("boot behind the rear axle", "m", 0, 10)] = 0.5
 
 
 def loaded(parameters: VehicleParameters, loading: Loading) -> VehicleParameters:

@@ -43,12 +43,10 @@ class CongestionControl:
     """
 
     busy: Annotated[
-        tuple[BusyRatioEntry, ...],
-        Setting("busy ratios in order of time; 0 before the first entry", nonempty=True),
+        tuple[BusyRatioEntry, ...], Setting("in order of time; 0 before the first", nonempty=True)
     ]
     period: Annotated[
-        int,
-        Setting("period of evaluations; each changes the state by at most one", "ms", 10, 10_000),
+        int, Setting("of evaluations; each changes the state by at most one", "ms", 10, 10_000)
     ] = 100 * MILLISECOND
 
     @property
@@ -147,12 +145,10 @@ class SendingRule(ABC):
     """
 
     dcc: Annotated[
-        CongestionControl | None,
-        Setting("reactive congestion control (ETSI TS 102 687 V1.2.1, A.1), for any rule"),
+        CongestionControl | None, Setting("congestion control (ETSI TS 102 687 V1.2.1, A.1)")
     ] = None
     path_history: Annotated[
-        float,
-        Setting("length of the path that each pose carries (SAE J2735); 0: none", "m", 0, 1000),
+        float, Setting("length of the path in each pose (SAE J2735); 0: none", "m", 0, 1000)
     ] = 300.0
     path_history_points: Annotated[
         int, Setting("largest number of its positions; bends need more of them", "", 1, 40)
@@ -297,13 +293,12 @@ class MeasuredIntervals(SendingRule):
 
     table: Annotated[
         Literal["cam_vw_highway", "cam_renault_highway"] | None,
-        Setting("measured; alternative: intervals_ms and shares_ratio", example="cam_vw_highway"),
+        Setting("measured; or intervals_ms and shares_ratio", example="cam_vw_highway"),
     ] = None
     intervals: Annotated[tuple[int, ...], Setting("configured intervals", "ms", 10, 60_000)] = ()
     shares: Annotated[tuple[float, ...], Setting("share of each interval", "ratio", 0, 1)] = ()
     jitter: Annotated[
-        int,
-        Setting("standard deviation of the normal jitter, cut off at 3 deviations", "ms", 0, 1000),
+        int, Setting("deviation of the normal jitter, cut off at 3 deviations", "ms", 0, 1000)
     ] = 3 * MILLISECOND
 
     @property

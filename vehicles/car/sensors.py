@@ -30,24 +30,15 @@ class GapSensorSettings:
     take the newest measurement, predicted to the present by its rate, for up to the latency and two
     periods. With the reaction "degrade" it also replaces the poses of a predecessor whose messages
     are late or lost when the safe distance is kept; without a known path the car still stops. 20 Hz
-    is the usual rate of radars in openpilot.
+    is the usual rate of radars in openpilot. The latency must exceed that of the transport.
     """
 
-    reach: Annotated[
-        float, Setting("longest measured gap; 0: there is no sensor", "m", 0, 1000, name="range")
-    ] = 0.0
+    reach: Annotated[float, Setting("longest gap; 0: no sensor", "m", 0, 1000, name="range")] = 0.0
     rate: Annotated[
         float, Setting("rate, at instants of control; up to control.rate_hz", "hz", 0.1, 500)
     ] = 20.0
-    latency: Annotated[
-        int,
-        Setting(
-            "time until a measurement is available; more than the transport takes", "ms", 5, 1000
-        ),
-    ] = 50 * MILLISECOND
-    field_of_view: Annotated[
-        float, Setting("full angle of view around the direction of the car", "deg", 1, 180)
-    ] = math.radians(90.0)
+    latency: Annotated[int, Setting("time until it is available", "ms", 5, 1000)] = 50 * MILLISECOND
+    field_of_view: Annotated[float, Setting("angle of view", "deg", 1, 180)] = math.radians(90.0)
     gap_noise: Annotated[float, Setting("white noise of the gap", "m", 0, 100)] = 0.1
     gap_rate_noise: Annotated[float, Setting("white noise of its rate", "mps", 0, 100)] = 0.1
 
@@ -180,15 +171,13 @@ class ImuSettings:
         float | None, Setting("rate; default: control.rate_hz", "hz", 0.01, 1000, example=50.0)
     ] = None
     speed_noise: Annotated[float, Setting("white noise of the speed", "mps", 0, 10)] = NOISE.speed
-    speed_bias: Annotated[
-        float, Setting("standard deviation of the bias of the speed", "mps", 0, 10)
-    ] = NOISE.speed_bias
+    speed_bias: Annotated[float, Setting("bias of the speed", "mps", 0, 10)] = NOISE.speed_bias
     yaw_rate_noise: Annotated[
         float, Setting("white noise of the yaw rate; the default equals 0.1 deg/s", "radps", 0, 1)
     ] = NOISE.yaw_rate
-    yaw_rate_bias: Annotated[
-        float, Setting("standard deviation of the bias of the yaw rate", "radps", 0, 1)
-    ] = NOISE.yaw_rate_bias
+    yaw_rate_bias: Annotated[float, Setting("bias of the yaw rate", "radps", 0, 1)] = (
+        NOISE.yaw_rate_bias
+    )
 
     @property
     def noise(self) -> InertialNoise:
