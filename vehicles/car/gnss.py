@@ -117,9 +117,9 @@ class GnssReceiver:
         error = errors.at(body, now)
         if error is None:
             return None
-        fix.east = errors.rounded(body.east + error.white_deviation * east + error.east)
-        fix.north = errors.rounded(body.north + error.white_deviation * north + error.north)
-        fix.state, fix.accuracy = error.state, error.accuracy
+        off_east, off_north, fix.state, white, fix.accuracy = error
+        fix.east = errors.rounded(body.east + white * east + off_east)
+        fix.north = errors.rounded(body.north + white * north + off_north)
         return fix
 
 

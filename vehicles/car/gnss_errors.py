@@ -7,7 +7,6 @@ receivers share errors from satellites and atmosphere, so their relative error i
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import cos, exp, expm1, hypot, inf, log1p, pi, sin, sqrt
-from typing import NamedTuple
 
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss_error_terms import (
@@ -22,16 +21,6 @@ from vehicles.car.gnss_error_terms import (
 from vehicles.car.gnss_settings import NO_DRIFT, STATES_WITH_FIX, GnssSettings
 from vehicles.messages import FixState
 from vehicles.schedule import SECOND
-
-
-class PositionError(NamedTuple):
-    """Error without white noise, deviation of that noise, and reported accuracy (m)."""
-
-    east: float
-    north: float
-    white_deviation: float
-    state: FixState
-    accuracy: float
 
 
 class ReceiverErrors:
@@ -64,8 +53,12 @@ class ReceiverErrors:
         self._shift = (0.0, 0.0)  # Change of the drift (m) by its restart, at that instant
         self._is_running = False
 
-    def at(self, body: Body, now: int) -> PositionError | None:
-        """Error of a fix at `now` (ns): drift of the state plus error terms; None without a fix."""
+    def at(self, body: Body, now: int) -> tuple[float, float, FixState, float, float] | None:
+        """Error of a fix at `now` (ns): drift of the state plus error terms; None without a fix.
+
+        East and north (m) without white noise, fix state, deviation of the white noise (m, per
+        axis), and reported accuracy (m).
+        """
         interval = self.states.at(now)
         outages = self.settings.outages
         if interval.state == "none" or any(
@@ -79,7 +72,7 @@ class ReceiverErrors:
             more_east, more_north = term.at(body, now)
             east, north = east + more_east, north + more_north
         accuracy = errors.accuracy * self._deviations[state]
-        return PositionError(east, north, errors.position_noise, state, accuracy)
+        return east, north, state, errors.position_noise, accuracy
 
     def rounded(self, coordinate: float) -> float:
         """Round a coordinate (m) to the nearest multiple of the quantisation step."""

@@ -146,18 +146,13 @@ def loaded(parameters: VehicleParameters, loading: Loading) -> VehicleParameters
 
 def all_loadings() -> tuple[Loading, ...]:
     """List the cases of Section V-B: up to 1 passenger in front and 3 behind."""
-    return tuple(
-        Loading(front_passengers=front, rear_passengers=rear)
-        for front in range(2)
-        for rear in range(4)
-    )
+    return tuple(Loading(front_passengers=f, rear_passengers=r) for f in range(2) for r in range(4))
 
 
 def loaded_with_moved_centre(parameters: VehicleParameters, loading: Loading) -> VehicleParameters:
     """Like `loaded`, but the centre of mass moves with the load, unlike in Section V-B.
 
-    The masses are at the same positions (front axle, rear axle, c behind it). Axle distances are
-    from the new centre, the yaw inertia is about it (Steiner's theorem). Tyres are unchanged.
+    Axle distances are from the new centre, and the yaw inertia is about it (Steiner's theorem).
     """
     fixed = loaded(parameters, loading)
     a, b = parameters.front_axle_distance, parameters.rear_axle_distance

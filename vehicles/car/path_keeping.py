@@ -67,7 +67,7 @@ class AlongPath(NamedTuple):
     def mean(self, distance: float, apart: float) -> float:
         """Mean at `distance` (m) ahead and `apart` (m) before and after, weights 1/4, 1/2, 1/4.
 
-        The motion is linear in the curvature, so the mean belongs to the path of mean curvature.
+        It belongs to the path of mean curvature, as the motion is linear in the curvature.
         """
         if len(self.values) == 1:
             return self.values[0]
@@ -94,8 +94,7 @@ class PathKeeping:
 
     def __init__(self, p: VehicleParameters) -> None:
         self._wheelbase, self._steer_gradient = p.wheelbase, p.steer_gradient
-        self._rear = p.rear_axle_distance
-        self._moment = p.mass * p.front_axle_distance
+        self._rear, self._moment = p.rear_axle_distance, p.mass * p.front_axle_distance
         self._stiffness = p.wheelbase * p.rear_cornering_stiffness
         self._square = self._stiffness / p.yaw_inertia
         ratio = p.rear_cornering_stiffness / p.front_cornering_stiffness
