@@ -146,7 +146,8 @@ class PathKeeping:
                     kappas.append(kappa)
                     headings.append(math.atan(heading - slip * kappa))
                     angles.append(gradient * kappa - by_heading * heading + by_turn * turn)
-        return PathMotion(*(AlongPath(start, step, one) for one in (kappas, headings, angles)))
+        along = AlongPath(start, step, kappas), AlongPath(start, step, headings)
+        return PathMotion(*along, AlongPath(start, step, angles))
 
     def _off_an_arc(self, step: float, v: float, slip: float) -> tuple[Pair, Pair, Pair]:
         """Propagation of θ̃ and ρ, minus those of an arc, over a `step` (m): eqs. (1), (2).
