@@ -1,10 +1,10 @@
 """Stability of the sampled steering loop, with hold and filter.
 
-The theory of the paper is continuous: the law knows the state at every instant. A vehicle decides
-at the control rate and holds the command. Its yaw rate has the rate of the inertial sensor, its
-position and heading that of the receiver, and a filter fuses them. On a straight at constant speed
-this is linear and periodic with a common period of the three rates. So the loop is stable if and
-only if the eigenvalues of its map over that period lie inside the unit circle.
+The theory of the paper is continuous. A vehicle decides at the control rate and holds the command.
+Its yaw rate has the rate of the inertial sensor, its position and heading that of the receiver, and
+a filter fuses them. On a straight at constant speed this is linear and periodic with a common
+period of the three rates. So the loop is stable if and only if the eigenvalues of its map over that
+period lie inside the unit circle.
 
 Received messages are not part of the loop: they locate the path, not the car. Late or rare messages
 may bend the path, but cannot make the loop unstable.
@@ -22,13 +22,8 @@ from vehicles.car.noise import GnssNoise
 from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.theory.linear_model import Array, open_loop, steering_input
 
-FINENESS, MAX_INSTANTS = (100, 10, 2, 1), 4000
-"""Rates are rounded to 1/100 Hz, so that a common period exists, or more coarsely, up to whole
-hertz, if that period has too many instants.
-"""
-
-LARGE = 1e100  # Larger matrices are scaled
-CHECKED_EVERY = 16  # Steps between size checks, too few to multiply the matrix by 1e200
+FINENESS = 10  # Rates are rounded to 1/10 Hz, so that a common period of at most 10 s exists
+SCALED_EVERY = 16  # Steps between scalings of the map, too few to multiply it by 1e200
 MIN_NOISE = 1e-6  # Noise (m, rad) assumed for a receiver without noise
 DOUBLINGS, TERMS = 24, 14  # 2^24 fixes; 0.5^14 / 14! is below the rounding error
 
@@ -69,7 +64,7 @@ class SampledStability:
 
     @property
     def decay(self) -> float:
-        """Decay rate (1/s) of errors, negative if they grow (elementary algebra)."""
+        """Decay rate (1/s) of errors, negative if they grow."""
         return -self.log_radius / self.period
 
 
@@ -79,8 +74,8 @@ def sampled_stability(loop: SampledLoop, speed: float) -> SampledStability:
     total, scale = np.eye(SIZE), 0.0
     for number, step in enumerate(steps.over_a_period()):
         total = step @ total
-        if number % CHECKED_EVERY == 0 and (size := float(np.max(np.abs(total)))) > LARGE:
-            # Only for a very unstable loop over a long period.
+        if number % SCALED_EVERY == 0:
+            size = float(np.max(np.abs(total)))
             total, scale = total / size, scale + log(size)
     if loop.imu_hz is None:
         total = total[:PLACE, :PLACE]  # there is no filter
@@ -93,9 +88,8 @@ def lowest_stable_rate(
 ) -> int | None:
     """Lowest whole rate (Hz) such that `loop_at(rate)` is stable from there up to `highest`.
 
-    Stability of eqs. (3), (4), (7), sampled. The search goes downwards, since below an unstable
-    rate there may be stable ones, where all readings happen to precede a decision. None if the loop
-    is not stable at `highest`.
+    The search goes downwards, since below an unstable rate there may be stable ones, where all
+    readings happen to precede a decision. None if the loop is not stable at `highest`.
     """
     unstable = (
         rate for rate in range(highest, 0, -1) if not sampled_stability(loop_at(rate), speed).stable
@@ -153,12 +147,9 @@ class _Steps:
         rates = [loop.control_hz]
         if loop.imu_hz is not None:
             rates += [loop.imu_hz, loop.gnss_hz]
-        for fineness in FINENESS:
-            whole = [max(round(rate * fineness), 1) for rate in rates]
-            common = gcd(*whole)
-            if sum(whole) <= MAX_INSTANTS * common:
-                break
-        self.period = fineness / common
+        whole = [max(round(rate * FINENESS), 1) for rate in rates]
+        common = gcd(*whole)
+        self.period = FINENESS / common
         # Instants are integers, in a share of the period that all rates have in common.
         self._end = lcm(*(rate // common for rate in whole))
         self._every = [self._end * common // rate for rate in whole]
