@@ -180,27 +180,15 @@ class CommonDrift(Drift, ErrorTerm):
 FAR = 1_000_000  # Limit (m) of coordinates and distances in scenario files
 
 
-class FixOutage(ABC):
-    """A time or place without a fix."""
-
-    __slots__ = ()
-
-    @abstractmethod
-    def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:
-        """Whether the receiver has no fix at `now` (ns), with the car in state `body`."""
-
-    def problems(self) -> Iterator[Problem]:
-        yield from ()
-
-
 @dataclass(frozen=True, slots=True)
-class FixOutageWindow(FixOutage):
+class FixOutageWindow:
     """No fix between two times after the start of the run."""
 
     begin: Annotated[int, Setting("start, inclusive", "s", 0, 86_400, name="from", example=20.0)]
     end: Annotated[int, Setting("end, exclusive", "s", 0, 86_400, name="to", example=25.0)]
 
     def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:
+        """Whether the receiver has no fix at `now` (ns), with the car in state `body`."""
         return self.begin <= now - context.start_at < self.end
 
     def problems(self) -> Iterator[Problem]:
@@ -208,7 +196,7 @@ class FixOutageWindow(FixOutage):
 
 
 @dataclass(frozen=True, slots=True)
-class FixOutageStretch(FixOutage):
+class FixOutageStretch:
     """No fix on a stretch of road, by arc length from the lead's start; it continues over laps.
 
     Outages of [links] are by arc length from the first point of the path instead.
@@ -225,7 +213,7 @@ class FixOutageStretch(FixOutage):
 
 
 @dataclass(frozen=True, slots=True)
-class FixOutageCircle(FixOutage):
+class FixOutageCircle:
     """No fix within a circle in the plane."""
 
     east: Annotated[float, Setting("centre, east", "m", -FAR, FAR, example=500.0)]
@@ -235,7 +223,11 @@ class FixOutageCircle(FixOutage):
     def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:
         return hypot(body.east - self.east, body.north - self.north) <= self.radius
 
+    def problems(self) -> Iterator[Problem]:
+        yield from ()
 
+
+FixOutage = FixOutageWindow | FixOutageStretch | FixOutageCircle
 OUTAGES: Mapping[str, type[FixOutage]] = {
     "time": FixOutageWindow,
     "road": FixOutageStretch,
@@ -287,23 +279,6 @@ class FixStates:
         return self._forced is not None and self._forced.since <= now < self._forced.until
 
 
-class FixStateLaw(ABC):
-    """Settings of a sequence of fix states: each subclass is a kind of `[gnss.fix_states]`."""
-
-    __slots__ = ()
-
-    @abstractmethod
-    def intervals(self, first: ReceiverState, context: ReceiverContext) -> Iterator[StateInterval]:
-        """Yield the states of a run that starts in the state `first`; the last has no end."""
-
-    @abstractmethod
-    def states(self) -> set[ReceiverState]:
-        """States that can be entered."""
-
-    @abstractmethod
-    def problems(self, first: ReceiverState) -> Iterator[Problem]: ...
-
-
 @dataclass(frozen=True, slots=True)
 class StateEntry:
     """The fix state from `at_s` on."""
@@ -313,12 +288,13 @@ class StateEntry:
 
 
 @dataclass(frozen=True, slots=True)
-class ScheduledStates(FixStateLaw):
+class ScheduledStates:
     """Listed fix states; before the first entry, the state is `gnss.fix`."""
 
     entries: Annotated[tuple[StateEntry, ...], Setting("states in order of time", nonempty=True)]
 
     def intervals(self, first: ReceiverState, context: ReceiverContext) -> Iterator[StateInterval]:
+        """Yield the states of a run that starts in the state `first`; the last has no end."""
         state, since = first, context.start_at
         for entry in self.entries:
             until = context.start_at + nanoseconds(entry.at)
@@ -350,7 +326,7 @@ class Transition:
 
 
 @dataclass(frozen=True, slots=True)
-class ChainOfStates(FixStateLaw):
+class ChainOfStates:
     """Fix states by a Markov chain, random for each vehicle; the first state is `gnss.fix`.
 
     Each transition has an exponential waiting time, and the earliest one out of a state is taken.
@@ -384,6 +360,7 @@ class ChainOfStates(FixStateLaw):
                 yield key, f'from "{state}" to "{to}" is given twice, allowed once'
 
 
+FixStateLaw = ScheduledStates | ChainOfStates
 FIX_STATE_LAWS: Mapping[str, type[FixStateLaw]] = {
     "schedule": ScheduledStates,
     "chain": ChainOfStates,
