@@ -1,9 +1,8 @@
 """Motion of the simulated car: single-track model with steering actuation (paper, Section II).
 
-Lateral motion by eqs. (1), (2) in the body's lateral speed and yaw rate, steering by the
-second-order actuation of eq. (4), position by integrating the body's velocity. World frame:
-east-north, yaw counter-clockwise from east; left is positive. SI units. This is for linear tyres;
-the motion on saturating tyres is described below.
+Lateral motion by eqs. (1), (2), steering by eq. (4), position by integrating the body's velocity.
+World frame: east-north, yaw counter-clockwise from east; left is positive. SI units. This is for
+linear tyres; the motion on saturating tyres is described below.
 
 Integration: Runge-Kutta of order 4 with a constant command, in sub-steps h with
 h * rate <= STEP_PER_RATE, where `rate` is the fastest rate of tyres and steering. Tolerance: over
@@ -13,8 +12,7 @@ At its rate limit the steering angle is within 5e-4 rad.
 
 Below WALKING_PACE the tyres' 1/v would make the equations arbitrarily stiff. There, lateral speed
 and yaw rate relax as fast as at WALKING_PACE (about 5 ms) to the steady state for the present
-steering and speed. For v -> 0 this is the kinematic single-track model. The right-hand side is
-continuous in v.
+steering and speed. For v -> 0 this is the kinematic single-track model; it is continuous in v.
 """
 
 import math
@@ -192,8 +190,7 @@ class Body:
 class Actuation:
     """Command to the car: δ_c of eq. (4) (rad at the road wheels), acceleration (m/s²).
 
-    The acceleration is the paper's dv_x/dt (Section IV-A), which acts without delay, unless the
-    car has a drive lag.
+    The latter is the paper's dv_x/dt (Section IV-A), without delay unless the car has a drive lag.
     """
 
     steering: float
@@ -203,8 +200,7 @@ class Actuation:
 def achieved_acceleration(before: float, command: float, span: float, lag: float) -> float:
     """Acceleration (m/s²) at the end of `span` (s) with a constant command, from that before.
 
-    The exact solution of the first-order lag, lag da/dt + a = command, which is the drive model of
-    Plexe; with a lag of 0 s the command.
+    Exact solution of lag da/dt + a = command, the drive model of Plexe.
     """
     if lag == 0.0:
         return command
@@ -221,8 +217,7 @@ class DriveTrain:
     def act(self, command: Actuation, body: Body, span: float) -> Actuation:
         """Command with the mean acceleration over the coming `span` (s), so that speeds are exact.
 
-        Within the span a position differs from the exact one by at most 0.1 times the change of
-        acceleration times the square of the span.
+        Positions differ from the exact ones by at most 0.1 span² times the change of acceleration.
         """
         lag = self._lag
         if lag == 0.0 or span <= 0.0:
@@ -379,10 +374,9 @@ class CarMotion:
     def _linear_rates(
         self, v: float, y: float, r: float, s: float, axles: _Axles
     ) -> tuple[float, float, float]:
-        """Derivatives of lateral speed and yaw rate on linear tyres, which leave the speed alone.
+        """Derivatives of lateral speed and yaw rate on linear tyres; 0 for the speed.
 
-        Below WALKING_PACE the matrix is that at WALKING_PACE, and the column of the steering gives
-        the equilibrium of the present speed.
+        Below WALKING_PACE the column of the steering gives the equilibrium of the present speed.
         """
         a, b, c, d, e, f = self._tyres
         rolling = v if v > WALKING_PACE else WALKING_PACE

@@ -224,20 +224,15 @@ class GnssSettings(StateErrors):
             f"{self.rate:g} Hz, noise {self.position_noise:g} m, {degrees(self.heading_noise):g}°, "
             f"{self.speed_noise:g} m/s, {self.yaw_rate_noise:g} rad/s"
         )
-        if self.preset or self.fix != "fixed":
-            yield f"{self.preset or 'fix'} ({self.fix})"
-        if self.drift:
-            yield f"drift {self.drift.deviation:g} m over {self.drift.time_constant:g} s"
-        for error in reversed(self.error_terms):
-            yield error.describe()
-        if self.quantisation:
-            yield f"steps of {self.quantisation:g} m"
-        if self.latency:
-            yield f"latency {self.latency / MILLISECOND:g} ms"
-        if self.fix_states:
-            kinds = {law: kind for kind, law in FIX_STATE_LAWS.items()}
-            yield f"fix states by {kinds[type(self.fix_states)]}"
-        if self.outages:
-            yield f"{len(self.outages)} outages"
-        if self.accuracy != 1.0:
-            yield f"reports {self.accuracy:g} of its deviation"
+        drift, kinds = self.drift, {law: kind for kind, law in FIX_STATE_LAWS.items()}
+        parts = (
+            f"{self.preset or 'fix'} ({self.fix})" if self.preset or self.fix != "fixed" else "",
+            f"drift {drift.deviation:g} m over {drift.time_constant:g} s" if drift else "",
+            *(error.describe() for error in reversed(self.error_terms)),
+            f"steps of {self.quantisation:g} m" if self.quantisation else "",
+            f"latency {self.latency / MILLISECOND:g} ms" if self.latency else "",
+            f"fix states by {kinds[type(self.fix_states)]}" if self.fix_states else "",
+            f"{len(self.outages)} outages" if self.outages else "",
+            f"reports {self.accuracy:g} of its deviation" if self.accuracy != 1.0 else "",
+        )
+        yield from filter(None, parts)

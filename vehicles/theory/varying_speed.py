@@ -175,7 +175,10 @@ def tuned_weights(
     speed (BFGS method), with increasing p. Any Q > 0 is valid. It is rounded to three digits, so
     that the last bits of a linear algebra library do not matter.
     """
-    changes, energies = _basis(parameters, gains, speeds)
+    # S and P for each unit Q = e_i e_i' and speed, shapes (n, 6, 6, 6); both are linear in Q.
+    units, root = np.eye(6)[:, :, None] * np.eye(6)[:, None, :], np.ones(6)
+    rows = [[_solution(parameters, gains, v, unit, root) for unit in units] for v in speeds]
+    changes, energies = np.moveaxis(np.array(rows), 2, 0)
     unknowns = np.zeros(6 + len(speeds))
     for power in (4.0, 16.0, 64.0):
         arguments = (changes, energies, power)
@@ -184,14 +187,6 @@ def tuned_weights(
         ).x
     logarithms = unknowns[:6] - unknowns[:6].mean()
     return tuple(float(f"{weight:.3g}") for weight in np.exp(logarithms))
-
-
-def _basis(parameters: VehicleParameters, gains: Gains, speeds: list[float]) -> tuple[Array, Array]:
-    """S and P for each unit Q = e_i e_i' and speed; both are linear in Q. Shapes (n, 6, 6, 6)."""
-    units, root = np.eye(6)[:, :, None] * np.eye(6)[:, None, :], np.ones(6)
-    rows = [[_solution(parameters, gains, v, unit, root) for unit in units] for v in speeds]
-    changes, energies = np.moveaxis(np.array(rows), 2, 0)
-    return changes, energies
 
 
 def _spread(unknowns: Array, changes: Array, energies: Array, power: float) -> tuple[float, Array]:
