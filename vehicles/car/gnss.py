@@ -1,8 +1,7 @@
 """The GNSS receiver, and its fixes as messages.
 
-It emulates a receiver for automated driving: RTK positions aided by an inertial unit, at a fixed
-rate. Internally a fix is in the east-north plane with yaw; on the wire it is WGS84 with a compass
-course.
+It emulates RTK positions aided by an inertial unit, at a fixed rate. Internally a fix is in the
+east-north plane with yaw; on the wire it is WGS84 with a compass course.
 """
 
 from collections import deque

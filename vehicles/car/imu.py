@@ -56,10 +56,7 @@ class InertialSensor:
         self._drawn: list[float] = []
 
     def measure(self, body: Body, now: int) -> Motion | None:
-        """Measure `body` if `now` (ns) is an instant of measurement, else None.
-
-        v_x and dθ/dt of eq. (1), plus constant bias and white Gaussian noise.
-        """
+        """Measure v_x and dθ/dt of eq. (1) if `now` (ns) is an instant of measurement, else None."""
         if self._cadence.index(now) is None:
             return None
         if not self._drawn:
@@ -122,10 +119,7 @@ class SlipModel:
     def after(
         self, span: float, speed: float, before: float, now: float, lateral_speed: float
     ) -> float:
-        """Lateral speed after `span` (s > 0), with a linear yaw rate from `before` to `now`.
-
-        Exact solution of the differential equation.
-        """
+        """Lateral speed after `span` (s > 0), exact for a linear yaw rate from `before` to `now`."""
         steady = self._rear - self._sag * speed * speed
         lag = self._sag * speed
         if lag < MIN_LAG:
@@ -158,9 +152,5 @@ class DriftModel:
         self.heading = period * (noise.yaw_rate**2 + (YAW_JERK * between) ** 2)
 
     def across(self, speed: float, yaw_rate: float) -> float:
-        """Density across the body (m²/s), from the error of the slip.
-
-        An error of standard deviation s and correlation time t (a Gauss–Markov process) has the
-        density 2 s² t.
-        """
+        """Density across the body (m²/s), 2 s² t of the slip's error s with correlation time t."""
         return 2.0 * SLIP_ERROR_TIME * self._slip.error(speed, yaw_rate) ** 2

@@ -73,10 +73,7 @@ def closed_loop_at(parameters: VehicleParameters, gains: Gains, speed: float) ->
 
 
 def speed_change_matrix() -> Array:
-    """E with z' = (A(1/v) + v' E) z while the speed changes at rate v' (m/s²): v' theta~ in e''.
-
-    From e' = v_y + v theta~; the paper's Section IV-A omits it.
-    """
+    """E with z' = (A(1/v) + v' E) z while the speed changes at rate v' (m/s²): v' theta~ in e''."""
     matrix = np.zeros((6, 6))
     matrix[2, 1] = 1.0
     return matrix
@@ -141,8 +138,7 @@ def feedback_numerator(parameters: VehicleParameters, gains: Gains, speed: float
 def affine_coefficients(parameters: VehicleParameters, speed: float) -> tuple[Array, Array]:
     """Coefficients A6...A0 as constant + slopes @ (k_e, k_theta, k_omega); (7,) and (7, 3).
 
-    Paper, Section III-F. A6, A5 and A4 do not depend on the gains, so no root ever passes through
-    infinity.
+    Paper, Section III-F. A6 does not depend on the gains, so no root passes through infinity.
     """
     heading = heading_numerator(parameters, speed)
     frequency, damping = parameters.steering_frequency, parameters.steering_damping
@@ -209,10 +205,7 @@ def propagation(
     speed: float,
     steering: SteeringModel = "second order",
 ) -> Transfer:
-    """G(s) = H / (1 + H) of Section IV-B, with the predecessor's data only, at `speed` (m/s).
-
-    With steering by eq. (4), H becomes H_a H and the denominator Delta(s, K) / w_n².
-    """
+    """G(s) = H / (1 + H) of Section IV-B, with the predecessor's data only, at `speed` (m/s)."""
     numerator = feedback_numerator(parameters, gains, speed)
     if steering == "second order":
         return Transfer(numerator, characteristic_polynomial(parameters, gains, speed))
@@ -249,8 +242,7 @@ def trace_propagation(
 def low_frequency_growth(parameters: VehicleParameters, gains: Gains, speed: float) -> float:
     """Coefficient c (s²) in |G(j w)| = 1 + c w² + O(w^3) for small w: R(0) / N(0), Section IV-B.
 
-    G = 1 / (1 + s² R / N). If R(0) is positive, so is c, and errors grow. Steering actuation does
-    not change it.
+    As G = 1 / (1 + s² R / N). If it is positive, errors grow, with or without actuation.
     """
     handling = handling_polynomial(parameters, speed)
     return float(handling[-1] / feedback_numerator(parameters, gains, speed)[-1])

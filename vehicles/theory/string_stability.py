@@ -61,10 +61,9 @@ def peak(transfer: Transfer, highest: float = np.inf) -> Peak:
 
 
 def amplified_band(transfer: Transfer) -> list[tuple[float, float]]:
-    """Frequency intervals (rad/s) with |T| > 1, in which errors grow (Section IV-B for G).
+    """Frequency intervals (rad/s) with |T| > 1, in which errors grow (Section IV-B), if T(0) = 1.
 
-    For transfer functions with T(0) = 1. The ends are real roots of |numerator|² -
-    |denominator|², which has a root at zero.
+    The ends are real roots of |numerator|² - |denominator|², which has a root at zero.
     """
     excess = squared_magnitude(transfer.numerator) - squared_magnitude(transfer.denominator)
     roots = np.roots(excess.coef[:-1])
@@ -96,10 +95,9 @@ def maximum_gain(transfer: Transfer) -> float:
 
 
 def largest_weight(transfer: Transfer) -> float:
-    """Largest alpha below which alpha |T| < 1 at every frequency, at most 1.
+    """Largest weight alpha of eq. (5) below which alpha |T| < 1 at every frequency, at most 1.
 
-    Alpha is the predecessor's weight of eq. (5). Below this value the chain with the lead's data
-    contracts: an error added by a vehicle is not amplified behind it.
+    Below it the chain with the lead's data does not amplify an error that a vehicle adds.
     """
     return min(1.0, 1.0 / peak(transfer).magnitude)
 
@@ -110,8 +108,7 @@ def largest_singular_value(
     """sigma_max of (M_0 + B K)^-1 B K at each frequency (rad/s), Section IV-B; shape (n,).
 
     From the states of one vehicle to those of the next, with instantaneous steering. The matrix has
-    rank one, b k, and the singular value |b| |k|. As in the paper, the norm mixes metres and
-    radians.
+    rank one, b k, and the singular value |b| |k|, which mixes metres and radians, as in the paper.
     """
     s = 1j * np.asarray(frequencies, dtype=np.float64)
     plain = propagation(parameters, gains, speed, "instantaneous")
