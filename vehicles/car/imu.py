@@ -56,7 +56,7 @@ class InertialSensor:
         self._drawn: list[float] = []
 
     def measure(self, body: Body, now: int) -> Motion | None:
-        """Measure v_x and dθ/dt of eq. (1) if `now` (ns) is an instant of measurement, else None."""
+        """Measure v_x and dθ/dt of eq. (1) at an instant `now` (ns) of measurement, else None."""
         if self._cadence.index(now) is None:
             return None
         if not self._drawn:
@@ -119,7 +119,7 @@ class SlipModel:
     def after(
         self, span: float, speed: float, before: float, now: float, lateral_speed: float
     ) -> float:
-        """Lateral speed after `span` (s > 0), exact for a linear yaw rate from `before` to `now`."""
+        """Lateral speed after `span` (s > 0) with a linear yaw rate from `before` to `now`."""
         steady = self._rear - self._sag * speed * speed
         lag = self._sag * speed
         if lag < MIN_LAG:
