@@ -108,7 +108,10 @@ def is_stable_over(
         np.kron(matrix, unit) + np.kron(unit, matrix)
         for matrix in (constant + decay * unit, inverse_speed)
     )
-    critical = np.linalg.eigvals(-np.linalg.solve(fixed, by_inverse)).real
+    try:
+        critical = np.linalg.eigvals(-np.linalg.solve(fixed, by_inverse)).real
+    except np.linalg.LinAlgError:  # a root that no speed moves
+        return False
     inside = np.sort(critical[(slowest < critical) & (critical < fastest)]).tolist()
     between = [0.5 * (low + high) for low, high in pairwise([slowest, *inside, fastest])]
     probes = [slowest, *between, fastest]
