@@ -277,7 +277,7 @@ class CarMotion:
         return of_steering if of_steering > of_tyres else of_tyres
 
     def _substeps(self, span: float, slowest: float, off: float, rate: float) -> tuple[int, bool]:
-        """Count the sub-steps of a span (s), and tell whether the rate limit may be reached.
+        """Count the sub-steps of a span (s), and check whether the rate limit may be reached.
 
         `slowest` is the lowest speed (m/s) in it, `off` the command minus the steering angle (rad),
         `rate` that of the steering (rad/s). Uses an upper bound of the rate by eq. (4).

@@ -114,15 +114,17 @@ class Bias(ErrorTerm):
 
 GRID = 10 * MILLISECOND  # Grid spacing (ns); automotive receivers measure at 20 Hz at most
 BLOCK = 512  # Number of points computed at once
-MIN_TIME_CONSTANT = 0.1  # Lower bound of the time constant (s): below it the grid is too coarse
 
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """First-order Gauss–Markov drift: standard deviation (m, per axis), and time constant (s)."""
+    """First-order Gauss–Markov drift: standard deviation (m, per axis), and time constant (s).
 
-    deviation: Annotated[float, Setting("stationary, per axis", "m", 0, 1000, example=0.016)]
-    time_constant: Annotated[float, Setting("of drift", "s", MIN_TIME_CONSTANT, 100_000)] = 100.0
+    The time constant is at least 0.1 s: below it the grid is too coarse.
+    """
+
+    deviation: Annotated[float, Setting("deviation, per axis", "m", 0, 1000, example=0.016)]
+    time_constant: Annotated[float, Setting("time constant", "s", 0.1, 100_000)] = 100.0
 
 
 class GaussMarkov:

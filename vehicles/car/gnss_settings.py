@@ -98,7 +98,7 @@ class GnssSettings(StateErrors):
     rate: Annotated[float, Setting("rate of fixes", "hz", 0.01, 100)] = 20.0
     heading_noise: Annotated[float, Setting("noise of the heading", "deg", 0, 45)] = NOISE.heading
     speed_noise: Annotated[float, Setting("noise of the speed", "mps", 0, 10)] = NOISE.speed
-    yaw_rate_noise: Annotated[float, Setting("of the yaw rate", "radps", 0, 1)] = NOISE.yaw_rate
+    yaw_rate_noise: Annotated[float, Setting("noise of yaw rate", "radps", 0, 1)] = NOISE.yaw_rate
     fix: Annotated[
         ReceiverState,
         Setting(

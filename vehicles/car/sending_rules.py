@@ -46,7 +46,7 @@ class CongestionControl:
         tuple[BusyRatioEntry, ...], Setting("in order of time; 0 before the first", nonempty=True)
     ]
     period: Annotated[
-        int, Setting("of evaluations; each changes the state by at most one", "ms", 10, 10_000)
+        int, Setting("period of evaluations, each by up to one state", "ms", 10, 10_000)
     ] = 100 * MILLISECOND
 
     @property
