@@ -47,11 +47,8 @@ error of 17 mm when fixed and 0.27 m when float, with a decorrelation time (1/e)
 and 184 s in east. Single: order of magnitude of code-only positions, not measured.
 """
 PRESET_OF_STATE: Mapping[FixState, Preset] = {
-    "fixed": "rtk_fixed",
-    "float": "rtk_float",
-    "single": "single",
+    row["fix"]: name for name, row in PRESETS.items() if name != "none"
 }
-
 ERRORS: Mapping[str, type[ErrorTerm]] = {"bias": Bias, "common_drift": CommonDrift}
 
 
