@@ -13,12 +13,9 @@ cornering. SI units; left is positive.
 """
 
 import math
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 from vehicles.car.parameters import VehicleParameters
-
-if TYPE_CHECKING:
-    from vehicles.car.dynamics import Body
 
 GRAVITY: Final = 9.80665  # Standard gravity (m/s²)
 WALKING_PACE: Final = 2.0  # Lower bound (m/s) of the speed that divides slip speeds
@@ -28,6 +25,15 @@ NONLINEAR_SLIP = 0.5 * (3.0 - math.sqrt(6.6))
 brush model is 20 % below C s. The root of 1 - x + x²/3 = 0.8, at 52 % of the friction."""
 
 SLIDING_SHARE: Final = 0.99  # Share of friction in use above which an axle counts as sliding
+
+
+class LateralState(Protocol):
+    """State of the car in eqs. (1), (2) and (4), such as `dynamics.Body`."""
+
+    speed: float
+    lateral_speed: float
+    yaw_rate: float
+    steering: float
 
 
 Coefficients = tuple[float, float, float, float, float, float]  # A to F of `lateral_coefficients`
@@ -91,7 +97,7 @@ def lateral_share(acceleration: float, friction: float) -> float:
 
 
 def tyre_use(
-    state: "Body",
+    state: LateralState,
     acceleration: float,
     p: VehicleParameters,
     loads: tuple[float, float] | None = None,
@@ -123,7 +129,7 @@ def tyre_use(
     return TyreUse((front + rear) / p.mass, front_angle, rear_angle, share)
 
 
-def rolling_use(state: "Body", p: VehicleParameters) -> TyreUse:
+def rolling_use(state: LateralState, p: VehicleParameters) -> TyreUse:
     """Tyre use of a car that rolls without slip, for recorded motion, which has no simulated tyres.
 
     Lateral acceleration v_x dθ/dt of eq. (1), and the share of friction that it needs.
