@@ -1,11 +1,9 @@
 """The GNSS receiver, and its fixes as messages.
 
-It emulates a receiver for automated driving: RTK positions aided by an inertial unit, at a fixed
-rate. Internally a fix is in the east-north plane with yaw; on the wire it is WGS84 with a compass
-course.
+It emulates RTK positions aided by an inertial unit, at a fixed rate. Internally a fix is in the
+east-north plane with yaw; on the wire it is WGS84 with a compass course.
 """
 
-import math
 from collections import deque
 from dataclasses import dataclass
 from typing import Final
@@ -13,7 +11,7 @@ from typing import Final
 from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
-from vehicles.car.gnss_error_terms import NO_END, ForcedStates, ReceiverState
+from vehicles.car.gnss_error_terms import NO_END, ReceiverState
 from vehicles.car.gnss_errors import ReceiverErrors
 from vehicles.car.noise import GnssNoise
 from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw, wrap_angle
@@ -44,9 +42,6 @@ class Fix:
     accuracy: float = 0.02
 
 
-_State = tuple[list[float], ReceiverErrors | None, ForcedStates | None, deque[Fix]]
-
-
 class GnssReceiver:
     """GPS receiver of Section III-A, measuring every 1/`rate_hz` s from `start_at` (ns) on.
 
@@ -63,30 +58,14 @@ class GnssReceiver:
         random: Generator,
         errors: ReceiverErrors | None = None,
     ) -> None:
-        if not (math.isfinite(rate_hz) and rate_hz > 0.0):
-            raise ValueError(f"the measuring rate must be positive, not {rate_hz} Hz")
         self._noise = noise
         self._cadence = Cadence(start_at, rate_hz)
         self._random = random
         self._drawn: list[float] = []
-        self._forced: ForcedStates | None = None
-        if errors is not None:
-            self._forced = errors.states = ForcedStates(errors.states)
-        self._set_errors(errors)
-        self._pending: deque[Fix] = deque()
-
-    def __reduce__(self) -> "tuple[type[GnssReceiver], tuple[object, ...], _State]":
-        arguments = self._noise, self._cadence.rate_hz, self._cadence.start_at, self._random
-        return GnssReceiver, arguments, (self._drawn, self._errors, self._forced, self._pending)
-
-    def __setstate__(self, state: "_State") -> None:
-        self._drawn, errors, self._forced, self._pending = state
-        self._set_errors(errors)
-
-    def _set_errors(self, errors: ReceiverErrors | None) -> None:
         self._errors = errors
         self._is_plain = errors is None or errors.settings.has_only_white_noise
         self._latency = errors.settings.latency if errors else 0
+        self._pending: deque[Fix] = deque()
 
     def measure(self, body: Body, now: int) -> Fix | None:
         """Measure `body` if `now` (ns) is an instant of measurement; return the fix available now.
@@ -108,9 +87,9 @@ class GnssReceiver:
 
         Outages still apply. Raises ValueError for a receiver without fix states.
         """
-        if self._forced is None:
+        if self._errors is None:
             raise ValueError("this receiver has no fix states, only white noise")
-        self._forced.force(state, since, until)
+        self._errors.states.force(state, since, until)
 
     def _measured(self, body: Body, now: int) -> Fix | None:
         seq = self._cadence.index(now)
@@ -119,7 +98,7 @@ class GnssReceiver:
         if not self._drawn:
             self._drawn = self._random.standard_normal(5 * BLOCK).tolist()
             self._drawn.reverse()
-        draw, noise = self._drawn.pop, self._noise
+        draw, noise, errors = self._drawn.pop, self._noise, self._errors
         east, north, yaw, speed, yaw_rate = draw(), draw(), draw(), draw(), draw()
         fix = Fix(
             seq,
@@ -132,16 +111,14 @@ class GnssReceiver:
             "fixed",
             noise.position,
         )
-        forced = self._forced is not None and self._forced.is_forced(now)
-        if self._errors is None or (self._is_plain and not forced):
+        if errors is None or (self._is_plain and not errors.states.is_forced(now)):
             return fix
-        error = self._errors.at(body, now)
+        error = errors.at(body, now)
         if error is None:
             return None
-        rounded = self._errors.rounded
-        fix.east = rounded(body.east + error.white_deviation * east + error.east)
-        fix.north = rounded(body.north + error.white_deviation * north + error.north)
-        fix.state, fix.accuracy = error.state, error.accuracy
+        off_east, off_north, fix.state, white, fix.accuracy = error
+        fix.east = errors.rounded(body.east + white * east + off_east)
+        fix.north = errors.rounded(body.north + white * north + off_north)
         return fix
 
 

@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import hypot
 from typing import Annotated, ClassVar, Final, Literal, Protocol
@@ -57,10 +57,9 @@ class ErrorProcess(Protocol):
 class ErrorTerm(ABC):
     """Settings of a position error: a frozen dataclass whose fields are its parameters.
 
-    `begin(context)` draws the random numbers of a run and returns the error over time, an object
-    with the method `at` of `ErrorProcess`. Random numbers come only from the streams of the
-    context, so that the same seed gives the same run. Followers assume the `variance`; `describe`
-    is for tables.
+    `begin(context)` returns the error over a run, an object with the method `at` of `ErrorProcess`.
+    Random numbers come only from the streams of the context, so that the same seed gives the same
+    run. Followers assume the `variance`; `describe` is for tables.
     """
 
     __slots__ = ()
@@ -81,20 +80,11 @@ class ErrorTerm(ABC):
         return type(self).__name__
 
 
-def begin_term(term: ErrorTerm, context: ReceiverContext) -> ErrorProcess:
-    return term.begin(context)
-
-
-# ---- A constant error of a receiver
-
-
 @dataclass(frozen=True, slots=True)
 class Bias(ErrorTerm):
     """A constant error: a configured offset plus a random one per vehicle (m)."""
 
-    deviation: Annotated[
-        float, Setting("standard deviation of the random part, per axis", "m", 0, 1000)
-    ] = 0.0
+    deviation: Annotated[float, Setting("of the random part, per axis", "m", 0, 1000)] = 0.0
     east: Annotated[float, Setting("configured part, east", "m", -1000, 1000)] = 0.0
     north: Annotated[float, Setting("configured part, north", "m", -1000, 1000)] = 0.0
 
@@ -104,20 +94,15 @@ class Bias(ErrorTerm):
 
     def begin(self, context: ReceiverContext) -> ErrorProcess:
         east, north = context.own_streams("bias").standard_normal(2).tolist()
-        return ConstantError(self.east + self.deviation * east, self.north + self.deviation * north)
-
-    def describe(self) -> str:
-        offset = f"{self.east:g} m east, {self.north:g} m north"
-        return f"bias {offset}, {self.deviation:g} m random"
-
-
-@dataclass(frozen=True, slots=True)
-class ConstantError:
-    east: float
-    north: float
+        return replace(
+            self, east=self.east + self.deviation * east, north=self.north + self.deviation * north
+        )
 
     def at(self, body: Body, now: int) -> tuple[float, float]:
         return self.east, self.north
+
+    def describe(self) -> str:
+        return f"bias {self.east:g} m east, {self.north:g} m north, {self.deviation:g} m random"
 
 
 # ---- Drifting errors: a first-order Gauss–Markov process in two axes, independent of the rate
@@ -129,98 +114,54 @@ class ConstantError:
 
 GRID = 10 * MILLISECOND  # Grid spacing (ns); automotive receivers measure at 20 Hz at most
 BLOCK = 512  # Number of points computed at once
-MIN_TIME_CONSTANT = 0.1  # Lower bound of the time constant (s): below it the grid is too coarse
 
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """First-order Gauss–Markov drift: standard deviation per axis (m), and time constant (s)."""
+    """First-order Gauss–Markov drift: standard deviation (m, per axis), and time constant (s).
 
-    deviation: Annotated[
-        float, Setting("stationary standard deviation, per axis", "m", 0, 1000, example=0.016)
-    ]
-    time_constant: Annotated[
-        float, Setting("time constant of the drift", "s", MIN_TIME_CONSTANT, 100_000)
-    ] = 100.0
+    The time constant is at least 0.1 s: below it the grid is too coarse.
+    """
+
+    deviation: Annotated[float, Setting("deviation, per axis", "m", 0, 1000, example=0.016)]
+    time_constant: Annotated[float, Setting("time constant", "s", 0.1, 100_000)] = 100.0
 
 
 class GaussMarkov:
-    """A stationary first-order Gauss–Markov process in two axes, of standard deviation 1 per axis.
+    """A stationary first-order Gauss–Markov process in two axes, the course of a drift.
 
     Exact discretisation: x[k] = r x[k-1] + sqrt(1 - r²) w[k] with r = exp(-grid / time constant)
     and white Gaussian w. The autocorrelation at lag t is exp(-t / time constant).
     """
 
-    def __init__(self, time_constant: float, start_at: int, random: Generator) -> None:
-        """`time_constant` in s, `start_at` in ns; ValueError below `MIN_TIME_CONSTANT`."""
-        if not MIN_TIME_CONSTANT <= time_constant < math.inf:
-            raise ValueError(f"the time constant must be at least {MIN_TIME_CONSTANT} s")
-        rate = GRID / SECOND / time_constant
+    def __init__(self, drift: Drift, start_at: int, random: Generator) -> None:
+        """Begin `drift` at `start_at` (ns)."""
+        rate = GRID / SECOND / drift.time_constant
         steps = range(1, BLOCK + 1)
         # NumPy's exp is not used, as its last bit depends on the processor.
         self._kept = np.array([math.exp(-rate * k) for k in steps])
         spread = math.sqrt(-math.expm1(-2.0 * rate))
         self._scaled = np.array([spread * math.exp(rate * k) for k in steps])
-        self._start_at = start_at
-        self._random = random
+        self._deviation, self._start_at, self._random = drift.deviation, start_at, random
         self._before = random.standard_normal(2)
         self._first, self._east, self._north = 0, *([one] for one in self._before.tolist())
 
-    def at(self, now: int) -> tuple[float, float]:
-        """East and north at `now` (ns); calls must be in order of time."""
+    def at(self, body: Body, now: int) -> tuple[float, float]:
+        """East and north (m) at `now` (ns); calls must be in order of time."""
         index = (now - self._start_at) // GRID - self._first
-        while index >= len(self._east):
+        while index >= len(self._east):  # the recursion as a cumulative sum of scaled terms
             index -= len(self._east)
-            self._extend()
-        if index < 0:
-            raise ValueError(f"{now} ns is before the stored part of the process")
-        return self._east[index], self._north[index]
-
-    def _extend(self) -> None:
-        """Compute the next block, with the recursion as a cumulative sum of scaled terms."""
-        drawn = self._random.standard_normal((2, BLOCK))
-        path = self._kept * (self._before[:, None] + np.cumsum(self._scaled * drawn, axis=1))
-        self._first += len(self._east)
-        self._before = path[:, -1]
-        self._east, self._north = path.tolist()
-
-
-def restarted(
-    value: tuple[float, float], first: tuple[float, float], jump: tuple[float, float], kept: float
-) -> tuple[float, float]:
-    """Value of a Gauss–Markov process that restarted at `jump` instead of `first`.
-
-    `value` is that of the undisturbed process, which had the value `first` at the restart. The
-    initial difference decays by the factor `kept`, exp(-t / time constant).
-    """
-    return (value[0] + kept * (jump[0] - first[0]), value[1] + kept * (jump[1] - first[1]))
-
-
-def draw_truncated(
-    deviation: float, radius: float, draws: tuple[float, float]
-) -> tuple[float, float]:
-    """Draw from the stationary distribution of a Gauss–Markov process, truncated to a circle.
-
-    `deviation` (m) is the standard deviation per axis; the circle of `radius` (m) is centred at 0;
-    `draws` are uniform in [0, 1). Inverts the distribution function of Rayleigh's distribution.
-    """
-    if deviation <= 0.0 or radius <= 0.0:
-        return 0.0, 0.0
-    probability = -math.expm1(-0.5 * (radius / deviation) ** 2)
-    distance = min(deviation * math.sqrt(-2.0 * math.log1p(-draws[0] * probability)), radius)
-    angle = 2.0 * math.pi * draws[1]
-    return distance * math.cos(angle), distance * math.sin(angle)
-
-
-# ---- Drift shared by all receivers
+            self._first += len(self._east)
+            drawn = self._random.standard_normal((2, BLOCK))
+            path = self._kept * (self._before[:, None] + np.cumsum(self._scaled * drawn, axis=1))
+            self._before = path[:, -1]
+            self._east, self._north = path.tolist()
+        return self._deviation * self._east[index], self._deviation * self._north[index]
 
 
 @dataclass(frozen=True, slots=True)
 class CommonDrift(Drift, ErrorTerm):
-    """Drift shared by all receivers (satellites, atmosphere), a Gauss–Markov process.
-
-    It does not change distances between vehicles.
-    """
+    """Drift shared by all receivers (satellites, atmosphere); it keeps distances between cars."""
 
     shared = True
 
@@ -229,58 +170,27 @@ class CommonDrift(Drift, ErrorTerm):
         return self.deviation**2
 
     def begin(self, context: ReceiverContext) -> ErrorProcess:
-        return ScaledDrift(
-            self.deviation,
-            GaussMarkov(self.time_constant, context.start_at, context.shared_streams("drift")),
-        )
+        return GaussMarkov(self, context.start_at, context.shared_streams("drift"))
 
     def describe(self) -> str:
         return f"common drift {self.deviation:g} m over {self.time_constant:g} s"
 
 
-@dataclass(frozen=True, slots=True)
-class ScaledDrift:
-    """A Gauss–Markov process of standard deviation `deviation` (m)."""
-
-    deviation: float
-    unit_process: GaussMarkov
-
-    def at(self, body: Body, now: int) -> tuple[float, float]:
-        east, north = self.unit_process.at(now)
-        return self.deviation * east, self.deviation * north
-
-
 # ---- Times and places without a fix, as in a tunnel: state 0 of NMEA 0183
 
 
-MAX_COORDINATE = 1_000_000  # Limit (m) of coordinates and distances in scenario files
-
-
-class FixOutage(ABC):
-    """A time or place without a fix."""
-
-    __slots__ = ()
-
-    @abstractmethod
-    def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:
-        """Whether the receiver has no fix at `now` (ns), with the car in state `body`."""
-
-    def problems(self) -> Iterator[Problem]:
-        yield from ()
+FAR = 1_000_000  # Limit (m) of coordinates and distances in scenario files
 
 
 @dataclass(frozen=True, slots=True)
-class FixOutageWindow(FixOutage):
+class FixOutageWindow:
     """No fix between two times after the start of the run."""
 
-    begin: Annotated[
-        int, Setting("start of the outage, inclusive", "s", 0, 86_400, name="from", example=20.0)
-    ]
-    end: Annotated[
-        int, Setting("end of the outage, exclusive", "s", 0, 86_400, name="to", example=25.0)
-    ]
+    begin: Annotated[int, Setting("start, inclusive", "s", 0, 86_400, name="from", example=20.0)]
+    end: Annotated[int, Setting("end, exclusive", "s", 0, 86_400, name="to", example=25.0)]
 
     def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:
+        """Whether the receiver has no fix at `now` (ns), with the car in state `body`."""
         return self.begin <= now - context.start_at < self.end
 
     def problems(self) -> Iterator[Problem]:
@@ -288,34 +198,14 @@ class FixOutageWindow(FixOutage):
 
 
 @dataclass(frozen=True, slots=True)
-class FixOutageStretch(FixOutage):
+class FixOutageStretch:
     """No fix on a stretch of road, by arc length from the lead's start; it continues over laps.
 
     Outages of [links] are by arc length from the first point of the path instead.
     """
 
-    begin: Annotated[
-        float,
-        Setting(
-            "start of the stretch, inclusive",
-            unit="m",
-            minimum=-MAX_COORDINATE,
-            maximum=MAX_COORDINATE,
-            name="from",
-            example=300.0,
-        ),
-    ]
-    end: Annotated[
-        float,
-        Setting(
-            "end of the stretch, exclusive",
-            unit="m",
-            minimum=-MAX_COORDINATE,
-            maximum=MAX_COORDINATE,
-            name="to",
-            example=400.0,
-        ),
-    ]
+    begin: Annotated[float, Setting("start, inclusive", "m", -FAR, FAR, name="from", example=300.0)]
+    end: Annotated[float, Setting("end, exclusive", "m", -FAR, FAR, name="to", example=400.0)]
 
     def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:
         return self.begin <= body.distance - context.distance_behind_lead < self.end
@@ -325,21 +215,21 @@ class FixOutageStretch(FixOutage):
 
 
 @dataclass(frozen=True, slots=True)
-class FixOutageCircle(FixOutage):
+class FixOutageCircle:
     """No fix within a circle in the plane."""
 
-    east: Annotated[
-        float, Setting("centre, east", "m", -MAX_COORDINATE, MAX_COORDINATE, example=500.0)
-    ]
-    north: Annotated[
-        float, Setting("centre, north", "m", -MAX_COORDINATE, MAX_COORDINATE, example=0.0)
-    ]
-    radius: Annotated[float, Setting("radius", "m", above=0, maximum=MAX_COORDINATE, example=40.0)]
+    east: Annotated[float, Setting("centre, east", "m", -FAR, FAR, example=500.0)]
+    north: Annotated[float, Setting("centre, north", "m", -FAR, FAR, example=0.0)]
+    radius: Annotated[float, Setting("radius", "m", above=0, maximum=FAR, example=40.0)]
 
     def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:
         return hypot(body.east - self.east, body.north - self.north) <= self.radius
 
+    def problems(self) -> Iterator[Problem]:
+        yield from ()
 
+
+FixOutage = FixOutageWindow | FixOutageStretch | FixOutageCircle
 OUTAGES: Mapping[str, type[FixOutage]] = {
     "time": FixOutageWindow,
     "road": FixOutageStretch,
@@ -366,77 +256,22 @@ class StateInterval:
     until: int
 
 
-class FixStates(Protocol):
-    """The fix states of a receiver over time."""
+class FixStates:
+    """The fix states of a receiver over time; calls must be in order of time.
 
-    def at(self, now: int) -> StateInterval:
-        """State at `now` (ns); calls must be in order of time."""
-        ...
-
-
-class StateSchedule:
-    """Listed states: each entry has a time (s) after the start, and the state from then on."""
-
-    def __init__(
-        self, first: ReceiverState, entries: Sequence[tuple[float, ReceiverState]], start_at: int
-    ) -> None:
-        begins = [start_at, *(start_at + nanoseconds(at) for at, _ in entries)]
-        states = [first, *(state for _, state in entries)]
-        ends = [*begins[1:], NO_END]
-        self._intervals = [
-            StateInterval(state, begin, end)
-            for state, begin, end in zip(states, begins, ends, strict=True)
-            if begin < end  # an entry at the start leaves no time for the first state
-        ]
-        self._index = 0
-
-    def at(self, now: int) -> StateInterval:
-        while now >= self._intervals[self._index].until:
-            self._index += 1
-        return self._intervals[self._index]
-
-
-class StateChain:
-    """A continuous-time Markov chain: each transition has an exponential waiting time.
-
-    `means` (s) are by state and next state. The earliest transition out of a state is taken, so
-    the time in a state is also exponential, with the sum of the rates.
+    The sequence continues in the background while a state is forced.
     """
 
-    def __init__(
-        self,
-        first: ReceiverState,
-        means: Mapping[ReceiverState, Mapping[ReceiverState, float]],
-        start_at: int,
-        random: Generator,
-    ) -> None:
-        """Draw one number per transition out of each entered state."""
-        self._means = means
-        self._random = random
-        self._current, self._next = self._enter(first, start_at)
+    def __init__(self, intervals: Iterator[StateInterval]) -> None:
+        self._intervals = intervals
+        self._current = next(intervals)
+        self._forced: StateInterval | None = None
 
     def at(self, now: int) -> StateInterval:
+        """State at `now` (ns)."""
         while now >= self._current.until:
-            self._current, self._next = self._enter(self._next, self._current.until)
-        return self._current
-
-    def _enter(self, state: ReceiverState, at: int) -> tuple[StateInterval, ReceiverState]:
-        waits = [
-            (nanoseconds(mean * self._random.standard_exponential()), following)
-            for following, mean in self._means.get(state, {}).items()
-        ]
-        if not waits:
-            return StateInterval(state, at, NO_END), state
-        wait, following = min(waits, key=lambda candidate: candidate[0])
-        return StateInterval(state, at, at + max(wait, 1)), following
-
-
-class ForcedStates:
-    """States by a law, which continues in the background while a state is forced by hand."""
-
-    def __init__(self, law: FixStates) -> None:
-        self._law = law
-        self._forced: StateInterval | None = None
+            self._current = next(self._intervals)
+        return self._forced if self._forced is not None and self.is_forced(now) else self._current
 
     def force(self, state: ReceiverState | None, since: int, until: int = NO_END) -> None:
         """Force a state from `since` (ns) to `until`, excluded; None ends it."""
@@ -444,28 +279,6 @@ class ForcedStates:
 
     def is_forced(self, now: int) -> bool:
         return self._forced is not None and self._forced.since <= now < self._forced.until
-
-    def at(self, now: int) -> StateInterval:
-        own = self._law.at(now)
-        return self._forced if self._forced is not None and self.is_forced(now) else own
-
-
-class FixStateLaw(ABC):
-    """Settings of a sequence of fix states: each subclass is a kind of `[gnss.fix_states]`."""
-
-    __slots__ = ()
-
-    @abstractmethod
-    def begin(self, first: ReceiverState, context: ReceiverContext) -> FixStates:
-        """Return the states of a run that starts in the state `first`."""
-
-    @abstractmethod
-    def states(self) -> set[ReceiverState]:
-        """States that can be entered."""
-
-    @abstractmethod
-    def problems(self, first: ReceiverState) -> Iterator[Problem]:
-        """Yield keys that contradict others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -477,14 +290,20 @@ class StateEntry:
 
 
 @dataclass(frozen=True, slots=True)
-class ScheduledStates(FixStateLaw):
+class ScheduledStates:
     """Listed fix states; before the first entry, the state is `gnss.fix`."""
 
     entries: Annotated[tuple[StateEntry, ...], Setting("states in order of time", nonempty=True)]
 
-    def begin(self, first: ReceiverState, context: ReceiverContext) -> FixStates:
-        entries = [(entry.at, entry.state) for entry in self.entries]
-        return StateSchedule(first, entries, context.start_at)
+    def intervals(self, first: ReceiverState, context: ReceiverContext) -> Iterator[StateInterval]:
+        """Yield the states of a run that starts in the state `first`; the last has no end."""
+        state, since = first, context.start_at
+        for entry in self.entries:
+            until = context.start_at + nanoseconds(entry.at)
+            if since < until:  # an entry at the start leaves no time for the first state
+                yield StateInterval(state, since, until)
+            state, since = entry.state, until
+        yield StateInterval(state, since, NO_END)
 
     def states(self) -> set[ReceiverState]:
         return {entry.state for entry in self.entries}
@@ -509,34 +328,41 @@ class Transition:
 
 
 @dataclass(frozen=True, slots=True)
-class ChainOfStates(FixStateLaw):
-    """Fix states by a Markov chain, random for each vehicle; the first state is `gnss.fix`."""
+class ChainOfStates:
+    """Fix states by a Markov chain, random for each vehicle; the first state is `gnss.fix`.
 
-    transitions: Annotated[
-        tuple[Transition, ...], Setting("all transitions of the chain", nonempty=True)
-    ]
+    Each transition has an exponential waiting time, and the earliest one out of a state is taken.
+    So the time in a state is also exponential, with the sum of the rates.
+    """
 
-    def begin(self, first: ReceiverState, context: ReceiverContext) -> FixStates:
-        means: dict[ReceiverState, dict[ReceiverState, float]] = {}
-        for transition in self.transitions:
-            means.setdefault(transition.state, {})[transition.to] = transition.mean
-        return StateChain(first, means, context.start_at, context.own_streams("states"))
+    transitions: Annotated[tuple[Transition, ...], Setting("all transitions", nonempty=True)]
+
+    def intervals(self, first: ReceiverState, context: ReceiverContext) -> Iterator[StateInterval]:
+        random, state, since = context.own_streams("states"), first, context.start_at
+        while waits := [
+            (nanoseconds(each.mean * random.standard_exponential()), each.to)
+            for each in self.transitions
+            if each.state == state
+        ]:
+            wait, following = min(waits, key=lambda candidate: candidate[0])
+            yield StateInterval(state, since, until := since + max(wait, 1))
+            state, since = following, until
+        yield StateInterval(state, since, NO_END)
 
     def states(self) -> set[ReceiverState]:
         return {transition.to for transition in self.transitions}
 
     def problems(self, first: ReceiverState) -> Iterator[Problem]:
-        seen: set[tuple[ReceiverState, ReceiverState]] = set()
-        for index, transition in enumerate(self.transitions):
+        pairs = [(each.state, each.to) for each in self.transitions]
+        for index, (state, to) in enumerate(pairs):
             key = f"transitions[{index}].to"
-            pair = transition.state, transition.to
-            if transition.state == transition.to:
-                yield key, f'given "{transition.to}", allowed another state'
-            elif pair in seen:
-                yield key, f'from "{pair[0]}" to "{pair[1]}" is given twice, allowed once'
-            seen.add(pair)
+            if state == to:
+                yield key, f'given "{to}", allowed another state'
+            elif (state, to) in pairs[:index]:
+                yield key, f'from "{state}" to "{to}" is given twice, allowed once'
 
 
+FixStateLaw = ScheduledStates | ChainOfStates
 FIX_STATE_LAWS: Mapping[str, type[FixStateLaw]] = {
     "schedule": ScheduledStates,
     "chain": ChainOfStates,

@@ -1,10 +1,10 @@
 """Settings of a GNSS receiver: its rate, white noise, and position errors.
 
-To add an error, add a field to `GnssSettings` whose type is an `ErrorTerm`, or a kind to ERRORS.
+To add an error, add a kind to ERRORS.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from math import degrees, hypot, sqrt
 from typing import Annotated, Any, Literal, get_args
 
@@ -28,25 +28,16 @@ STATES_WITH_FIX: tuple[FixState, ...] = get_args(FixState)
 NOISE = GnssNoise()
 NO_DRIFT = Drift(0.0)
 Preset = Literal["rtk_fixed", "rtk_float", "single", "none"]
+
+
+def _preset(fix: FixState, noise: float, drift: Drift, jump: float | None = None) -> dict[str, Any]:
+    return {"fix": fix, "position_noise": noise, "drift": drift, "entry_jump": jump}
+
+
 PRESETS: Mapping[Preset, Mapping[str, Any]] = {
-    "rtk_fixed": {
-        "fix": "fixed",
-        "position_noise": 0.006,
-        "drift": Drift(0.016, 100.0),
-        "entry_jump": None,
-    },
-    "rtk_float": {
-        "fix": "float",
-        "position_noise": 0.0,
-        "drift": Drift(0.19, 100.0),
-        "entry_jump": 0.5,
-    },
-    "single": {
-        "fix": "single",
-        "position_noise": 0.0,
-        "drift": Drift(1.5, 300.0),
-        "entry_jump": None,
-    },
+    "rtk_fixed": _preset("fixed", 0.006, Drift(0.016, 100.0)),
+    "rtk_float": _preset("float", 0.0, Drift(0.19, 100.0), 0.5),
+    "single": _preset("single", 0.0, Drift(1.5, 300.0)),
     "none": {"fix": "none"},
 }
 """Fields of `GnssSettings` by preset.
@@ -56,11 +47,8 @@ error of 17 mm when fixed and 0.27 m when float, with a decorrelation time (1/e)
 and 184 s in east. Single: order of magnitude of code-only positions, not measured.
 """
 PRESET_OF_STATE: Mapping[FixState, Preset] = {
-    "fixed": "rtk_fixed",
-    "float": "rtk_float",
-    "single": "single",
+    row["fix"]: name for name, row in PRESETS.items() if name != "none"
 }
-
 ERRORS: Mapping[str, type[ErrorTerm]] = {"bias": Bias, "common_drift": CommonDrift}
 
 
@@ -69,43 +57,22 @@ class StateErrors:
     """Position errors in one fix state: white noise (m, per axis), Gauss–Markov drift.
 
     Omitted keys have the values of the preset of the state: rtk_fixed, rtk_float or single. With
-    `entry_jump_m` the drift restarts when the state is entered. Without, it continues in the
-    background while the receiver is in another state.
+    `entry_jump_m` the drift restarts within this distance of 0 when the state is entered, also
+    after an outage. Without, it continues in the background while the receiver is in another state.
+    An accuracy_ratio of 1 is correct; 0.05 was measured for one solver.
     """
 
-    position_noise: Annotated[
-        float, Setting("white noise of the position, per axis", "m", 0, 100)
-    ] = NOISE.position
-    drift: Annotated[
-        Drift | None,
-        Setting("drift of each receiver: a Gauss–Markov process, independent of rate_hz"),
-    ] = None
+    position_noise: Annotated[float, Setting("white noise, per axis", "m", 0, 100)] = NOISE.position
+    drift: Annotated[Drift | None, Setting("drift of the receiver, independent of rate_hz")] = None
     entry_jump: Annotated[
         float | None,
         Setting(
-            "restart the drift within this distance of 0 when the state is entered, also after an "
-            "outage; if not set, the drift continues",
-            unit="m",
-            minimum=0,
-            maximum=1000,
-            example=0.5,
+            "restart the drift this near to 0 when the state begins", "m", 0, 1000, example=0.5
         ),
     ] = None
     accuracy: Annotated[
-        float,
-        Setting(
-            "reported accuracy over true standard deviation: 1 is correct; 0.05 was measured for "
-            "one solver",
-            unit="ratio",
-            above=0,
-            maximum=100,
-        ),
+        float, Setting("reported accuracy over true deviation", "ratio", above=0, maximum=100)
     ] = 1.0
-
-    def entry_problems(self, key: str = "") -> Iterator[Problem]:
-        """Report an entry jump without a drift; `key` is the prefix of the table."""
-        if self.entry_jump is not None and self.drift is None:
-            yield f"{key}entry_jump_m", "given without drift, which it restarts"
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,13 +93,9 @@ class GnssSettings(StateErrors):
         ),
     ] = None
     rate: Annotated[float, Setting("rate of fixes", "hz", 0.01, 100)] = 20.0
-    heading_noise: Annotated[float, Setting("white noise of the heading", "deg", 0, 45)] = (
-        NOISE.heading
-    )
-    speed_noise: Annotated[float, Setting("white noise of the speed", "mps", 0, 10)] = NOISE.speed
-    yaw_rate_noise: Annotated[float, Setting("white noise of the yaw rate", "radps", 0, 1)] = (
-        NOISE.yaw_rate
-    )
+    heading_noise: Annotated[float, Setting("noise of the heading", "deg", 0, 45)] = NOISE.heading
+    speed_noise: Annotated[float, Setting("noise of the speed", "mps", 0, 10)] = NOISE.speed
+    yaw_rate_noise: Annotated[float, Setting("noise of yaw rate", "radps", 0, 1)] = NOISE.yaw_rate
     fix: Annotated[
         ReceiverState,
         Setting(
@@ -141,41 +104,23 @@ class GnssSettings(StateErrors):
         ),
     ] = "fixed"
     common_drift: Annotated[
-        CommonDrift | None,
-        Setting(
-            "drift shared by all receivers (satellites, atmosphere), which does not change "
-            "distances between vehicles"
-        ),
+        CommonDrift | None, Setting("drift shared by all receivers, which keeps distances")
     ] = None
-    bias: Annotated[
-        Bias | None, Setting("a constant error per vehicle, configured and random parts")
-    ] = None
+    bias: Annotated[Bias | None, Setting("a constant error per vehicle")] = None
     errors: Annotated[
         tuple[ErrorTerm, ...],
         Setting("further errors, also your own (convoy reference plug-ins)", kinds=ERRORS),
     ] = ()
-    quantisation: Annotated[
-        float, Setting("positions are rounded to multiples of this", "m", 0, 1000)
-    ] = 0.0
+    quantisation: Annotated[float, Setting("step of rounded positions", "m", 0, 1000)] = 0.0
     latency: Annotated[
         int, Setting("time until a fix is available to its own car and can be sent", "ms", 0, 5000)
     ] = 0
     fix_states: Annotated[
-        FixStateLaw | None,
-        Setting("changing fix states; the first one is `fix`", kinds=FIX_STATE_LAWS),
+        FixStateLaw | None, Setting("changing states, the first is `fix`", kinds=FIX_STATE_LAWS)
     ] = None
-    while_fixed: Annotated[
-        StateErrors | None,
-        Setting('errors in state "fixed", if `fix` is another state; defaults: preset rtk_fixed'),
-    ] = None
-    while_float: Annotated[
-        StateErrors | None,
-        Setting('errors in state "float", if `fix` is another state; defaults: preset rtk_float'),
-    ] = None
-    while_single: Annotated[
-        StateErrors | None,
-        Setting('errors in state "single", if `fix` is another state; defaults: preset single'),
-    ] = None
+    while_fixed: Annotated[StateErrors | None, Setting('errors in state "fixed"')] = None
+    while_float: Annotated[StateErrors | None, Setting('errors in state "float"')] = None
+    while_single: Annotated[StateErrors | None, Setting('errors in state "single"')] = None
     outages: Annotated[
         tuple[FixOutage, ...], Setting("times and places without a fix", kinds=OUTAGES)
     ] = ()
@@ -189,22 +134,13 @@ class GnssSettings(StateErrors):
     @property
     def error_terms(self) -> tuple[ErrorTerm, ...]:
         """Errors added to those of the fix state, shared ones last."""
-        values = (getattr(self, field.name) for field in fields(self))
-        terms = [value for value in values if isinstance(value, ErrorTerm)]
-        terms += self.errors
+        terms = [term for term in (self.common_drift, self.bias, *self.errors) if term is not None]
         return tuple(sorted(terms, key=lambda term: term.shared))
 
     @property
     def has_only_white_noise(self) -> bool:
-        return self.fix == "fixed" and not (
-            self.drift
-            or self.error_terms
-            or self.quantisation
-            or self.latency
-            or self.fix_states
-            or self.outages
-            or self.accuracy != 1.0
-        )
+        more = self.drift or self.error_terms or self.quantisation or self.accuracy != 1.0
+        return self.fix == "fixed" and not (more or self.fix_states or self.outages)
 
     @property
     def has_fix_every_instant(self) -> bool:
@@ -215,9 +151,8 @@ class GnssSettings(StateErrors):
         if state == self.fix:
             return self
         configured: StateErrors | None = getattr(self, f"while_{state}")
-        preset = dict(PRESETS[PRESET_OF_STATE[state]])
-        del preset["fix"]
-        return configured or StateErrors(**preset)
+        preset = PRESETS[PRESET_OF_STATE[state]].items()
+        return configured or StateErrors(**{key: value for key, value in preset if key != "fix"})
 
     def deviation(self, state: FixState, *, shared: bool = True) -> float:
         """True standard deviation (m) per axis in a state, of all independent random errors.
@@ -227,14 +162,9 @@ class GnssSettings(StateErrors):
         """
         errors = self.errors_in(state)
         variance = errors.position_noise**2 + (errors.drift or NO_DRIFT).deviation ** 2
-        common = 0.0
-        for error in self.error_terms:
-            if error.shared:
-                common += error.variance
-            else:
-                variance += error.variance
-        variance += self.quantisation**2 / 12.0 + (common if shared else 0.0)
-        return sqrt(variance)
+        own = sum([term.variance for term in self.error_terms if not term.shared], variance)
+        common = sum([term.variance for term in self.error_terms if term.shared and shared])
+        return sqrt(own + (self.quantisation**2 / 12.0 + common))
 
     @property
     def states(self) -> list[FixState]:
@@ -245,9 +175,7 @@ class GnssSettings(StateErrors):
     @property
     def initial_deviation(self) -> float:
         """Standard deviation (m) per axis in the initial state."""
-        if self.has_only_white_noise or self.fix == "none":
-            return self.position_noise
-        return self.deviation(self.fix)
+        return self.position_noise if self.fix == "none" else self.deviation(self.fix)
 
     @property
     def assumed_deviation(self) -> float:
@@ -256,8 +184,6 @@ class GnssSettings(StateErrors):
         Excludes shared errors, which do not change relative positions. Includes drift, by which two
         sources differ even if each of them is smooth.
         """
-        if self.has_only_white_noise:
-            return self.position_noise
         deviations = [self.deviation(state, shared=False) for state in self.states]
         return max(deviations, default=self.position_noise)
 
@@ -272,20 +198,16 @@ class GnssSettings(StateErrors):
         return hypot(max((drift.deviation for drift in drifts), default=0.0), sqrt(sum(own)))
 
     def problems(self) -> Iterator[Problem]:
-        configured: dict[FixState, StateErrors] = {}
-        for state in STATES_WITH_FIX:
-            key = f"while_{state}"
-            errors: StateErrors | None = getattr(self, key)
-            if errors is None:
-                continue
-            configured[state] = errors
-            if state == self.fix:
-                yield key, f'given for fix = "{self.fix}", whose errors are keys of gnss itself'
-            elif self.fix_states is None:
-                yield key, "given without fix_states, so this state never occurs"
-        yield from self.entry_problems()
-        for state, errors in configured.items():
-            yield from errors.entry_problems(f"while_{state}.")
+        own = {state: getattr(self, f"while_{state}") for state in STATES_WITH_FIX}
+        for state, errors in own.items():
+            if errors is not None and state == self.fix:
+                reason = f'given for fix = "{self.fix}", whose errors are keys of gnss itself'
+                yield f"while_{state}", reason
+            elif errors is not None and self.fix_states is None:
+                yield f"while_{state}", "given without fix_states, so this state never occurs"
+        for key, errors in (("", self), *((f"while_{state}.", own[state]) for state in own)):
+            if errors is not None and errors.entry_jump is not None and errors.drift is None:
+                yield f"{key}entry_jump_m", "given without drift, which it restarts"
         if self.fix_states is not None:
             for key, reason in self.fix_states.problems(self.fix):
                 yield f"fix_states.{key}", reason
@@ -299,20 +221,15 @@ class GnssSettings(StateErrors):
             f"{self.rate:g} Hz, noise {self.position_noise:g} m, {degrees(self.heading_noise):g}°, "
             f"{self.speed_noise:g} m/s, {self.yaw_rate_noise:g} rad/s"
         )
-        if self.preset or self.fix != "fixed":
-            yield f"{self.preset or 'fix'} ({self.fix})"
-        if self.drift:
-            yield f"drift {self.drift.deviation:g} m over {self.drift.time_constant:g} s"
-        for error in reversed(self.error_terms):
-            yield error.describe()
-        if self.quantisation:
-            yield f"steps of {self.quantisation:g} m"
-        if self.latency:
-            yield f"latency {self.latency / MILLISECOND:g} ms"
-        if self.fix_states:
-            kinds = {law: kind for kind, law in FIX_STATE_LAWS.items()}
-            yield f"fix states by {kinds[type(self.fix_states)]}"
-        if self.outages:
-            yield f"{len(self.outages)} outages"
-        if self.accuracy != 1.0:
-            yield f"reports {self.accuracy:g} of its deviation"
+        drift, kinds = self.drift, {law: kind for kind, law in FIX_STATE_LAWS.items()}
+        parts = (
+            f"{self.preset or 'fix'} ({self.fix})" if self.preset or self.fix != "fixed" else "",
+            f"drift {drift.deviation:g} m over {drift.time_constant:g} s" if drift else "",
+            *(error.describe() for error in reversed(self.error_terms)),
+            f"steps of {self.quantisation:g} m" if self.quantisation else "",
+            f"latency {self.latency / MILLISECOND:g} ms" if self.latency else "",
+            f"fix states by {kinds[type(self.fix_states)]}" if self.fix_states else "",
+            f"{len(self.outages)} outages" if self.outages else "",
+            f"reports {self.accuracy:g} of its deviation" if self.accuracy != 1.0 else "",
+        )
+        yield from filter(None, parts)

@@ -1,10 +1,10 @@
 """The inertial sensor of the car: gyroscope and wheel speed. Its readings are not broadcast."""
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Final
 
-from numpy.random import PCG64, Generator
+from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
 from vehicles.car.parameters import VehicleParameters
@@ -37,15 +37,6 @@ class InertialNoise:
     speed_bias: float = 0.1
     yaw_rate_bias: float = 0.00175
 
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(f"{field.name} noise must be at least 0, not {value}")
-
-
-_State = tuple[Generator, Motion, list[float]]
-
 
 class InertialSensor:
     """Inertial unit of Section V-D, measuring every 1/`rate_hz` s from `start_at` (ns) on.
@@ -57,8 +48,6 @@ class InertialSensor:
     def __init__(
         self, noise: InertialNoise, rate_hz: float, start_at: int, random: Generator
     ) -> None:
-        if not (math.isfinite(rate_hz) and rate_hz > 0.0):
-            raise ValueError(f"the measuring rate must be positive, not {rate_hz} Hz")
         self._noise = noise
         self._cadence = Cadence(start_at, rate_hz)
         self._random = random
@@ -66,19 +55,8 @@ class InertialSensor:
         self._bias = Motion(noise.speed_bias * speed, noise.yaw_rate_bias * yaw_rate)
         self._drawn: list[float] = []
 
-    def __reduce__(self) -> "tuple[type[InertialSensor], tuple[object, ...], _State]":
-        # The constructor draws numbers, so it must not get the pickled stream.
-        arguments = self._noise, self._cadence.rate_hz, self._cadence.start_at, Generator(PCG64(0))
-        return InertialSensor, arguments, (self._random, self._bias, self._drawn)
-
-    def __setstate__(self, state: "_State") -> None:
-        self._random, self._bias, self._drawn = state
-
     def measure(self, body: Body, now: int) -> Motion | None:
-        """Measure `body` if `now` (ns) is an instant of measurement, else None.
-
-        v_x and dθ/dt of eq. (1), plus constant bias and white Gaussian noise.
-        """
+        """Measure v_x and dθ/dt of eq. (1) at an instant `now` (ns) of measurement, else None."""
         if self._cadence.index(now) is None:
             return None
         if not self._drawn:
@@ -99,9 +77,8 @@ class ExactSensor:
 
 # ---- Dead reckoning with the inertial sensor, and the growth of its error
 #
-# Gyroscope and wheels measure yaw rate and speed. The lateral speed follows from the yaw rate by
-# the single-track model. The densities below are the process noise of a filter that corrects dead
-# reckoning with fixes.
+# The lateral speed follows from the yaw rate by the single-track model. The densities below are the
+# process noise of a filter that corrects dead reckoning with fixes.
 
 
 MIN_LAG: Final = 1e-3  # Lower bound (s) of the slip's time constant, for a car that hardly moves
@@ -142,10 +119,7 @@ class SlipModel:
     def after(
         self, span: float, speed: float, before: float, now: float, lateral_speed: float
     ) -> float:
-        """Lateral speed after `span` (s > 0), with a linear yaw rate from `before` to `now`.
-
-        Exact solution of the differential equation.
-        """
+        """Lateral speed after `span` (s > 0) with a linear yaw rate from `before` to `now`."""
         steady = self._rear - self._sag * speed * speed
         lag = self._sag * speed
         if lag < MIN_LAG:
@@ -178,9 +152,5 @@ class DriftModel:
         self.heading = period * (noise.yaw_rate**2 + (YAW_JERK * between) ** 2)
 
     def across(self, speed: float, yaw_rate: float) -> float:
-        """Density across the body (m²/s), from the error of the slip.
-
-        An error of standard deviation s and correlation time t (a Gauss–Markov process) has the
-        density 2 s² t.
-        """
+        """Density across the body (m²/s), 2 s² t of the slip's error s with correlation time t."""
         return 2.0 * SLIP_ERROR_TIME * self._slip.error(speed, yaw_rate) ** 2

@@ -5,8 +5,8 @@ one, so a cornering stiffness is that of a whole axle.
 """
 
 import math
-from dataclasses import dataclass, fields, replace
-from typing import Annotated, Literal, NamedTuple, get_args
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal, NamedTuple
 
 from vehicles.setting import Setting
 
@@ -41,18 +41,6 @@ class VehicleParameters:
     tyres: TyreModel = "linear"
     friction: float = 0.9
     drive_lag: float = 0.0
-
-    def __post_init__(self) -> None:
-        if self.tyres not in get_args(TyreModel):
-            raise ValueError(f"tyres must be one of {get_args(TyreModel)}, not {self.tyres!r}")
-        for field in fields(self):
-            if field.name == "tyres":
-                continue
-            value = getattr(self, field.name)
-            endless = field.name == "steering_rate_limit" and value == math.inf
-            absent = field.name == "drive_lag" and value == 0.0
-            if not (endless or absent or (math.isfinite(value) and value > 0.0)):
-                raise ValueError(f"{field.name} must be a positive number, not {value}")
 
     @property
     def wheelbase(self) -> float:
@@ -136,15 +124,7 @@ class Loading:
     rear_passengers: Annotated[int, Setting("in the rear", "", 0, 60)] = 0
     passenger_mass: Annotated[float, Setting("per passenger", "kg", 0, 500)] = 70.0
     luggage_mass: Annotated[float, Setting("per passenger, in the boot", "kg", 0, 1000)] = 50.0
-    luggage_offset: Annotated[
-        float, Setting("distance of the boot behind the rear axle", "m", 0, 10)
-    ] = 0.5
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(f"{field.name} must be a number of at least 0, not {value}")
+    luggage_offset: Annotated[float, Setting("boot behind the rear axle", "m", 0, 10)] = 0.5
 
 
 def loaded(parameters: VehicleParameters, loading: Loading) -> VehicleParameters:
@@ -153,40 +133,32 @@ def loaded(parameters: VehicleParameters, loading: Loading) -> VehicleParameters
     I = I_nominal + m_p n_f a² + m_p n_r b² + m_l (n_f + n_r) (b + c)². As in the paper, the centre
     of mass, and so a and b, do not move.
     """
-    passengers = loading.front_passengers + loading.rear_passengers
-    boot = parameters.rear_axle_distance + loading.luggage_offset
+    front, rear = loading.front_passengers, loading.rear_passengers
+    body, luggage = loading.passenger_mass, loading.luggage_mass
+    a, b = parameters.front_axle_distance, parameters.rear_axle_distance
+    inertia = parameters.yaw_inertia + body * front * a**2 + body * rear * b**2
     return replace(
         parameters,
-        mass=parameters.mass + passengers * (loading.passenger_mass + loading.luggage_mass),
-        yaw_inertia=parameters.yaw_inertia
-        + loading.passenger_mass * loading.front_passengers * parameters.front_axle_distance**2
-        + loading.passenger_mass * loading.rear_passengers * parameters.rear_axle_distance**2
-        + loading.luggage_mass * passengers * boot**2,
+        mass=parameters.mass + (front + rear) * (body + luggage),
+        yaw_inertia=inertia + luggage * (front + rear) * (b + loading.luggage_offset) ** 2,
     )
 
 
 def all_loadings() -> tuple[Loading, ...]:
     """List the cases of Section V-B: up to 1 passenger in front and 3 behind."""
-    return tuple(
-        Loading(front_passengers=front, rear_passengers=rear)
-        for front in range(2)
-        for rear in range(4)
-    )
+    return tuple(Loading(front_passengers=f, rear_passengers=r) for f in range(2) for r in range(4))
 
 
 def loaded_with_moved_centre(parameters: VehicleParameters, loading: Loading) -> VehicleParameters:
     """Like `loaded`, but the centre of mass moves with the load, unlike in Section V-B.
 
-    The masses are at the same positions (front axle, rear axle, c behind it). Axle distances are
-    from the new centre, the yaw inertia is about it (Steiner's theorem). Tyres are unchanged.
+    Axle distances are from the new centre, and the yaw inertia is about it (Steiner's theorem).
     """
     fixed = loaded(parameters, loading)
-    passengers = loading.front_passengers + loading.rear_passengers
     a, b = parameters.front_axle_distance, parameters.rear_axle_distance
-    moment = loading.passenger_mass * (
-        loading.front_passengers * a - loading.rear_passengers * b
-    ) - loading.luggage_mass * passengers * (b + loading.luggage_offset)
-    forward = moment / fixed.mass
+    front, rear, body = loading.front_passengers, loading.rear_passengers, loading.passenger_mass
+    boot = loading.luggage_mass * (front + rear) * (b + loading.luggage_offset)
+    forward = (body * (front * a - rear * b) - boot) / fixed.mass
     return replace(
         fixed,
         yaw_inertia=fixed.yaw_inertia - fixed.mass * forward * forward,

@@ -1,6 +1,7 @@
 """The path history that a vehicle sends with its pose."""
 
 from bisect import bisect_left
+from collections.abc import Callable
 from itertools import pairwise
 from math import cos, hypot, sin, sqrt
 from typing import Final
@@ -35,10 +36,10 @@ class PathHistory:
     """Chooses few of the measured positions, so that their chords represent the path driven.
 
     SAE J2945/1, path history: each measured position lies within `CHORD_TOLERANCE` of the chord
-    between the chosen positions around it. The directions from the last chosen position whose chord
-    keeps this tolerance form a wedge, which each fix narrows. Once no direction is left, the chord
-    ends at the last fix that was in the wedge of all fixes before it. The cost of a fix does not
-    depend on the length of the chord.
+    between the chosen positions around it. The directions of chords from the last chosen position
+    that keep it form a wedge, which each fix narrows. Once it is empty, the chord ends at the last
+    fix that was in the wedge of all fixes before it. The cost of a fix does not depend on its
+    length.
     """
 
     def __init__(self, plane: LocalPlane, length: float, points: int) -> None:
@@ -54,7 +55,7 @@ class PathHistory:
         self._last: Fix | None = None
         self._stations: list[float] = []
         self._chosen: list[_Units] = []
-        self._deltas: HistoryDeltas = NO_HISTORY
+        self._rows: list[_Units] = []  # Differences of the chosen positions, newest first
         self._begin_chord(0.0, 0.0)
 
     def _begin_chord(self, east: float, north: float) -> None:
@@ -91,15 +92,15 @@ class PathHistory:
                 waiting += self._tail
                 self._choose(end)
 
-    def misses_fixes(self, now: int) -> bool:
-        """Whether at `now` (ns) the path since the newest position needs an estimate."""
+    def record_missing(
+        self, now: int, estimate: Callable[[int], Fix | None], *, on_path: bool
+    ) -> None:
+        """Take a position by dead reckoning where fixes are missing at `now` (ns)."""
         newest = self._newest
-        return newest is not None and now - newest.measured_at >= ESTIMATED_EVERY
-
-    def record_estimate(self, own: Fix, *, on_path: bool) -> None:
-        """Take a position by dead reckoning in place of missing fixes."""
-        newest = self._newest
-        if newest is not None:
+        if newest is None or now - newest.measured_at < ESTIMATED_EVERY:
+            return
+        own = estimate(now)
+        if own is not None:
             own.seq = newest.seq
             self.record(own, on_path=on_path)
 
@@ -145,23 +146,16 @@ class PathHistory:
         """Make `fix` a chosen position, from which the next chord begins."""
         latitude, longitude, altitude = self._plane.to_geodetic(fix.east, fix.north)
         units = _units(latitude, longitude, fix.measured_at)
-        east, north = self._plane.to_plane(
-            units[0] / DEGREE_UNITS, units[1] / DEGREE_UNITS, altitude
-        )
+        rounded = units[0] / DEGREE_UNITS, units[1] / DEGREE_UNITS
+        east, north = self._plane.to_plane(*rounded, altitude)
         station = 0.0
         if self._chosen:
             station = self._stations[-1] + hypot(east - self._east, north - self._north)
-            newest = _differences(units, self._chosen[-1])
-            latitudes, longitudes, ages = self._deltas
-            most = self._points - 1
-            self._deltas = (
-                (newest[0], *latitudes[:most]),
-                (newest[1], *longitudes[:most]),
-                (newest[2], *ages[:most]),
-            )
+            self._rows.insert(0, _differences(units, self._chosen[-1]))
         self._stations.append(station)
         self._chosen.append(units)
         del self._stations[: -self._points], self._chosen[: -self._points]
+        del self._rows[self._points :]
         self._begin_chord(east, north)
 
     def deltas(self) -> HistoryDeltas:
@@ -186,14 +180,10 @@ class PathHistory:
         within = len(self._chosen) - bisect_left(self._stations, behind)
         if within:
             heads.append(self._chosen[-1])
-        first = [_differences(newer, older) for newer, older in pairwise(heads)][: self._points]
-        count = max(min(self._points - len(first), within - 1), 0)
-        latitudes, longitudes, ages = self._deltas
-        return (
-            tuple([delta[0] for delta in first]) + latitudes[:count],
-            tuple([delta[1] for delta in first]) + longitudes[:count],
-            tuple([delta[2] for delta in first]) + ages[:count],
-        )
+        rows = [_differences(newer, older) for newer, older in pairwise(heads)][: self._points]
+        rows += self._rows[: max(min(self._points - len(rows), within - 1), 0)]
+        latitudes, longitudes, ages = zip(*rows, strict=True) if rows else NO_HISTORY
+        return latitudes, longitudes, ages
 
 
 def _chords(fixes: list[Fix]) -> list[Fix]:
@@ -202,22 +192,20 @@ def _chords(fixes: list[Fix]) -> list[Fix]:
     chosen, start, last = [fixes[0]], 0, len(fixes) - 1
     while start < last:
         end = last
-        while end > start + 1 and not _keeps_tolerance(places[start : end + 1]):
+        while end > start + 1 and _strays(places[start : end + 1]):
             end -= 1
         chosen.append(fixes[end])
         start = end
     return chosen
 
 
-def _keeps_tolerance(places: list[Place]) -> bool:
-    """Whether the chord from the first to the last place keeps the tolerance after rounding."""
+def _strays(places: list[Place]) -> bool:
+    """Whether a place is off the chord from the first to the last by more than the tolerance."""
     for _, east, north in places[1:-1]:
-        if (
-            distance_from_segment(places[0], places[-1], east, north)
-            > TOLERANCE - POSITION_ROUNDING
-        ):
-            return False
-    return True
+        off = distance_from_segment(places[0], places[-1], east, north)
+        if off > TOLERANCE - POSITION_ROUNDING:
+            return True
+    return False
 
 
 def _is_apart(before: Fix, fix: Fix) -> bool:

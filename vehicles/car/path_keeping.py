@@ -67,7 +67,7 @@ class AlongPath(NamedTuple):
     def mean(self, distance: float, apart: float) -> float:
         """Mean at `distance` (m) ahead and `apart` (m) before and after, weights 1/4, 1/2, 1/4.
 
-        The motion is linear in the curvature, so the mean belongs to the path of mean curvature.
+        It belongs to the path of mean curvature, as the motion is linear in the curvature.
         """
         if len(self.values) == 1:
             return self.values[0]
@@ -94,8 +94,7 @@ class PathKeeping:
 
     def __init__(self, p: VehicleParameters) -> None:
         self._wheelbase, self._steer_gradient = p.wheelbase, p.steer_gradient
-        self._rear = p.rear_axle_distance
-        self._moment = p.mass * p.front_axle_distance
+        self._rear, self._moment = p.rear_axle_distance, p.mass * p.front_axle_distance
         self._stiffness = p.wheelbase * p.rear_cornering_stiffness
         self._square = self._stiffness / p.yaw_inertia
         ratio = p.rear_cornering_stiffness / p.front_cornering_stiffness
@@ -127,35 +126,28 @@ class PathKeeping:
         gradient = self._wheelbase + self._steer_gradient * v * v
         longer = 0.5 * slip * slip  # 1/cos θ̃ = 1 + (l κ)²/2, to fourth order
         kappa = sampled[0] + longer * sampled[0] ** 3
+        kappas, headings, angles, start = [], [], [], first * step
         if sampled.count(sampled[0]) == count:  # an arc or a line
-            return PathMotion(
-                AlongPath(0.0, step, (kappa,)),
-                AlongPath(0.0, step, (math.atan(-slip * kappa),)),
-                AlongPath(0.0, step, (gradient * kappa,)),
-            )
-        (keep, gain), (loss, rest), (of_heading, of_turn) = self._off_an_arc(step, v, slip)
-        by_heading, by_turn = self._by_heading, self._by_turn
-        heading = turn = 0.0  # θ̃ and ρ minus those of an arc of the same curvature
-        kappas, headings, angles = [], [], []
-        for k, flat in enumerate(sampled[1:], 1):
-            following = flat + longer * flat * flat * flat
-            change = following - kappa
-            if change or heading:  # both are 0 before the first change
-                heading, turn = (
-                    keep * heading + gain * turn + of_heading * change,
-                    loss * heading + rest * turn + of_turn * change,
-                )
-            kappa = following
-            if k >= fading:
-                kappas.append(kappa)
-                headings.append(math.atan(heading - slip * kappa))
-                angles.append(gradient * kappa - by_heading * heading + by_turn * turn)
-        start = first * step
-        return PathMotion(
-            AlongPath(start, step, kappas),
-            AlongPath(start, step, headings),
-            AlongPath(start, step, angles),
-        )
+            kappas, headings, angles = [kappa], [math.atan(-slip * kappa)], [gradient * kappa]
+        else:
+            (keep, gain), (loss, rest), (of_heading, of_turn) = self._off_an_arc(step, v, slip)
+            by_heading, by_turn = self._by_heading, self._by_turn
+            heading = turn = 0.0  # θ̃ and ρ minus those of an arc of the same curvature
+            for k, flat in enumerate(sampled[1:], 1):
+                following = flat + longer * flat * flat * flat
+                change = following - kappa
+                if change or heading:  # both are 0 before the first change
+                    heading, turn = (
+                        keep * heading + gain * turn + of_heading * change,
+                        loss * heading + rest * turn + of_turn * change,
+                    )
+                kappa = following
+                if k >= fading:
+                    kappas.append(kappa)
+                    headings.append(math.atan(heading - slip * kappa))
+                    angles.append(gradient * kappa - by_heading * heading + by_turn * turn)
+        along = AlongPath(start, step, kappas), AlongPath(start, step, headings)
+        return PathMotion(*along, AlongPath(start, step, angles))
 
     def _off_an_arc(self, step: float, v: float, slip: float) -> tuple[Pair, Pair, Pair]:
         """Propagation of θ̃ and ρ, minus those of an arc, over a `step` (m): eqs. (1), (2).

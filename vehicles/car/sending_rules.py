@@ -1,17 +1,18 @@
-"""Sending rules by the `kind` of the table `[sending]`. Register new rules here."""
+"""Sending rules by the `kind` of the table `[sending]`. Register new rules in RULES."""
 
 from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
-from itertools import accumulate, pairwise, takewhile
-from math import degrees, hypot, inf
-from typing import Annotated, Final, Literal, Protocol
+from itertools import accumulate, pairwise
+from math import ceil, degrees, floor, hypot, inf
+from typing import Annotated, ClassVar, Final, Literal, Protocol
 
 from numpy.random import Generator
 
 from vehicles.car.gnss import Fix
+from vehicles.car.gnss_error_terms import NO_END
 from vehicles.car.path_history import PathHistory
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, nanoseconds
@@ -42,62 +43,49 @@ class CongestionControl:
     """
 
     busy: Annotated[
-        tuple[BusyRatioEntry, ...],
-        Setting(
-            "busy ratios in order of time; the ratio is 0 before the first entry", nonempty=True
-        ),
+        tuple[BusyRatioEntry, ...], Setting("in order of time; 0 before the first", nonempty=True)
     ]
     period: Annotated[
-        int,
-        Setting(
-            "period of the evaluations; the state changes by at most one per evaluation",
-            unit="ms",
-            minimum=10,
-            maximum=10_000,
-        ),
+        int, Setting("period of evaluations, each by up to one state", "ms", 10, 10_000)
     ] = 100 * MILLISECOND
 
     @property
-    def max_busy_ratio(self) -> float:
-        return max(entry.busy for entry in self.busy)
+    def longest_interval(self) -> int:
+        """Minimum time (ns) between messages at the highest busy ratio."""
+        return MIN_INTERVALS[_state_of(max(entry.busy for entry in self.busy))]
 
     def begin(self, start_at: int) -> "ReactiveControl":
-        """Control over a run that starts at `start_at` (ns)."""
-        busy = [(entry.at, entry.busy) for entry in self.busy]
-        return ReactiveControl(busy, start_at, self.period)
+        return ReactiveControl(self, start_at)
 
 
 class ReactiveControl:
-    """Reactive congestion control of TS 102 687 V1.2.1, Annex A.1: minimum time between messages.
+    """Congestion control over a run that starts at `start_at` (ns), in the lowest state."""
 
-    The state follows the channel busy ratio, by at most one state per evaluation, and starts at the
-    lowest.
-    """
-
-    def __init__(self, busy: Sequence[tuple[float, float]], start_at: int, period: int) -> None:
-        """Take times (s) with the busy ratio from then on; evaluate every `period` (ns)."""
-        self._since = [start_at + nanoseconds(at) for at, _ in busy]
-        self._ratios = [0.0, *(ratio for _, ratio in busy)]
-        self._period = period
+    def __init__(self, settings: CongestionControl, start_at: int) -> None:
+        self._since = [start_at + nanoseconds(entry.at) for entry in settings.busy]
+        self._targets = [0, *(_state_of(entry.busy) for entry in settings.busy)]
+        self._period = settings.period
         self._next = start_at
         self._state = 0
 
     def min_interval(self, now: int) -> int:
         """Minimum time (ns) between messages at `now` (ns): T_off of Table A.1, TS 102 687."""
         while self._next <= now:
-            ratio = self._ratios[bisect_right(self._since, self._next)]
-            target = bisect_right(BUSY_RATIOS, ratio) - 1
+            target = self._targets[bisect_right(self._since, self._next)]
             self._state += (target > self._state) - (target < self._state)
             self._next += self._period
         return MIN_INTERVALS[self._state]
 
 
-def min_interval_at(busy_ratio: float) -> int:
-    """Minimum time (ns) between messages in the state of a busy ratio (TS 102 687)."""
-    return MIN_INTERVALS[bisect_right(BUSY_RATIOS, busy_ratio) - 1]
+def _state_of(busy_ratio: float) -> int:
+    return bisect_right(BUSY_RATIOS, busy_ratio) - 1
 
 
 # ---- Interface of sending rules
+
+
+BEFORE_EVERY_RUN: Final = -(2**62)  # An instant (ns) before every run
+ROUNDING: Final = 1000  # Tolerance (ns) of intervals between instants, which are rounded to 1 ns
 
 
 class SendingTrigger(Protocol):
@@ -117,7 +105,22 @@ class SendingTrigger(Protocol):
 
     def sent(self, now: int, fix: Fix) -> None:
         """Record that `fix` was sent at `now` (ns)."""
-        ...
+        return
+
+
+class InstantTrigger(SendingTrigger):
+    """Triggers at given instants (ns); those barred by congestion control are skipped."""
+
+    def __init__(self, instants: Iterator[int]) -> None:
+        self._instants = instants
+        self._next = next(instants, NO_END)
+
+    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
+        is_instant = False
+        while self._next <= now:
+            is_instant = self._next == now
+            self._next = next(self._instants, NO_END)
+        return is_instant and now >= allowed_from
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,28 +145,21 @@ class SendingRule(ABC):
     """
 
     dcc: Annotated[
-        CongestionControl | None,
-        Setting("reactive congestion control (ETSI TS 102 687 V1.2.1, A.1), for any rule"),
+        CongestionControl | None, Setting("congestion control (ETSI TS 102 687 V1.2.1, A.1)")
     ] = None
     path_history: Annotated[
-        float,
-        Setting(
-            "length of the driven path that each pose carries (SAE J2735); 0: none", "m", 0, 1000
-        ),
+        float, Setting("length of the path in each pose (SAE J2735); 0: none", "m", 0, 1000)
     ] = 300.0
     path_history_points: Annotated[
         int, Setting("largest number of its positions; bends need more of them", "", 1, 40)
     ] = 23
 
+    has_period: ClassVar[bool] = False
+
     @property
     def is_periodic(self) -> bool:
         """Whether messages are periodic, except for missing fixes."""
-        return False
-
-    @property
-    def first_send_delay(self) -> int:
-        """Time (ns) from the start to the first message, if it is not random."""
-        return 0
+        return self.has_period and self.dcc is None
 
     @abstractmethod
     def begin(self, context: SendingContext) -> SendingTrigger:
@@ -183,7 +179,7 @@ class SendingRule(ABC):
 
     def controlled_rate(self, fixes: float, speed: float) -> float:
         """Nominal rate (Hz), limited by the rate of fixes and by congestion control."""
-        slowest = inf if self.dcc is None else SECOND / min_interval_at(self.dcc.max_busy_ratio)
+        slowest = inf if self.dcc is None else SECOND / self.dcc.longest_interval
         return min(self.nominal_rate(fixes, speed), fixes, slowest)
 
     def problems(self) -> Iterator[Problem]:
@@ -205,13 +201,7 @@ class PhasedRule(SendingRule):
     """A rule with a periodic schedule, which has a phase."""
 
     phase: Annotated[int, Setting("time of the first message", "s", 0)] = 0
-    drawn_phase: Annotated[bool, Setting("true: random phase per vehicle, within one period")] = (
-        False
-    )
-
-    @property
-    def first_send_delay(self) -> int:
-        return self.phase
+    drawn_phase: Annotated[bool, Setting("random phase per vehicle, within one period")] = False
 
     @property
     @abstractmethod
@@ -239,19 +229,14 @@ class PhasedRule(SendingRule):
         return "random phase" if self.drawn_phase else f"phase {self.phase / SECOND:g} s"
 
 
-# ---- Sending of each fix
+# ---- Shipped rules
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EveryFix(SendingRule):
-    """Each fix, as soon as it is available.
+class EveryFix(SendingRule, SendingTrigger):
+    """Each fix, as soon as it is available (Section III-A)."""
 
-    Section III-A: measurements are broadcast.
-    """
-
-    @property
-    def is_periodic(self) -> bool:
-        return self.dcc is None
+    has_period = True
 
     def begin(self, context: SendingContext) -> SendingTrigger:
         return self
@@ -259,20 +244,8 @@ class EveryFix(SendingRule):
     def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
         return unsent is not None and now >= allowed_from
 
-    def sent(self, now: int, fix: Fix) -> None:
-        pass
-
-    def max_rate(self, fixes: float) -> float:
-        return fixes
-
-    def nominal_rate(self, fixes: float, speed: float) -> float:
-        return fixes
-
     def describe(self) -> str:
         return "every fix"
-
-
-# ---- Sending at a constant rate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -280,17 +253,14 @@ class FixedRate(PhasedRule):
     """At a constant rate and phase, independent of control and GNSS."""
 
     rate: Annotated[float, Setting("rate of sending", "hz", 0.01, 100, example=10.0)]
-
-    @property
-    def is_periodic(self) -> bool:
-        return self.dcc is None
+    has_period = True
 
     @property
     def schedule_rate(self) -> float:
         return self.rate
 
     def begin(self, context: SendingContext) -> SendingTrigger:
-        return PeriodicTrigger(self.cadence(context))
+        return InstantTrigger(self.cadence(context).until(NO_END))
 
     def max_rate(self, fixes: float) -> float:
         return min(self.rate, fixes)
@@ -300,22 +270,6 @@ class FixedRate(PhasedRule):
 
     def describe(self) -> str:
         return f"{self.rate:g} Hz, {self.describe_phase()}"
-
-
-@dataclass(frozen=True, slots=True)
-class PeriodicTrigger:
-    """Triggers at the instants of a schedule; those barred by congestion control are skipped."""
-
-    cadence: Cadence
-
-    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
-        return now >= allowed_from and self.cadence.due(now)
-
-    def sent(self, now: int, fix: Fix) -> None:
-        pass
-
-
-# ---- Sending at random intervals
 
 
 CAM_INTERVALS = tuple(100 * MILLISECOND * k for k in range(1, 11))
@@ -339,34 +293,41 @@ class MeasuredIntervals(SendingRule):
 
     table: Annotated[
         Literal["cam_vw_highway", "cam_renault_highway"] | None,
-        Setting(
-            "measured distribution. Alternative: intervals_ms and shares_ratio",
-            example="cam_vw_highway",
-        ),
+        Setting("measured; or intervals_ms and shares_ratio", example="cam_vw_highway"),
     ] = None
     intervals: Annotated[tuple[int, ...], Setting("configured intervals", "ms", 10, 60_000)] = ()
     shares: Annotated[tuple[float, ...], Setting("share of each interval", "ratio", 0, 1)] = ()
     jitter: Annotated[
-        int,
-        Setting("standard deviation of the normal jitter, cut off at 3 deviations", "ms", 0, 1000),
+        int, Setting("deviation of the normal jitter, cut off at 3 deviations", "ms", 0, 1000)
     ] = 3 * MILLISECOND
 
     @property
-    def distribution(self) -> "IntervalDistribution":
+    def distribution(self) -> tuple[Sequence[int], Sequence[float]]:
+        """Intervals (ns) and their shares, in any unit."""
         if self.table is not None:
-            return IntervalDistribution(CAM_INTERVALS, CAM_SHARES[self.table], self.jitter)
-        return IntervalDistribution(self.intervals, self.shares, self.jitter)
+            return CAM_INTERVALS, CAM_SHARES[self.table]
+        return self.intervals, self.shares
+
+    @property
+    def shortest(self) -> float:
+        return min(self.distribution[0]) - JITTER_CUTOFF * self.jitter  # ns
+
+    def draw(self, random: Generator) -> int:
+        """Draw an interval (ns) by inversion of its distribution."""
+        intervals, shares = self.distribution
+        sums = list(accumulate(shares))
+        index = bisect_right(sums, random.random() * sums[-1])
+        jitter = min(max(float(random.standard_normal()), -JITTER_CUTOFF), JITTER_CUTOFF)
+        return round(intervals[index] + jitter * self.jitter)
 
     def begin(self, context: SendingContext) -> SendingTrigger:
-        return DrawnIntervalTrigger(
-            self.distribution, context.start_at, context.streams("intervals")
-        )
+        return DrawnIntervalTrigger(self, context.start_at, context.streams("intervals"))
 
     def max_rate(self, fixes: float) -> float:
-        return min(SECOND / self.distribution.shortest, fixes)
+        return min(SECOND / self.shortest, fixes)
 
     def nominal_rate(self, fixes: float, speed: float) -> float:
-        intervals, shares = self.distribution.intervals, self.distribution.shares
+        intervals, shares = self.distribution
         weighted = sum([i * s for i, s in zip(intervals, shares, strict=True)])
         return SECOND * sum(shares) / weighted
 
@@ -382,71 +343,34 @@ class MeasuredIntervals(SendingRule):
             yield "shares_ratio", f"given {shares} numbers, allowed {intervals} as intervals_ms"
         elif intervals and sum(self.shares) <= 0.0:
             yield "shares_ratio", "given only 0, allowed at least one share above 0"
-        elif (least := min(self.distribution.intervals)) <= 4 * self.jitter:
-            yield (
-                "jitter_ms",
-                f"given {self.jitter / MILLISECOND:g}, allowed less than a quarter of the shortest "
-                f"interval, {least / MILLISECOND:g} ms",
-            )
+        elif (least := min(self.distribution[0])) <= 4 * self.jitter:
+            allowed = f"less than a quarter of the shortest interval, {least / MILLISECOND:g} ms"
+            yield "jitter_ms", f"given {self.jitter / MILLISECOND:g}, allowed {allowed}"
 
     def describe(self) -> str:
         table = self.table or f"{len(self.intervals)} configured"
         return f"random intervals: {table}, jitter {self.jitter / MILLISECOND:g} ms"
 
 
-@dataclass(slots=True)
-class IntervalDistribution:
-    """Intervals (ns) with their shares (in any unit) and jitter (ns).
+class DrawnIntervalTrigger(SendingTrigger):
+    """Random intervals from an instant that is uniform within the first one.
 
-    Molina-Masegosa et al. (2020) measured such a distribution.
+    Due instants are not rounded to ticks, so the mean interval is that of the distribution. An
+    interval is extended to the minimum of congestion control.
     """
 
-    intervals: Sequence[int]
-    shares: Sequence[float]
-    jitter: int
-    _sums: list[float] = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._sums = list(accumulate(self.shares))
-
-    @property
-    def shortest(self) -> float:
-        return min(self.intervals) - JITTER_CUTOFF * self.jitter  # ns
-
-    def draw(self, random: Generator) -> int:
-        """Draw an interval (ns) by inversion of its distribution (Molina-Masegosa et al., 2020)."""
-        index = bisect_right(self._sums, random.random() * self._sums[-1])
-        jitter = min(max(float(random.standard_normal()), -JITTER_CUTOFF), JITTER_CUTOFF)
-        return round(self.intervals[index] + jitter * self.jitter)
-
-
-class DrawnIntervalTrigger:
-    """Random intervals; a due message is sent at the next tick of the vehicle's schedule.
-
-    The due instants are not rounded to ticks, so the mean interval is that of the distribution
-    (Molina-Masegosa et al., 2020). The first one is uniform within the first interval. An interval
-    is extended to the minimum of congestion control.
-    """
-
-    def __init__(self, shares: IntervalDistribution, start_at: int, random: Generator) -> None:
-        self._shares, self._random = shares, random
-        self._next = start_at + round(random.random() * shares.draw(random))
+    def __init__(self, rule: MeasuredIntervals, start_at: int, random: Generator) -> None:
+        self._rule, self._random = rule, random
+        self._next = start_at + round(random.random() * rule.draw(random))
 
     def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
-        """Whether an interval ended (Molina-Masegosa et al., 2020); if so, the next one begins."""
         at = max(self._next, allowed_from)
         if now < at:
             return False
         while at <= now:
-            at += self._shares.draw(self._random)
+            at += self._rule.draw(self._random)
         self._next = at
         return True
-
-    def sent(self, now: int, fix: Fix) -> None:
-        """Do nothing: intervals do not depend on messages (Molina-Masegosa et al., 2020)."""
-
-
-# ---- Sending at a rate that changes over time
 
 
 @dataclass(frozen=True, slots=True)
@@ -459,20 +383,27 @@ class RateEntry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RateProfile(SendingRule):
-    """At a changing rate; nothing is sent before the first entry."""
+    """At a changing rate, which rescales the current period; nothing before the first entry."""
 
     profile: Annotated[tuple[RateEntry, ...], Setting("rates in order of time", nonempty=True)]
 
-    @property
-    def _pairs(self) -> list[tuple[float, float]]:
-        return [(entry.at, entry.rate) for entry in self.profile]
-
     def begin(self, context: SendingContext) -> SendingTrigger:
-        return ProfileTrigger(self._pairs, context.start_at)
+        return InstantTrigger(self.instants(context, NO_END))
 
-    def instants(self, context: SendingContext, end_at: int) -> Iterator[int] | None:
-        each = (context.start_at + at for at in profile_instants(self._pairs))
-        return takewhile(lambda at: at < end_at, each)
+    def instants(self, context: SendingContext, end_at: int) -> Iterator[int]:
+        """Yield instants (ns) at which the integral of the rate is a whole number."""
+        integral, target, last = Fraction(0), 0, end_at - context.start_at
+        starts = [nanoseconds(entry.at) for entry in self.profile]
+        for entry, start, end in zip(self.profile, starts, [*starts[1:], last], strict=True):
+            if entry.rate <= 0.0:
+                continue
+            rate = Fraction(entry.rate) / SECOND
+            while (instant := start + (target - integral) / rate) < end:
+                if round(instant) >= last:
+                    return
+                yield context.start_at + round(instant)
+                target += 1
+            integral += (end - start) * rate
 
     def max_rate(self, fixes: float) -> float:
         return min(max(entry.rate for entry in self.profile), fixes)
@@ -486,116 +417,6 @@ class RateProfile(SendingRule):
 
     def describe(self) -> str:
         return ", ".join(f"{entry.rate:g} Hz from {entry.at:g} s" for entry in self.profile)
-
-
-def profile_instants(profile: Sequence[tuple[float, float]]) -> Iterator[int]:
-    """Instants (ns) of a changing rate: `profile` has times (s) with the rate (Hz) from then on.
-
-    These are the instants at which the integral of the rate is a whole number, so a change of rate
-    rescales the rest of the current period.
-    """
-    integral = Fraction(0)
-    target = 0
-    ends = [*(nanoseconds(at) for at, _ in profile[1:]), None]
-    for (at_s, rate_hz), end in zip(profile, ends, strict=True):
-        if rate_hz <= 0.0:
-            continue
-        at, rate = nanoseconds(at_s), Fraction(rate_hz) / SECOND
-        while True:
-            instant = at + (target - integral) / rate
-            if end is not None and instant >= end:
-                integral += (end - at) * rate
-                break
-            yield round(instant)
-            target += 1
-
-
-class ProfileTrigger:
-    """Triggers at a changing rate; instants barred by congestion control are skipped."""
-
-    def __init__(self, profile: Sequence[tuple[float, float]], start_at: int) -> None:
-        """Take a profile as in `profile_instants`, from `start_at` (ns) on."""
-        self._instants = profile_instants(profile)
-        self._start_at = start_at
-        self._next = self._following()
-
-    def _following(self) -> int | None:
-        instant = next(self._instants, None)
-        return None if instant is None else self._start_at + instant
-
-    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
-        is_instant = False
-        while self._next is not None and self._next <= now:
-            is_instant = self._next == now
-            self._next = self._following()
-        return is_instant and now >= allowed_from
-
-    def sent(self, now: int, fix: Fix) -> None:
-        """Do nothing: the instants do not depend on messages."""
-
-
-# ---- A vehicle's sender
-
-
-BEFORE_EVERY_RUN: Final = -(2**62)  # An instant (ns) before every run
-ROUNDING: Final = 1000  # Tolerance (ns) of intervals between instants, which are rounded to 1 ns
-
-
-def no_estimate(_: int) -> Fix | None:
-    return None
-
-
-class Sender:
-    """Sends the newest fix when a rule triggers (EN 302 637-2 or simpler), each fix at most once.
-
-    `control` limits the rate (TS 102 687). `path` records each fix for the path history.
-    """
-
-    def __init__(
-        self,
-        rule: SendingTrigger | None = None,
-        control: ReactiveControl | None = None,
-        path: PathHistory | None = None,
-    ) -> None:
-        self.path = path
-        self._rule: SendingTrigger = rule or EveryFix()
-        self._control = control
-        self._unsent: Fix | None = None
-        self._sent_at = BEFORE_EVERY_RUN
-
-    def send(
-        self,
-        now: int,
-        fix: Fix | None,
-        estimate: Callable[[int], Fix | None] = no_estimate,
-        *,
-        on_path: bool = True,
-    ) -> Fix | None:
-        """Take the new fix at `now` (ns), if any; return the fix to send, if any.
-
-        A car is `on_path` unless it announces a hazard or slows down without a source. `estimate`
-        gives its position by dead reckoning, which the path history has where fixes are missing.
-        """
-        if fix is not None:
-            self._unsent = fix
-            if self.path is not None:
-                self.path.record(fix, on_path=on_path)
-        elif self.path is not None and self._unsent is None and self.path.misses_fixes(now):
-            own = estimate(now)
-            if own is not None:
-                self.path.record_estimate(own, on_path=on_path)
-        allowed_from = BEFORE_EVERY_RUN
-        if self._control is not None:
-            allowed_from = self._sent_at + self._control.min_interval(now) - ROUNDING
-        if not self._rule.due(now, self._unsent, allowed_from) or self._unsent is None:
-            return None
-        sent, self._unsent = self._unsent, None
-        self._sent_at = now
-        self._rule.sent(now, sent)
-        return sent
-
-
-# ---- Sending as cooperative awareness messages, CAM (ETSI EN 302 637-2, Section 6.1.3)
 
 
 HEADING, POSITION, SPEED = 4.0, 4.0, 0.5  # Changes (deg, m, m/s) that trigger (EN 302 637-2)
@@ -634,8 +455,7 @@ class CamTrigger:
     """The rule of EN 302 637-2, Section 6.1.3, applied to the newest fix at each check.
 
     A message is due if heading, position or speed have changed enough since the last one, or else
-    after the interval of the last such change. After three messages without a change the interval
-    is 1 s. `checks` are at most 100 ms apart.
+    after the interval of the last such change. After three messages without one it is 1 s.
     """
 
     def __init__(self, checks: Cadence) -> None:
@@ -649,8 +469,13 @@ class CamTrigger:
     def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
         if unsent is None or now < allowed_from or not self._checks.due(now):
             return False
+        last = self._last
+        self._changed = last is not None and (
+            abs(degrees(wrap_angle(unsent.yaw - last.yaw))) > HEADING
+            or hypot(unsent.east - last.east, unsent.north - last.north) > POSITION
+            or abs(unsent.speed - last.speed) > SPEED
+        )
         elapsed = now - self._sent_at + ROUNDING
-        self._changed = self._last is not None and _has_changed(self._last, unsent)
         return elapsed >= (MIN_INTERVAL if self._changed else self._interval)
 
     def sent(self, now: int, fix: Fix) -> None:
@@ -663,30 +488,16 @@ class CamTrigger:
         self._last, self._sent_at = fix, now
 
 
-def _has_changed(last: Fix, now: Fix) -> bool:
-    return (
-        abs(degrees(wrap_angle(now.yaw - last.yaw))) > HEADING
-        or hypot(now.east - last.east, now.north - last.north) > POSITION
-        or abs(now.speed - last.speed) > SPEED
-    )
-
-
 def cam_interval(speed: float, check: float) -> float:
-    """Interval (s) of messages by EN 302 637-2 at a constant speed (m/s) on a straight.
+    """Interval (s) of messages by EN 302 637-2 at a constant speed (m/s), checked each `check` (s).
 
-    That is the first check, of a period of `check` (s), after more than 4 m; 0.1 to 1 s.
+    On a straight, a message is due at the first check after more than 4 m and 0.1 to 1 s.
     """
     if speed * MAX_INTERVAL / SECOND <= POSITION:
         return MAX_INTERVAL / SECOND
-    checks = least = 1
-    while checks * check * speed <= POSITION + 1e-9:
-        checks += 1
-    while least * check < MIN_INTERVAL / SECOND - 1e-9:
-        least += 1
-    return min(max(checks, least) * check, MAX_INTERVAL / SECOND)
-
-
-# ---- Sending rules
+    after_distance = floor((POSITION + 1e-9) / (check * speed)) + 1
+    checks = max(after_distance, ceil((MIN_INTERVAL / SECOND - 1e-9) / check))
+    return min(checks * check, MAX_INTERVAL / SECOND)
 
 
 RULES: Mapping[str, type[SendingRule]] = {
@@ -696,3 +507,54 @@ RULES: Mapping[str, type[SendingRule]] = {
     "cam": AwarenessMessages,
     "intervals": MeasuredIntervals,
 }
+
+
+# ---- A vehicle's sender
+
+
+class Sender:
+    """Sends the newest fix when `rule` triggers, each fix at most once.
+
+    `control` limits the rate (TS 102 687). `path` records each fix for the path history.
+    """
+
+    def __init__(
+        self,
+        rule: SendingTrigger | None = None,
+        control: ReactiveControl | None = None,
+        path: PathHistory | None = None,
+    ) -> None:
+        self.path = path
+        self._rule: SendingTrigger = rule or EveryFix()
+        self._control = control
+        self._unsent: Fix | None = None
+        self._sent_at = BEFORE_EVERY_RUN
+
+    def send(
+        self,
+        now: int,
+        fix: Fix | None,
+        estimate: Callable[[int], Fix | None] | None = None,
+        *,
+        on_path: bool = True,
+    ) -> Fix | None:
+        """Take the new fix at `now` (ns), if any; return the fix to send, if any.
+
+        A car is `on_path` unless it announces a hazard or slows down without a source. `estimate`
+        gives its position by dead reckoning, which the path history has where fixes are missing.
+        """
+        if fix is not None:
+            self._unsent = fix
+            if self.path is not None:
+                self.path.record(fix, on_path=on_path)
+        elif self.path is not None and self._unsent is None and estimate is not None:
+            self.path.record_missing(now, estimate, on_path=on_path)
+        allowed_from = BEFORE_EVERY_RUN
+        if self._control is not None:
+            allowed_from = self._sent_at + self._control.min_interval(now) - ROUNDING
+        if not self._rule.due(now, self._unsent, allowed_from) or self._unsent is None:
+            return None
+        sent, self._unsent = self._unsent, None
+        self._sent_at = now
+        self._rule.sent(now, sent)
+        return sent

@@ -30,24 +30,15 @@ class GapSensorSettings:
     take the newest measurement, predicted to the present by its rate, for up to the latency and two
     periods. With the reaction "degrade" it also replaces the poses of a predecessor whose messages
     are late or lost when the safe distance is kept; without a known path the car still stops. 20 Hz
-    is the usual rate of radars in openpilot.
+    is the usual rate of radars in openpilot. The latency must exceed that of the transport.
     """
 
-    reach: Annotated[
-        float, Setting("longest measured gap; 0: there is no sensor", "m", 0, 1000, name="range")
-    ] = 0.0
+    reach: Annotated[float, Setting("longest gap; 0: no sensor", "m", 0, 1000, name="range")] = 0.0
     rate: Annotated[
         float, Setting("rate, at instants of control; up to control.rate_hz", "hz", 0.1, 500)
     ] = 20.0
-    latency: Annotated[
-        int,
-        Setting(
-            "time until a measurement is available; more than the transport takes", "ms", 5, 1000
-        ),
-    ] = 50 * MILLISECOND
-    field_of_view: Annotated[
-        float, Setting("full angle of view around the direction of the car", "deg", 1, 180)
-    ] = math.radians(90.0)
+    latency: Annotated[int, Setting("time until it is available", "ms", 5, 1000)] = 50 * MILLISECOND
+    field_of_view: Annotated[float, Setting("angle of view", "deg", 1, 180)] = math.radians(90.0)
     gap_noise: Annotated[float, Setting("white noise of the gap", "m", 0, 100)] = 0.1
     gap_rate_noise: Annotated[float, Setting("white noise of its rate", "mps", 0, 100)] = 0.1
 
@@ -73,16 +64,6 @@ class GapMeasurement:
             return math.nan, math.nan, math.nan
         age = (now - self.measured_at) / SECOND
         return self.gap + self.rate * age, self.rate, age
-
-
-@dataclass(frozen=True, slots=True)
-class _Sample:
-    """Own state at an instant of measurement (ns), and normal numbers for gap and rate."""
-
-    at: int
-    body: Body
-    gap_noise: float
-    rate_noise: float
 
 
 TargetAt = Callable[[int], TruePose | None]  # Newest true pose by an instant (ns)
@@ -112,7 +93,7 @@ class GapSensor:
         self._due = Timer(period, control.start_at, steady=True)
         self._valid_for = settings.latency + MISSED * period
         self._random = random
-        self._pending: deque[_Sample] = deque()
+        self._pending: deque[tuple[int, Body, float, float]] = deque()
 
     def measure(self, body: Body, now: int, target_at: TargetAt) -> GapMeasurement | None:
         """Measure if `now` (ns) is an instant of measurement; return what becomes available now.
@@ -121,35 +102,32 @@ class GapSensor:
         instant, which arrives in the meantime.
         """
         if self._control.due(now) and self._due.is_due(now):
-            self._pending.append(_Sample(now, body, *self._random.standard_normal(2).tolist()))
+            self._pending.append((now, body, *self._random.standard_normal(2).tolist()))
         made: GapMeasurement | None = None
-        while self._pending and self._pending[0].at + self._settings.latency <= now:
-            sample = self._pending.popleft()
-            made = self._measured(sample, target_at(sample.at))
+        while self._pending and self._pending[0][0] + self._settings.latency <= now:
+            at, own, gap_noise, rate_noise = self._pending.popleft()
+            made = self._measured(at, own, target_at(at), gap_noise, rate_noise)
         return made
 
-    def _measured(self, sample: _Sample, target: TruePose | None) -> GapMeasurement:
-        valid_until = sample.at + self._valid_for
-        nothing = GapMeasurement(sample.at, valid_until)
-        if target is None or sample.at - target.true_at_ns > OLDEST_POSE:
+    def _measured(
+        self, at: int, own: Body, target: TruePose | None, gap_noise: float, rate_noise: float
+    ) -> GapMeasurement:
+        settings, valid_until = self._settings, at + self._valid_for
+        nothing = GapMeasurement(at, valid_until)
+        if target is None or at - target.true_at_ns > OLDEST_POSE:
             return nothing
-        own, ahead = sample.body, _moved(target, sample.at)
-        east, north = _point(ahead, self._rear)
-        from_east, from_north = _point(own, self._front)
-        east, north = east - from_east, north - from_north
+        ends = zip(_end(_moved(target, at), self._rear), _end(own, self._front), strict=True)
+        east, north, away_east, away_north = (there - here for there, here in ends)
         gap = math.hypot(east, north)
         bearing = math.remainder(math.atan2(north, east) - own.yaw, 2.0 * math.pi)
-        settings = self._settings
         if not 0.0 < gap <= settings.reach or abs(bearing) > 0.5 * settings.field_of_view:
             return nothing
-        ahead_speeds, own_speeds = _velocity(ahead, self._rear), _velocity(own, self._front)
-        closing = [theirs - ours for theirs, ours in zip(ahead_speeds, own_speeds, strict=True)]
-        rate = (east * closing[0] + north * closing[1]) / gap
+        rate = (east * away_east + north * away_north) / gap
         return GapMeasurement(
-            sample.at,
+            at,
             valid_until,
-            max(gap + settings.gap_noise * sample.gap_noise, 0.0),
-            rate + settings.gap_rate_noise * sample.rate_noise,
+            max(gap + settings.gap_noise * gap_noise, 0.0),
+            rate + settings.gap_rate_noise * rate_noise,
         )
 
 
@@ -166,15 +144,14 @@ def _moved(pose: TruePose, now: int) -> Body:
     )
 
 
-def _point(body: Body, ahead: float) -> tuple[float, float]:
-    """Position (m) on the long axis, `ahead` (m) of the centre of mass."""
-    return body.east + ahead * math.cos(body.yaw), body.north + ahead * math.sin(body.yaw)
-
-
-def _velocity(body: Body, ahead: float) -> tuple[float, float]:
-    along, left = body.speed, body.lateral_speed + body.yaw_rate * ahead
+def _end(body: Body, ahead: float) -> tuple[float, float, float, float]:
+    """Position (m) and velocity (m/s) of the long axis, `ahead` (m) of the centre of mass."""
     ux, uy = math.cos(body.yaw), math.sin(body.yaw)
-    return along * ux - left * uy, along * uy + left * ux
+    along, left = body.speed, body.lateral_speed + body.yaw_rate * ahead
+    return (
+        *(body.east + ahead * ux, body.north + ahead * uy),
+        *(along * ux - left * uy, along * uy + left * ux),
+    )
 
 
 # ---- Settings of the inertial sensor (TOML table `[imu]`)
@@ -194,15 +171,13 @@ class ImuSettings:
         float | None, Setting("rate; default: control.rate_hz", "hz", 0.01, 1000, example=50.0)
     ] = None
     speed_noise: Annotated[float, Setting("white noise of the speed", "mps", 0, 10)] = NOISE.speed
-    speed_bias: Annotated[
-        float, Setting("standard deviation of the bias of the speed", "mps", 0, 10)
-    ] = NOISE.speed_bias
+    speed_bias: Annotated[float, Setting("bias of the speed", "mps", 0, 10)] = NOISE.speed_bias
     yaw_rate_noise: Annotated[
         float, Setting("white noise of the yaw rate; the default equals 0.1 deg/s", "radps", 0, 1)
     ] = NOISE.yaw_rate
-    yaw_rate_bias: Annotated[
-        float, Setting("standard deviation of the bias of the yaw rate", "radps", 0, 1)
-    ] = NOISE.yaw_rate_bias
+    yaw_rate_bias: Annotated[float, Setting("bias of the yaw rate", "radps", 0, 1)] = (
+        NOISE.yaw_rate_bias
+    )
 
     @property
     def noise(self) -> InertialNoise:

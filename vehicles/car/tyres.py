@@ -96,16 +96,6 @@ def lateral_share(acceleration: float, friction: float) -> float:
     return 0.0 if left < 0.0 else math.sqrt(left)
 
 
-def slip_angles(state: LateralState, p: VehicleParameters) -> tuple[float, float]:
-    """Slip angles (rad) of both axles, eqs. (1), (2); the divisor is at least WALKING_PACE."""
-    speed, lateral_speed, yaw_rate = state.speed, state.lateral_speed, state.yaw_rate
-    rolling = WALKING_PACE if speed < WALKING_PACE else speed
-    # Speed along the steered wheels is not slip.
-    swing = p.front_axle_distance * yaw_rate - speed * state.steering
-    behind = lateral_speed - p.rear_axle_distance * yaw_rate
-    return (lateral_speed + swing) / rolling, behind / rolling
-
-
 def tyre_use(
     state: LateralState,
     acceleration: float,
@@ -114,11 +104,15 @@ def tyre_use(
 ) -> TyreUse:
     """Tyre use in a state of eqs. (1), (2), at a commanded acceleration (m/s²).
 
-    Uses the tyre model of `p`. A standing car uses no friction for braking. `loads` (N) of the
-    axles may be passed in if they are known.
+    Uses the tyre model of `p`. Slip is divided by a speed of at least WALKING_PACE. A standing car
+    uses no friction for braking. `loads` (N) of the axles may be passed in if they are known.
     """
-    front_slip, rear_slip = slip_angles(state, p)
-    along = acceleration if state.speed > 0.0 or acceleration > 0.0 else 0.0
+    speed, across, yaw_rate = state.speed, state.lateral_speed, state.yaw_rate
+    rolling = WALKING_PACE if speed < WALKING_PACE else speed
+    # Speed along the steered wheels is not slip.
+    front_slip = (across + (p.front_axle_distance * yaw_rate - speed * state.steering)) / rolling
+    rear_slip = (across - p.rear_axle_distance * yaw_rate) / rolling
+    along = acceleration if speed > 0.0 or acceleration > 0.0 else 0.0
     front_load, rear_load = loads or axle_loads(p)
     if p.tyres == "linear":
         front = -p.front_cornering_stiffness * front_slip
@@ -129,9 +123,8 @@ def tyre_use(
         left = p.friction * lateral_share(along, p.friction)
         front = brush_force(front_slip, p.front_cornering_stiffness, left * front_load)
         rear = brush_force(rear_slip, p.rear_cornering_stiffness, left * rear_load)
-    across, behind = abs(front) / front_load, abs(rear) / rear_load
-    across = behind if behind > across else across
-    share = math.hypot(across, along / GRAVITY) / p.friction
+    used = max(abs(front) / front_load, abs(rear) / rear_load)
+    share = math.hypot(used, along / GRAVITY) / p.friction
     front_angle, rear_angle = math.atan(front_slip), math.atan(rear_slip)  # large in a spin
     return TyreUse((front + rear) / p.mass, front_angle, rear_angle, share)
 

@@ -73,10 +73,7 @@ def closed_loop_at(parameters: VehicleParameters, gains: Gains, speed: float) ->
 
 
 def speed_change_matrix() -> Array:
-    """E with z' = (A(1/v) + v' E) z while the speed changes at rate v' (m/s²): v' theta~ in e''.
-
-    From e' = v_y + v theta~; the paper's Section IV-A omits it.
-    """
+    """E with z' = (A(1/v) + v' E) z while the speed changes at rate v' (m/s²): v' theta~ in e''."""
     matrix = np.zeros((6, 6))
     matrix[2, 1] = 1.0
     return matrix
@@ -118,41 +115,37 @@ def handling_polynomial(parameters: VehicleParameters, speed: float) -> Array:
 
 def lateral_numerator(parameters: VehicleParameters, speed: float) -> Array:
     """Numerator of e_lat / delta_f over Delta_o (paper, Section III-F); shape (3,)."""
-    front, rear = parameters.front_cornering_stiffness, parameters.rear_cornering_stiffness
-    length, b = parameters.wheelbase, parameters.rear_axle_distance
-    return front * np.array([parameters.yaw_inertia, b * length * rear / speed, length * rear])
+    p = parameters
+    stiffness = p.wheelbase * p.rear_cornering_stiffness
+    damping = p.rear_axle_distance * stiffness / speed
+    return p.front_cornering_stiffness * np.array([p.yaw_inertia, damping, stiffness])
 
 
 def heading_numerator(parameters: VehicleParameters, speed: float) -> Array:
     """Numerator of theta~ / delta_f over Delta_o (paper, Section III-F); shape (3,)."""
-    front, rear = parameters.front_cornering_stiffness, parameters.rear_cornering_stiffness
-    turning = parameters.mass * parameters.front_axle_distance
-    return front * np.array([turning, parameters.wheelbase * rear / speed, 0.0])
+    p = parameters
+    damping = p.wheelbase * p.rear_cornering_stiffness / speed
+    return p.front_cornering_stiffness * np.array([p.mass * p.front_axle_distance, damping, 0.0])
 
 
 def feedback_numerator(parameters: VehicleParameters, gains: Gains, speed: float) -> Array:
     """N(s) of H(s) = N / Delta_o, from steering command to feedback; shape (4,), Section IV-B."""
-    heading = np.convolve([gains.yaw_rate, gains.heading], heading_numerator(parameters, speed))
-    return np.asarray(
-        np.polyadd(gains.lateral * lateral_numerator(parameters, speed), heading), dtype=np.float64
-    )
+    total = np.convolve([gains.yaw_rate, gains.heading], heading_numerator(parameters, speed))
+    total[1:] += gains.lateral * lateral_numerator(parameters, speed)
+    return np.asarray(total, dtype=np.float64)
 
 
 def affine_coefficients(parameters: VehicleParameters, speed: float) -> tuple[Array, Array]:
     """Coefficients A6...A0 as constant + slopes @ (k_e, k_theta, k_omega); (7,) and (7, 3).
 
-    Paper, Section III-F. A6, A5 and A4 do not depend on the gains, so no root ever passes through
-    infinity.
+    Paper, Section III-F. A6 does not depend on the gains, so no root passes through infinity.
     """
-    lateral = lateral_numerator(parameters, speed)
     heading = heading_numerator(parameters, speed)
     frequency, damping = parameters.steering_frequency, parameters.steering_damping
     actuation = np.array([1.0 / frequency**2, 2.0 * damping / frequency, 1.0])
-    handling = handling_polynomial(parameters, speed)
-    constant = np.concatenate([np.convolve(actuation, handling), [0.0, 0.0]])
-    slopes = np.zeros((7, 3))
-    slopes[4:, 0] = lateral
-    slopes[4:, 1] = heading
+    constant, slopes = np.zeros(7), np.zeros((7, 3))
+    constant[:5] = np.convolve(actuation, handling_polynomial(parameters, speed))
+    slopes[4:, 0], slopes[4:, 1] = lateral_numerator(parameters, speed), heading
     slopes[3:6, 2] = heading
     return constant, slopes
 
@@ -165,12 +158,10 @@ def characteristic_polynomial(parameters: VehicleParameters, gains: Gains, speed
 
 # ---- Transfer functions of lateral errors down the convoy, in closed form (Section IV-B)
 #
-# There are two chains of linear loops, in which each follower steers relative to its predecessor.
-#
 # `propagation`, the paper's chain: feedback on x_i - x_(i-1), the difference of both vehicles'
 # lateral offset and heading at one instant. The signal u_i = K x_i satisfies u_i = G u_(i-1) with
-# G = H / (1 + H). Since x_i = (M_0 + B K)^-1 B u_(i-1), so does every component of x from the first
-# follower on: e_lat,(i+1) = G e_lat,i. Differences from the paper's text:
+# G = H / (1 + H), and so does every component of x from the first follower on. Differences from the
+# paper's text:
 #
 # - N(0) lacks the factor C_f of K(s): N(0) = C_f C_r (a + b) k_e. The sign is the same.
 # - N(0)/R(0) > 0, and so |G| > 1 at low frequency, requires R(0) > 0. This is true at any speed for
@@ -178,9 +169,7 @@ def characteristic_polynomial(parameters: VehicleParameters, gains: Gains, speed
 #   refer to s = 0.
 # - Any car amplifies at some frequency: with two integrators in the loop, Bode's integral of ln|G|
 #   / w² over all frequencies is not negative.
-# - (M_0 + B K)^-1 B K has rank one. |G| is the magnitude of its only non-zero eigenvalue and a
-#   lower bound of sigma_max, which also mixes metres with radians. |G| <= 1 is necessary, not
-#   sufficient.
+# - |G| <= 1 is necessary, not sufficient: |G| is a lower bound of sigma_max.
 #
 # `trace_propagation`, closer to the emulator: a follower knows the path of its predecessor, not its
 # heading at the same instant. Its reference is that path: lateral offset y, course y' / v,
@@ -216,14 +205,14 @@ def propagation(
     speed: float,
     steering: SteeringModel = "second order",
 ) -> Transfer:
-    """G(s) = H / (1 + H) of Section IV-B, with the predecessor's data only, at `speed` (m/s).
-
-    With steering by eq. (4), H becomes H_a H and the denominator Delta(s, K) / w_n².
-    """
+    """G(s) = H / (1 + H) of Section IV-B, with the predecessor's data only, at `speed` (m/s)."""
     numerator = feedback_numerator(parameters, gains, speed)
     if steering == "second order":
         return Transfer(numerator, characteristic_polynomial(parameters, gains, speed))
-    return Transfer(numerator, _instantaneous_denominator(parameters, gains, speed))
+    denominator = np.zeros(5)  # s² R(s) + N(s)
+    denominator[:3] = handling_polynomial(parameters, speed)
+    denominator[1:] += numerator
+    return Transfer(numerator, denominator)
 
 
 def trace_propagation(
@@ -237,10 +226,9 @@ def trace_propagation(
     F = n_e (k_e + (k_theta / v) s + (k_omega / v + (L + K_sg v²) / v²) s²) / Delta: the numerator
     n_e of e_lat / delta_f (Section III-F) times the law of eqs. (6), (7) with the reference's
     course y' / v and curvature y'' / v². There is no fit that smooths, so it overestimates the
-    response above about 5 rad/s. At low frequency
-    F = 1 - (e/kappa) w² / v² with the steady cornering error e of `linear_model.steady_cornering`:
-    a car with a steady error to the outside of a curve amplifies. `assumed` are the parameters of
-    the controller.
+    response above about 5 rad/s. At low frequency F = 1 - (e/kappa) w² / v² with the error e of
+    `steady_cornering`: a car with a steady error to the outside of a curve amplifies. `assumed` are
+    the parameters of the controller.
     """
     assumed = assumed or parameters
     feedforward = assumed.wheelbase + assumed.steer_gradient * speed * speed
@@ -251,19 +239,10 @@ def trace_propagation(
     return Transfer(numerator, characteristic_polynomial(parameters, gains, speed))
 
 
-def _instantaneous_denominator(parameters: VehicleParameters, gains: Gains, speed: float) -> Array:
-    """s² R(s) + N(s), Section IV-B; shape (5,)."""
-    denominator = np.zeros(5)
-    denominator[:3] = handling_polynomial(parameters, speed)
-    denominator[1:] += feedback_numerator(parameters, gains, speed)
-    return denominator
-
-
 def low_frequency_growth(parameters: VehicleParameters, gains: Gains, speed: float) -> float:
     """Coefficient c (s²) in |G(j w)| = 1 + c w² + O(w^3) for small w: R(0) / N(0), Section IV-B.
 
-    G = 1 / (1 + s² R / N). If R(0) is positive, so is c, and errors grow. Steering actuation does
-    not change it.
+    As G = 1 / (1 + s² R / N). If it is positive, errors grow, with or without actuation.
     """
     handling = handling_polynomial(parameters, speed)
     return float(handling[-1] / feedback_numerator(parameters, gains, speed)[-1])

@@ -1,20 +1,19 @@
 """Stability of the sampled steering loop, with hold and filter.
 
-The theory of the paper is continuous: the law knows the state at every instant. A vehicle decides
-at the control rate and holds the command. Its yaw rate has the rate of the inertial sensor, its
-position and heading that of the receiver, and a filter fuses them. On a straight at constant speed
-this is linear and periodic with a common period of the three rates. So the loop is stable if and
-only if the eigenvalues of its map over that period lie inside the unit circle.
+The theory of the paper is continuous. A vehicle decides at the control rate and holds the command.
+Its yaw rate has the rate of the inertial sensor, its position and heading that of the receiver, and
+a filter fuses them. On a straight at constant speed this is linear and periodic with a common
+period of the three rates. So the loop is stable if and only if the eigenvalues of its map over that
+period lie inside the unit circle.
 
 Received messages are not part of the loop: they locate the path, not the car. Late or rare messages
 may bend the path, but cannot make the loop unstable.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cache, lru_cache
-from math import ceil, exp, gcd, inf, lcm, log, log2
+from math import ceil, gcd, inf, lcm, log, log2
 
 import numpy as np
 
@@ -23,13 +22,8 @@ from vehicles.car.noise import GnssNoise
 from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.theory.linear_model import Array, open_loop, steering_input
 
-FINENESS, MAX_INSTANTS = (100, 10, 2, 1), 4000
-"""Rates are rounded to 1/100 Hz, so that a common period exists, or more coarsely, up to whole
-hertz, if that period has too many instants.
-"""
-
-LARGE, LARGEST_LOG = 1e100, 700.0  # Larger matrices are scaled; e^LARGEST_LOG is finite
-CHECKED_EVERY = 16  # Steps between size checks, too few to multiply the matrix by 1e200
+FINENESS = 10  # Rates are rounded to 1/10 Hz, so that a common period of at most 10 s exists
+SCALED_EVERY = 16  # Steps between scalings of the map, too few to multiply it by 1e200
 MIN_NOISE = 1e-6  # Noise (m, rad) assumed for a receiver without noise
 DOUBLINGS, TERMS = 24, 14  # 2^24 fixes; 0.5^14 / 14! is below the rounding error
 
@@ -44,8 +38,7 @@ SIZE = 11
 class SampledLoop:
     """Rates (Hz) and noises of a sampled loop (Section V-D); `imu_hz` None for exact own state.
 
-    `parameters` are those of the car, `assumed` those of its estimator. `filter_gains` (for
-    position and heading) replace the stationary gains of the Kalman filter.
+    `parameters` are those of the car, `assumed` those of its estimator.
     """
 
     parameters: VehicleParameters
@@ -56,7 +49,6 @@ class SampledLoop:
     gnss_hz: float = 20.0
     gnss: GnssNoise = GnssNoise()  # noqa: RUF009 - frozen
     imu: InertialNoise = InertialNoise()  # noqa: RUF009 - frozen
-    filter_gains: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,17 +59,12 @@ class SampledStability:
     period: float
 
     @property
-    def radius(self) -> float:
-        """Spectral radius: stable below 1 (Section III-F); infinite on overflow."""
-        return exp(self.log_radius) if self.log_radius < LARGEST_LOG else inf
-
-    @property
     def stable(self) -> bool:
         return self.log_radius < 0.0
 
     @property
     def decay(self) -> float:
-        """Decay rate (1/s) of errors, negative if they grow (elementary algebra)."""
+        """Decay rate (1/s) of errors, negative if they grow."""
         return -self.log_radius / self.period
 
 
@@ -87,13 +74,13 @@ def sampled_stability(loop: SampledLoop, speed: float) -> SampledStability:
     total, scale = np.eye(SIZE), 0.0
     for number, step in enumerate(steps.over_a_period()):
         total = step @ total
-        if number % CHECKED_EVERY == 0 and (size := float(np.max(np.abs(total)))) > LARGE:
-            # Only for a very unstable loop over a long period.
+        if number % SCALED_EVERY == 0:
+            size = float(np.max(np.abs(total)))
             total, scale = total / size, scale + log(size)
     if loop.imu_hz is None:
         total = total[:PLACE, :PLACE]  # there is no filter
     radius = float(np.max(np.abs(np.linalg.eigvals(total))))
-    return SampledStability(log(radius) + scale if radius > 0.0 else -inf, float(steps.period))
+    return SampledStability(log(radius) + scale if radius > 0.0 else -inf, steps.period)
 
 
 def lowest_stable_rate(
@@ -101,9 +88,8 @@ def lowest_stable_rate(
 ) -> int | None:
     """Lowest whole rate (Hz) such that `loop_at(rate)` is stable from there up to `highest`.
 
-    Stability of eqs. (3), (4), (7), sampled. The search goes downwards, since below an unstable
-    rate there may be stable ones, where all readings happen to precede a decision. None if the loop
-    is not stable at `highest`.
+    The search goes downwards, since below an unstable rate there may be stable ones, where all
+    readings happen to precede a decision. None if the loop is not stable at `highest`.
     """
     unstable = (
         rate for rate in range(highest, 0, -1) if not sampled_stability(loop_at(rate), speed).stable
@@ -112,50 +98,35 @@ def lowest_stable_rate(
     return lowest if lowest <= highest else None
 
 
-def stationary_gains(loop: SampledLoop, speed: float) -> Array:
-    """Stationary gains of the Kalman filter on a straight, with known biases; shape (2, 2).
-
-    Rows are position (m) and heading (rad), columns are the innovations of both. Between two fixes
-    errors are random walks with the densities of `DriftModel`.
-    """
-    if loop.filter_gains is not None:
-        return np.diag(loop.filter_gains)
-    return _stationary_gains(loop.assumed, loop.imu_hz, loop.gnss_hz, loop.gnss, loop.imu, speed)
-
-
 @lru_cache(maxsize=4096)
-def _stationary_gains(  # noqa: PLR0917 - all that they depend on
+def stationary_gains(  # noqa: PLR0917 - all that they depend on
     assumed: VehicleParameters,
-    imu_hz: float | None,
+    imu_hz: float,
     gnss_hz: float,
     gnss: GnssNoise,
     imu: InertialNoise,
     speed: float,
 ) -> Array:
-    if imu_hz is None:
-        return np.eye(2)
+    """Stationary gains of the Kalman filter on a straight, with known biases; shape (2, 2).
+
+    Rows are position (m) and heading (rad), columns are the innovations of both. Between two fixes
+    errors are random walks with the densities of `DriftModel`. Riccati's equation
+    P = F (P - P (P + R)^-1 P) F' + Q is solved by doubling, equivalent to 2^k fixes.
+    """
     drift = DriftModel(SlipModel(assumed), imu, imu_hz)
     span = 1.0 / gnss_hz
     distance = speed * span
-    moved = np.array([[1.0, distance], [0.0, 1.0]])
     across = drift.across(speed, 0.0) + distance**2 * drift.heading / 3.0
-    walk = span * np.array(
-        [[across, 0.5 * distance * drift.heading], [0.5 * distance * drift.heading, drift.heading]]
-    )
+    mixed = 0.5 * distance * drift.heading
+    predicted = span * np.array([[across, mixed], [mixed, drift.heading]])
     noise = np.diag([max(gnss.position, MIN_NOISE) ** 2, max(gnss.heading, MIN_NOISE) ** 2])
-    predicted = _riccati(moved, walk, noise)
-    return np.asarray(predicted @ np.linalg.inv(predicted + noise), dtype=np.float64)
-
-
-def _riccati(moved: Array, walk: Array, noise: Array) -> Array:
-    """P = F (P - P (P + R)^-1 P) F' + Q by doubling, equivalent to 2^k fixes; shape (2, 2)."""
-    step, known, predicted = moved.T, np.linalg.inv(noise), walk
+    step, known = np.array([[1.0, 0.0], [distance, 1.0]]), np.linalg.inv(noise)
     for _ in range(DOUBLINGS):
         shared = np.linalg.inv(np.eye(2) + known @ predicted)
         known = known + step @ shared @ known @ step.T
         predicted = predicted + step.T @ predicted @ shared @ step
         step = step @ shared @ step
-    return predicted
+    return np.asarray(predicted @ np.linalg.inv(predicted + noise), dtype=np.float64)
 
 
 def _exponential(matrix: Array) -> Array:
@@ -165,24 +136,24 @@ def _exponential(matrix: Array) -> Array:
     for k in range(1, TERMS):
         term = term @ matrix / (k * 2.0**halvings)
         part = part + term
-    for _ in range(halvings):
-        part = part @ part
-    return part
+    return np.asarray(np.linalg.matrix_power(part, 2**halvings))
 
 
 class _Steps:
-    """The linear maps of one loop at one speed over a common period."""
+    """The linear maps of one loop at one speed over a common period (s)."""
 
     def __init__(self, loop: SampledLoop, speed: float) -> None:
         self._loop, self._speed = loop, speed
         rates = [loop.control_hz]
         if loop.imu_hz is not None:
             rates += [loop.imu_hz, loop.gnss_hz]
-        rounded = _rounded(rates)
-        self.period = 1 / _common(rounded)
-        # Instants are integers in a unit of 1 / `_per_s` seconds, common to all rates.
-        self._per_s = lcm(*(rate.numerator for rate in rounded))
-        self._every = [round(self._per_s / rate) for rate in rounded]
+        whole = [max(round(rate * FINENESS), 1) for rate in rates]
+        common = gcd(*whole)
+        self.period = FINENESS / common
+        # Instants are integers, in a share of the period that all rates have in common.
+        self._end = lcm(*(rate // common for rate in whole))
+        self._every = [self._end * common // rate for rate in whole]
+        self._tick = self.period / self._end
         self._slip = SlipModel(loop.assumed)
         constant, inverse_speed = open_loop(loop.parameters)
         self._motion = np.zeros((7, 7))
@@ -191,48 +162,43 @@ class _Steps:
 
     def over_a_period(self) -> Iterator[Array]:
         """Yield the maps of the events and of the time between them, in order."""
-        end = round(self.period * self._per_s)
+        end, has_filter = self._end, len(self._every) > 1
         instants = sorted({at for every in self._every for at in range(0, end, every)})
         # The period is preceded by the last reading or fix of the previous one.
         estimated_at = -min(self._every[1:], default=end)
         # Few different spans occur in a period.
-        flow, dead_reckoning, decision = (
-            cache(self._flow),
-            cache(self._dead_reckoning),
-            cache(self._decision),
-        )
+        flow, decision = cache(self._flow), cache(self._decision)
+        dead_reckoning = cache(self._dead_reckoning)
+        correction = self._correction() if has_filter else np.eye(SIZE)
         for now, after in zip(instants, [*instants[1:], end], strict=True):
-            kinds = [now % every == 0 for every in self._every]
-            if len(kinds) > 1:
-                if kinds[1] or kinds[2]:
-                    yield dead_reckoning(now - estimated_at, read=kinds[1])
-                    estimated_at = now
-                if kinds[2]:
-                    yield self._correction()
-            if kinds[0]:
+            decides, *measures = (now % every == 0 for every in self._every)
+            if any(measures):
+                yield dead_reckoning(now - estimated_at, measures[0])
+                estimated_at = now
+                if measures[1]:
+                    yield correction
+            if decides:
                 yield decision(now - estimated_at)
             yield flow(after - now)
 
-    def _flow(self, span: int) -> Array:
+    def _flow(self, ticks: int) -> Array:
         flow = np.eye(SIZE)
-        flow[:7, :7] = _exponential(self._motion * (span / self._per_s))
+        flow[:7, :7] = _exponential(self._motion * (ticks * self._tick))
         return flow
 
-    def _dead_reckoning(self, ticks: int, *, read: bool) -> Array:
+    def _dead_reckoning(self, ticks: int, read: bool) -> Array:
         """Dead reckoning over a span, up to a new reading or with the last one."""
-        span = ticks / self._per_s
+        span, now = ticks * self._tick, 3 if read else READING
         step = np.eye(SIZE)
         if read:
             step[READING] = 0.0
             step[READING, 3] = 1.0
-        if span <= 0.0:
+        if ticks <= 0:
             return step
         slip, speed = self._slip, self._speed
-        now = 3 if read else READING
-        turn = np.zeros(SIZE)
+        turn, after = np.zeros((2, SIZE))
         turn[READING] += 0.5
         turn[now] += 0.5
-        after = np.zeros(SIZE)
         after[SLIP] = slip.after(span, speed, 0.0, 0.0, 1.0)
         after[READING] += slip.after(span, speed, 1.0, 0.0, 0.0)
         after[now] += slip.after(span, speed, 0.0, 1.0, 0.0)
@@ -244,41 +210,21 @@ class _Steps:
         return step
 
     def _correction(self) -> Array:
-        step, gains = np.eye(SIZE), stationary_gains(self._loop, self._speed)
+        loop, step = self._loop, np.eye(SIZE)
+        gains = stationary_gains(
+            loop.assumed, loop.imu_hz or inf, loop.gnss_hz, loop.gnss, loop.imu, self._speed
+        )
         for row, gain in zip((PLACE, HEADING), gains, strict=True):
             step[row, [PLACE, HEADING]] -= gain
             step[row, :2] += gain
         return step
 
-    def _decision(self, span: int) -> Array:
-        step, gains = np.eye(SIZE), self._loop.gains
-        row = np.zeros(SIZE)
+    def _decision(self, ticks: int) -> Array:
+        step, row, gains = np.eye(SIZE), np.zeros(SIZE), self._loop.gains
         if self._loop.imu_hz is None:
-            row[:4] = gains.lateral, gains.heading, 0.0, gains.yaw_rate
+            row[[0, 1, 3]] = gains
         else:
             row[[PLACE, HEADING, READING]] = gains
-            row = row @ self._dead_reckoning(span, read=False)
+            row = row @ self._dead_reckoning(ticks, read=False)
         step[COMMAND] = -row
         return step
-
-
-def _rounded(rates: Sequence[float]) -> list[Fraction]:
-    """Rates as fractions whose common period has at most MAX_INSTANTS instants."""
-    rounded: list[Fraction] = []
-    for fineness in FINENESS:
-        rounded = [
-            max(Fraction(round(rate * fineness), fineness), Fraction(1, fineness)) for rate in rates
-        ]
-        if sum(rounded) <= MAX_INSTANTS * _common(rounded):
-            break
-    return rounded
-
-
-def _common(rates: Sequence[Fraction]) -> Fraction:
-    common = rates[0]
-    for rate in rates[1:]:
-        common = Fraction(
-            gcd(common.numerator * rate.denominator, rate.numerator * common.denominator),
-            common.denominator * rate.denominator,
-        )
-    return common

@@ -1,38 +1,41 @@
 """Stability while the speed changes: accelerations with a stability certificate.
 
-Proposition 1 of the paper (Section IV-A) states that a bound exists; this module computes one.
-While the speed v changes, z' = (A(1/v) + v' E) z (see `linear_model`; the paper omits E). Let
+Proposition 1 of the paper (Section IV-A) states that bounds exist; this module computes them. While
+the speed v changes, z' = (A(1/v) + v' E) z (see `linear_model`; the paper omits E). Let
 V = w(v) z'P(v)z with A'P + PA = -Q for one fixed diagonal Q. Then
 
     dV/dt = w(v) z' (-Q + v' (S + h P)) z,   S = dP/dv + PE + E'P,   h = (dw/dv) / w,
 
-and dP/dv = -P_gamma / v² from A'P_gamma + P_gamma A = -(A1'P + PA1). So V decreases as long as
-v' (S + h P) < Q, for any v(t) in [slowest, fastest]. The extreme eigenvalues give pointwise bounds
-on v', one for braking and one for accelerating. The weight w(v) > 0 is free. h makes both bounds
-equal at each speed, which increases them by up to an order of magnitude over w = 1. Q is tuned to
-make the smallest bound over all speeds large.
+and dP/dv = -P_gamma / v² from A'P_gamma + P_gamma A = -(A1'P + PA1).
 
-The certificate is for the linear loop with continuous, undelayed measurement and unlimited
-steering.
+Condition (iii): V decreases as long as v' (S + h P) < Q, for any v(t) in [slowest, fastest]. The
+extreme eigenvalues give pointwise bounds on v', one for braking and one for accelerating. The
+weight w(v) > 0 is free: h makes both bounds equal at each speed, up to ten times those for w = 1. Q
+is tuned to make the smallest bound over all speeds large.
+
+Conditions (i) and (ii): dV/dt <= (-c + k |v'|) V, where c is the smallest decay rate of V at
+constant speed and k the largest relative growth rate of V per 1 m/s², with the best h, over all
+speeds. So V(t) <= V(0) exp(-c t + k * integral of |v'|), and V decays in the long run if the mean
+of |v'| is below mu* = c / k. By the Cauchy-Schwarz inequality a mean of v'² below mu*² is
+sufficient, and so is a finite integral of v'², whose mean tends to zero.
+
+All this is for the linear loop with continuous, undelayed measurement and unlimited steering.
 """
 
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh, expm, solve_continuous_lyapunov
 from scipy.optimize import brentq, minimize
 
 from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.theory.gain_sets import is_stable_over
-from vehicles.theory.linear_model import closed_loop, closed_loop_at, speed_change_matrix
-
-Array = NDArray[np.float64]
+from vehicles.theory.linear_model import Array, closed_loop, closed_loop_at, speed_change_matrix
 
 SLOWEST = 2.0  # Default lowest speed (m/s) of a certificate; below it the plant model changes
 FASTEST = 36.0  # Default highest speed (m/s) of a certificate, 130 km/h
-UNIT_WEIGHTS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)  # Diagonal of Q = I, for comparison; far from optimal
+UNIT_WEIGHTS: tuple[float, ...] = (1.0,) * 6  # Diagonal of Q = I, for comparison; far from optimal
 _TUNING_SPEEDS = 7  # Number of speeds at which Q is tuned, evenly spaced in ln v
 
 
@@ -51,9 +54,8 @@ class AccelerationBounds:
 class SpeedCertificate:
     """Certified accelerations of one car with given gains over an interval of speeds (m/s).
 
-    A sufficient bound for Proposition 1, condition (iii), by Lyapunov's method. `weights` is the
-    diagonal of Q in the units of the state. `holds`: the loop is stable at every constant speed of
-    the interval; otherwise all bounds are zero.
+    For Proposition 1, condition (iii). `weights` is the diagonal of Q in the units of the state.
+    `holds`: the loop is stable at every constant speed of the interval; otherwise bounds are zero.
     """
 
     parameters: VehicleParameters
@@ -64,10 +66,7 @@ class SpeedCertificate:
     holds: bool
 
     def bounds(self, speed: float) -> AccelerationBounds:
-        """Certified braking and acceleration (m/s²) at `speed` (m/s); zero outside the interval.
-
-        By Lyapunov's method, see the module; for Proposition 1 (iii).
-        """
+        """Certified braking and acceleration (m/s²) at `speed` (m/s); zero outside the interval."""
         if not (self.holds and self.slowest <= speed <= self.fastest):
             return AccelerationBounds(0.0, 0.0)
         change, energy = lyapunov_change(self.parameters, self.gains, speed, self.weights)
@@ -82,11 +81,11 @@ def certify(
 
     A narrower interval gives larger bounds. Takes about 50 ms; cached.
     """
-    if not is_stable_over(parameters, gains, slowest, fastest):
-        return SpeedCertificate(parameters, gains, slowest, fastest, UNIT_WEIGHTS, holds=False)
-    speeds = np.geomspace(slowest, fastest, _TUNING_SPEEDS)
-    weights = tuned_weights(parameters, gains, speeds.tolist())
-    return SpeedCertificate(parameters, gains, slowest, fastest, weights, holds=True)
+    weights, holds = UNIT_WEIGHTS, is_stable_over(parameters, gains, slowest, fastest)
+    if holds:
+        speeds = np.geomspace(slowest, fastest, _TUNING_SPEEDS)
+        weights = tuned_weights(parameters, gains, speeds.tolist())
+    return SpeedCertificate(parameters, gains, slowest, fastest, weights, holds)
 
 
 def certified_acceleration(
@@ -96,10 +95,7 @@ def certified_acceleration(
     slowest: float = SLOWEST,
     fastest: float = FASTEST,
 ) -> tuple[float, float]:
-    """Certified (braking, accelerating) in m/s² at `speed` (m/s), for Proposition 1 (iii).
-
-    (0, 0) if the speed is outside [slowest, fastest] or the loop is not stable in all of it.
-    """
+    """Certified (braking, accelerating) in m/s² at `speed` (m/s), see `SpeedCertificate`."""
     bounds = certify(parameters, gains, slowest, fastest).bounds(speed)
     return bounds.braking, bounds.accelerating
 
@@ -117,18 +113,30 @@ def lyapunov_change(
     P and its derivative with respect to gamma solve Lyapunov's equation. Without `speed_term` E is
     omitted, as in the A(gamma(t)) of Proposition 1.
     """
-    constant, inverse_speed = closed_loop(parameters, gains)
     root = np.sqrt(np.array(weights))
     # In coordinates y = Q^1/2 z the right-hand side of Lyapunov's equation is the identity.
-    frozen = (constant + inverse_speed / speed) * root[:, None] / root
-    slope = inverse_speed * root[:, None] / root
-    entering = speed_change_matrix() * root[:, None] / root
-    energy = solve_continuous_lyapunov(frozen.T, -np.eye(6))
+    return _solution(parameters, gains, speed, np.eye(6), root, speed_term=speed_term)
+
+
+def _solution(
+    parameters: VehicleParameters,
+    gains: Gains,
+    speed: float,
+    right: Array,
+    root: Array,
+    *,
+    speed_term: bool = True,
+) -> tuple[Array, Array]:
+    """S and P (see the module) for Q = `right`, in coordinates `root` * z."""
+    constant, slope = closed_loop(parameters, gains)
+    frozen, slope, entering = (
+        matrix * root[:, None] / root
+        for matrix in (constant + slope / speed, slope, speed_change_matrix())
+    )
+    energy = np.asarray(solve_continuous_lyapunov(frozen.T, -right), dtype=np.float64)
     by_gamma = solve_continuous_lyapunov(frozen.T, -_symmetric(energy @ slope))
-    change = -by_gamma / speed**2
-    if speed_term:
-        change = change + _symmetric(energy @ entering)
-    return change, energy
+    change = np.asarray(-by_gamma / speed**2, dtype=np.float64)
+    return (change + _symmetric(energy @ entering) if speed_term else change), energy
 
 
 def _symmetric(matrix: Array) -> Array:
@@ -137,8 +145,7 @@ def _symmetric(matrix: Array) -> Array:
 
 def bounds_from(change: Array) -> AccelerationBounds:
     """Largest |v'| (m/s²) with v' * change < I for both signs of v', by Rayleigh's quotient."""
-    eigenvalues = np.linalg.eigvalsh(change)
-    least, most = float(eigenvalues[0]), float(eigenvalues[-1])
+    least, *_, most = np.linalg.eigvalsh(change).tolist()
     return AccelerationBounds(
         -1.0 / least if least < 0.0 else np.inf, 1.0 / most if most > 0.0 else np.inf
     )
@@ -147,9 +154,8 @@ def bounds_from(change: Array) -> AccelerationBounds:
 def balancing_growth(change: Array, energy: Array) -> float:
     """Growth rate h (s/m) of the weight w(v) that makes both bounds at this speed equal.
 
-    The largest and the smallest eigenvalue of S + h P increase with h, as P is positive definite
-    (Weyl's inequality). Their sum has one zero, which minimises the larger magnitude. Uses Brent's
-    method.
+    The sum of the extreme eigenvalues of S + h P increases with h, as P is positive definite
+    (Weyl's inequality). Its zero, by Brent's method, minimises the larger magnitude.
     """
 
     def imbalance(growth: float) -> float:
@@ -165,41 +171,22 @@ def tuned_weights(
 ) -> tuple[float, ...]:
     """Diagonal of Q for which the smallest balanced bound over `speeds` is large.
 
-    Minimises a high p-norm of all eigenvalues of Q^-1/2 (S + h P) Q^-1/2 over ln Q and the h of
-    every speed (BFGS method), with increasing p. The result is deterministic: it is rounded to
-    three digits, so that the last bits of a linear algebra library do not matter. Any Q > 0 is
-    valid.
+    Minimises a p-norm of all eigenvalues of Q^-1/2 (S + h P) Q^-1/2 over ln Q and the h of every
+    speed (BFGS method), with increasing p. Any Q > 0 is valid. It is rounded to three digits, so
+    that the last bits of a linear algebra library do not matter.
     """
-    changes, energies = _basis(parameters, gains, speeds)
+    # S and P for each unit Q = e_i e_i' and speed, shapes (n, 6, 6, 6); both are linear in Q.
+    units, root = np.eye(6)[:, :, None] * np.eye(6)[:, None, :], np.ones(6)
+    rows = [[_solution(parameters, gains, v, unit, root) for unit in units] for v in speeds]
+    changes, energies = np.moveaxis(np.array(rows), 2, 0)
     unknowns = np.zeros(6 + len(speeds))
     for power in (4.0, 16.0, 64.0):
+        arguments = (changes, energies, power)
         unknowns = minimize(
-            _spread,
-            unknowns,
-            args=(changes, energies, power),
-            jac=True,
-            method="BFGS",
-            options={"gtol": 1e-4},
+            _spread, unknowns, arguments, "BFGS", jac=True, options={"gtol": 1e-4}
         ).x
     logarithms = unknowns[:6] - unknowns[:6].mean()
     return tuple(float(f"{weight:.3g}") for weight in np.exp(logarithms))
-
-
-def _basis(parameters: VehicleParameters, gains: Gains, speeds: list[float]) -> tuple[Array, Array]:
-    """S and P for each unit Q = e_i e_i' and speed; both are linear in Q. Shapes (n, 6, 6, 6)."""
-    constant, inverse_speed = closed_loop(parameters, gains)
-    entering = speed_change_matrix()
-    changes, energies = np.zeros((2, len(speeds), 6, 6, 6))
-    for k, speed in enumerate(speeds):
-        frozen = constant + inverse_speed / speed
-        for i in range(6):
-            unit = np.zeros((6, 6))
-            unit[i, i] = 1.0
-            energy = solve_continuous_lyapunov(frozen.T, -unit)
-            by_gamma = solve_continuous_lyapunov(frozen.T, -_symmetric(energy @ inverse_speed))
-            energies[k, i] = energy
-            changes[k, i] = -by_gamma / speed**2 + _symmetric(energy @ entering)
-    return changes, energies
 
 
 def _spread(unknowns: Array, changes: Array, energies: Array, power: float) -> tuple[float, Array]:
@@ -222,24 +209,8 @@ def _spread(unknowns: Array, changes: Array, energies: Array, power: float) -> t
     return value, np.concatenate([by_weight * weights, by_growth])
 
 
-# ---- Stability while the speed changes, from the integral of the acceleration (Proposition 1)
-#
-# With V = w(v) z'P(v)z, A'P + PA = -Q and z' = (A(1/v) + v'E) z (see `varying_speed`),
-#
-#     dV/dt = w(v) z' (-Q + v' (S + h P)) z  <=  (-c + k |v'|) V,    h = (dw/dv) / w,
-#
-# where c is the smallest decay rate of V at constant speed and k the largest relative growth rate
-# of V per 1 m/s² of acceleration, both over all speeds of the interval. h shifts the eigenvalues of
-# S relative to P, so the best h centres them. So
-#
-#     V(t) <= V(0) exp(-c t + k * integral of |v'|),
-#
-# and V decays in the long run if the mean of |v'| is below mu* = c / k: condition (i). By the
-# Cauchy-Schwarz inequality a mean of v'² below mu*² is sufficient, condition (ii). A finite
-# integral of v'² is also sufficient, as its mean tends to zero.
+# ---- Bounds on the integral of the acceleration
 
-
-Weights = tuple[float, ...]
 
 SPEEDS = 60  # Number of speeds at which c and k are computed, evenly spaced in ln v
 STEPS = 100  # Steps of a transition matrix; within 5e-3 (relative) of a numerical integrator
@@ -258,10 +229,7 @@ class IntegralBound:
         return self.decay / self.sensitivity
 
     def energy_ratio(self, span: float, change: float) -> float:
-        """Bound on the growth of V over `span` (s), given the integral `change` (m/s) of |v'|.
-
-        Lyapunov's method, for Proposition 1.
-        """
+        """Bound on the growth of V over `span` (s), given the integral `change` (m/s) of |v'|."""
         return float(np.exp(self.sensitivity * change - self.decay * span))
 
 
@@ -273,10 +241,10 @@ def integral_bound(
     *,
     speed_term: bool = True,
 ) -> IntegralBound:
-    """Bounds c and k over [slowest, fastest] (m/s), for Proposition 1, with the Q of `certify`.
+    """Bounds c and k over [slowest, fastest] (m/s), with the Q of `certify`.
 
-    Without `speed_term` the system is that of the paper, without E. Raises ValueError if the loop
-    is not stable at all constant speeds of the interval.
+    `speed_term` as in `lyapunov_change`. Raises ValueError if the loop is not stable at all
+    constant speeds of the interval.
     """
     certificate = certify(parameters, gains, slowest, fastest)
     if not certificate.holds:
@@ -311,7 +279,7 @@ def transition(
 
 
 def energy_root(
-    parameters: VehicleParameters, gains: Gains, speed: float, weights: Weights
+    parameters: VehicleParameters, gains: Gains, speed: float, weights: tuple[float, ...]
 ) -> Array:
     """A root F of P = F'F at `speed` (m/s), so that |F z|² is Lyapunov's z'Pz; shape (6, 6)."""
     _, energy = lyapunov_change(parameters, gains, speed, weights)
@@ -321,10 +289,9 @@ def energy_root(
 def error_growth(
     parameters: VehicleParameters, gains: Gains, before: float, after: float, acceleration: float
 ) -> float:
-    """Largest growth of the norm of an error over a linear change of speed; see `transition`.
+    """Largest growth of an error over a linear change of speed, see `transition`, in the norm of P.
 
-    The norm is that of P at the first speed. For comparison with the bound of Lyapunov's method,
-    for Proposition 1.
+    P is that at the first speed. For comparison with `integral_bound`.
     """
     certificate = certify(parameters, gains, min(before, after), max(before, after))
     root = energy_root(parameters, gains, before, certificate.weights)

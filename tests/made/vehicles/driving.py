@@ -10,14 +10,8 @@ from vehicles.car.parameters import VehicleParameters
 TICK = 0.02
 
 
-def advance(
-    body: Body,
-    actuation: Actuation,
-    span: float,
-    car: VehicleParameters,
-    substeps: int | None = None,
-) -> Body:
-    return CarMotion(car).advance(body, actuation, span, substeps)
+def advance(body: Body, actuation: Actuation, span: float, car: VehicleParameters) -> Body:
+    return CarMotion(car).advance(body, actuation, span)
 
 
 def drive(
@@ -26,12 +20,11 @@ def drive(
     duration: float,
     *,
     tick: float = TICK,
-    substeps: int | None = None,
     car: VehicleParameters = CAR,
 ) -> list[Body]:
     bodies = [body]
     for k in range(round(duration / tick)):
-        bodies.append(advance(bodies[-1], command(k * tick), tick, car, substeps=substeps))
+        bodies.append(advance(bodies[-1], command(k * tick), tick, car))
     return bodies
 
 

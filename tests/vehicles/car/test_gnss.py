@@ -88,11 +88,3 @@ def test_wire_carries_a_compass_course() -> None:
     assert north_bound.heading_deg == pytest.approx(0.0, abs=1e-9)
     west_bound = as_message(Fix(0, START, 0.0, 0.0, math.pi, 1.0, 0.0))
     assert west_bound.heading_deg == pytest.approx(270.0)
-
-
-def test_invalid_receivers_are_rejected() -> None:
-    for rate_hz in (0.0, -1.0, math.nan, math.inf):
-        with pytest.raises(ValueError, match="measuring rate"):
-            receiver(rate_hz=rate_hz)
-    with pytest.raises(ValueError, match="position noise"):
-        GnssNoise(position=-0.01)

@@ -9,9 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from vehicles.car.gnss_error_terms import GRID, GaussMarkov, draw_truncated, restarted
+from vehicles.car.dynamics import Body
+from vehicles.car.gnss_error_terms import GRID, Drift, GaussMarkov
+from vehicles.car.gnss_errors import draw_truncated
 from vehicles.schedule import SECOND, instants
 
+BODY = Body(0.0, 0.0, 0.0, 0.0)
 START = 1_700_000_000_123_456_789
 LAGS = (1, 2, 5, 10, 20, 50, 100, 150, 200)
 
@@ -20,9 +23,9 @@ def path(
     time_constant: float, rate_hz: float, seconds: float, seed: int = 1
 ) -> NDArray[np.float64]:
     """East and north of a path, a column each."""
-    process = GaussMarkov(time_constant, START, np.random.default_rng(seed))
+    process = GaussMarkov(Drift(1.0, time_constant), START, np.random.default_rng(seed))
     end = START + round(seconds * SECOND)
-    return np.array([process.at(now) for now in instants(START, end, rate_hz)])
+    return np.array([process.at(BODY, now) for now in instants(START, end, rate_hz)])
 
 
 def autocorrelation(values: NDArray[np.float64], lag: int) -> float:
@@ -59,8 +62,8 @@ def test_it_is_stationary_from_the_start() -> None:
     count = 1000
     for seconds in (0.0, 3.0, 12.0):  # 12 s: beyond two blocks of the grid
         ends = [
-            GaussMarkov(10.0, START, np.random.default_rng(seed)).at(
-                START + round(seconds * SECOND)
+            GaussMarkov(Drift(1.0, 10.0), START, np.random.default_rng(seed)).at(
+                BODY, START + round(seconds * SECOND)
             )
             for seed in range(count)
         ]
@@ -71,7 +74,7 @@ def test_it_is_stationary_from_the_start() -> None:
 def test_it_equals_the_plain_recursion() -> None:
     """The blocks are a rearrangement of x[k] = r x[k-1] + sqrt(1 - r²) w[k]."""
     time_constant = 0.5
-    process = GaussMarkov(time_constant, START, np.random.default_rng(7))
+    process = GaussMarkov(Drift(1.0, time_constant), START, np.random.default_rng(7))
     random = np.random.default_rng(7)
     kept = math.exp(-GRID / SECOND / time_constant)
     x = random.standard_normal(2)
@@ -80,13 +83,7 @@ def test_it_equals_the_plain_recursion() -> None:
         for k in range(512):
             x = kept * x + math.sqrt(1.0 - kept * kept) * drawn[:, k]
             now = START + (block * 512 + k + 1) * GRID
-            assert process.at(now) == pytest.approx(tuple(x), abs=1e-10)
-
-
-@pytest.mark.parametrize("time_constant", [0.0, 0.01, -1.0, math.inf, math.nan])
-def test_invalid_time_constants_are_rejected(time_constant: float) -> None:
-    with pytest.raises(ValueError, match="time constant"):
-        GaussMarkov(time_constant, START, np.random.default_rng(1))
+            assert process.at(BODY, now) == pytest.approx(tuple(x), abs=1e-10)
 
 
 def uniform(random: np.random.Generator, count: int) -> Iterator[tuple[float, float]]:
@@ -115,9 +112,3 @@ def test_in_a_wide_circle_an_entry_jump_has_the_distribution_of_the_drift() -> N
     )
     # In a narrow circle the distribution is uniform, with a variance of radius² / 4 per axis.
     assert np.mean(narrow**2) == pytest.approx(0.03**2 / 4.0, rel=0.05)
-
-
-def test_the_initial_value_of_a_drift_decays() -> None:
-    assert restarted((0.3, -0.2), (0.1, 0.1), (0.5, 0.0), 1.0) == pytest.approx((0.7, -0.3))
-    assert restarted((0.1, 0.1), (0.1, 0.1), (0.5, 0.0), 1.0) == pytest.approx((0.5, 0.0))
-    assert restarted((0.3, -0.2), (0.1, 0.1), (0.5, 0.0), 0.0) == (0.3, -0.2)

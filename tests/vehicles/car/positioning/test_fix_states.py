@@ -6,26 +6,38 @@ from scipy import stats
 
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss_error_terms import (
+    ChainOfStates,
     FixOutageCircle,
     FixOutageStretch,
     FixOutageWindow,
     FixStates,
     ReceiverContext,
     ReceiverState,
-    StateChain,
-    StateSchedule,
+    ScheduledStates,
+    StateEntry,
+    Transition,
 )
 from vehicles.schedule import SECOND
 
 START = 1_700_000_000_000_000_000
-CHAIN: dict[ReceiverState, dict[ReceiverState, float]] = {
-    "fixed": {"float": 890.0},
-    "float": {"fixed": 14.0},
-}
 
 
-def stays(states: FixStates, count: int) -> list[tuple[ReceiverState, float]]:
+def context(seed: int = 1) -> ReceiverContext:
+    """Start of a run, 30 m behind the lead."""
+
+    def stream(_purpose: str) -> np.random.Generator:
+        return np.random.default_rng(seed)
+
+    return ReceiverContext(START, 30.0, stream, stream)
+
+
+def chain(*transitions: tuple[ReceiverState, ReceiverState, float]) -> ChainOfStates:
+    return ChainOfStates(tuple(Transition(*one) for one in transitions))
+
+
+def stays(chain: ChainOfStates, count: int, seed: int) -> list[tuple[ReceiverState, float]]:
     """States and durations (s) of the first state intervals."""
+    states = FixStates(chain.intervals("fixed", context(seed)))
     result, now = [], START
     for _ in range(count):
         stay = states.at(now)
@@ -38,7 +50,7 @@ def stays(states: FixStates, count: int) -> list[tuple[ReceiverState, float]]:
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_times_in_a_state_of_a_chain_are_exponential(seed: int) -> None:
     """Kolmogorov–Smirnov test at 0.1 %."""
-    result = stays(StateChain("fixed", CHAIN, START, np.random.default_rng(seed)), 4000)
+    result = stays(chain(("fixed", "float", 890.0), ("float", "fixed", 14.0)), 4000, seed)
     for state, mean in (("fixed", 890.0), ("float", 14.0)):
         lengths = [length for entered, length in result if entered == state]
         assert len(lengths) == 2000
@@ -46,34 +58,37 @@ def test_times_in_a_state_of_a_chain_are_exponential(seed: int) -> None:
 
 
 def test_competing_transitions_have_their_rates() -> None:
-    means: dict[ReceiverState, dict[ReceiverState, float]] = {
-        "fixed": {"float": 10.0, "none": 30.0},
-        "float": {"fixed": 1.0},
-        "none": {"fixed": 2.0},
-    }
-    result = stays(StateChain("fixed", means, START, np.random.default_rng(4)), 8000)
+    lost_or_float = chain(
+        ("fixed", "float", 10.0),
+        ("fixed", "none", 30.0),
+        ("float", "fixed", 1.0),
+        ("none", "fixed", 2.0),
+    )
+    result = stays(lost_or_float, 8000, 4)
     fixed = [length for state, length in result if state == "fixed"]
     assert stats.kstest(fixed, "expon", args=(0.0, 7.5)).pvalue > 0.001  # 1/10 + 1/30
     lost = sum(state == "none" for state, _ in result)
     assert lost == pytest.approx(1000, abs=5 * (4000 * 0.25 * 0.75) ** 0.5)  # a quarter of 4000
 
 
+def scheduled(*entries: tuple[float, ReceiverState]) -> FixStates:
+    law = ScheduledStates(tuple(StateEntry(*entry) for entry in entries))
+    return FixStates(law.intervals("fixed", context()))
+
+
 def test_a_schedule_is_followed() -> None:
-    schedule = StateSchedule("fixed", [(2.0, "float"), (5.0, "none"), (5.5, "fixed")], START)
+    schedule = scheduled((2.0, "float"), (5.0, "none"), (5.5, "fixed"))
     at = {0.0: "fixed", 1.999: "fixed", 2.0: "float", 4.9: "float", 5.0: "none", 5.5: "fixed"}
     result = {second: schedule.at(START + round(second * SECOND)).state for second in at}
     assert result == at
-    assert StateSchedule("fixed", [(0.0, "single")], START).at(START).state == "single"
+    assert scheduled((0.0, "single")).at(START).state == "single"
 
 
 def test_outages_cover_their_time_stretch_or_circle() -> None:
     def car(driven: float = 0.0, east: float = 0.0, north: float = 0.0) -> Body:
         return Body(east=east, north=north, yaw=0.0, speed=20.0, distance=driven)
 
-    def stream(_purpose: str) -> np.random.Generator:
-        return np.random.default_rng(1)
-
-    start = ReceiverContext(START, 30.0, stream, stream)  # it starts 30 m behind the lead
+    start = context()
     time = FixOutageWindow(0, SECOND)
     assert [time.covers(car(), START + k, start) for k in (-1, 0, SECOND - 1, SECOND)] == [
         *(False, True, True, False)

@@ -10,24 +10,33 @@ from hypothesis import strategies as st
 
 from vehicles.car.gnss import Fix
 from vehicles.car.sending_rules import (
-    CAM_INTERVALS,
-    CAM_SHARES,
+    BusyRatioEntry,
     CamTrigger,
-    DrawnIntervalTrigger,
+    CongestionControl,
     EveryFix,
-    IntervalDistribution,
-    PeriodicTrigger,
-    ProfileTrigger,
+    InstantTrigger,
+    MeasuredIntervals,
+    RateEntry,
+    RateProfile,
     ReactiveControl,
     Sender,
+    SendingContext,
     SendingTrigger,
     cam_interval,
-    min_interval_at,
-    profile_instants,
 )
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, instants
 
 START = 1_700_000_000_000_000_000
+END = START + 100 * SECOND
+CONTEXT = SendingContext(START, lambda _: np.random.default_rng(1))
+
+
+def profile_of(entries: list[tuple[float, float]]) -> RateProfile:
+    return RateProfile(profile=tuple(RateEntry(at, rate) for at, rate in entries))
+
+
+def congested(ratio: float, period: int = 10 * MILLISECOND) -> CongestionControl:
+    return CongestionControl((BusyRatioEntry(0.0, ratio),), period)
 
 
 def sent(
@@ -59,7 +68,7 @@ def gaps(result: list[tuple[float, float]]) -> list[float]:
 
 
 def test_a_fixed_rate_sends_the_newest_fix() -> None:
-    rule = PeriodicTrigger(Cadence(START + 30 * MILLISECOND, 8.0))
+    rule = InstantTrigger(Cadence(START + 30 * MILLISECOND, 8.0).until(END))
     assert sent(rule, 0.6, gnss_hz=20.0) == [
         (30, 0),
         (155, 150),
@@ -81,7 +90,8 @@ def test_a_changing_rate_is_integrated(points: list[tuple[int, float]]) -> None:
     for tenths, rate in points:
         profile.append((at, rate))
         at += tenths / 10.0
-    result = [at / SECOND for at in islice(profile_instants(profile), 60)]
+    each = profile_of(profile).instants(CONTEXT, START + 1000 * SECOND)
+    result = [(at - START) / SECOND for at in islice(each, 60)]
 
     def integral(until: float) -> float:
         ends = [*(begin for begin, _ in profile[1:]), float("inf")]
@@ -133,7 +143,7 @@ def test_turning_and_braking_trigger_messages() -> None:
 
 def test_congestion_control_has_the_intervals_of_the_table() -> None:
     spans = {0.0: 100, 0.29: 100, 0.3: 200, 0.4: 400, 0.5: 500, 0.59: 500, 0.6: 1000, 1.0: 1000}
-    assert {ratio: min_interval_at(ratio) / MILLISECOND for ratio in spans} == spans
+    assert {ratio: congested(ratio).longest_interval / MILLISECOND for ratio in spans} == spans
 
 
 @pytest.mark.parametrize(("ratio", "least"), [(0.0, 100), (0.35, 200), (0.55, 500), (0.7, 1000)])
@@ -142,15 +152,15 @@ def test_no_interval_is_shorter_than_congestion_control_allows(
     kind: str, ratio: float, least: int
 ) -> None:
     cadence = Cadence(START, 25.0)
-    shares = IntervalDistribution([60 * MILLISECOND], [1.0], 0)
+    drawn = MeasuredIntervals(intervals=(60 * MILLISECOND,), shares=(1.0,), jitter=0)
     rules: dict[str, SendingTrigger] = {
         "every_fix": EveryFix(),
-        "fixed": PeriodicTrigger(cadence),
+        "fixed": InstantTrigger(cadence.until(END)),
         "cam": CamTrigger(cadence),
-        "drawn": DrawnIntervalTrigger(shares, START, np.random.default_rng(1)),
-        "profile": ProfileTrigger([(0.0, 25.0)], START),
+        "drawn": drawn.begin(CONTEXT),
+        "profile": profile_of([(0.0, 25.0)]).begin(CONTEXT),
     }
-    control = ReactiveControl([(0.0, ratio)], START, 10 * MILLISECOND)
+    control = congested(ratio).begin(START)
     result = sent(rules[kind], 10.0, speed=40.0, gnss_hz=25.0, control=control)
     later = [gap for gap, (when, _) in zip(gaps(result), result, strict=False) if when > 100.0]
     assert min(later) >= least
@@ -162,15 +172,18 @@ def test_no_interval_is_shorter_than_congestion_control_allows(
 
 
 @pytest.mark.parametrize(
-    ("name", "mean_ms"), [("cam_vw_highway", 335), ("cam_renault_highway", 441)]
+    ("table", "mean_ms"),
+    [
+        (MeasuredIntervals(table="cam_vw_highway"), 335),
+        (MeasuredIntervals(table="cam_renault_highway"), 441),
+    ],
 )
 @pytest.mark.campaign(20_000, 200_000)
 def test_random_intervals_have_the_measured_shares(
-    name: str, mean_ms: float, campaign: int
+    table: MeasuredIntervals, mean_ms: float, campaign: int
 ) -> None:
-    shares = CAM_SHARES[name]
+    _, shares = table.distribution
     assert sum(shares) == pytest.approx(1.0, abs=0.0011)
-    table = IntervalDistribution(CAM_INTERVALS, shares, 3 * MILLISECOND)
     random = np.random.default_rng(1)
     drawn = np.array([table.draw(random) for _ in range(campaign)]) / MILLISECOND
     counted = Counter(np.round(drawn / 100.0).astype(int).tolist())
@@ -187,10 +200,8 @@ def test_random_intervals_have_the_measured_shares(
 
 def test_random_intervals_keep_their_mean_with_rare_ticks() -> None:
     """A due message waits for the next tick, which does not extend the following interval."""
-    shares = IntervalDistribution(
-        [130 * MILLISECOND, 170 * MILLISECOND], [1.0, 1.0], 3 * MILLISECOND
-    )
-    rule = DrawnIntervalTrigger(shares, START, np.random.default_rng(2))
+    intervals = (130 * MILLISECOND, 170 * MILLISECOND)
+    rule = MeasuredIntervals(intervals=intervals, shares=(1.0, 1.0)).begin(CONTEXT)
     result = sent(rule, 300.0, gnss_hz=50.0, ticks_hz=50.0)
     assert len(result) == pytest.approx(2000, abs=5 * 2000**0.5 * 20 / 150)
     assert all(when % 20 == 0 for when, _ in result)
@@ -199,7 +210,9 @@ def test_random_intervals_keep_their_mean_with_rare_ticks() -> None:
 @given(seed=st.integers(0, 50), jitter=st.integers(0, 3))
 def test_sequence_numbers_never_exceed_the_shortest_interval(seed: int, jitter: int) -> None:
     """The gate of receivers relies on this."""
-    shares = IntervalDistribution([50 * MILLISECOND], [1.0], jitter * MILLISECOND)
-    rule = DrawnIntervalTrigger(shares, START, np.random.default_rng(seed))
-    for seq, (when, _) in enumerate(sent(rule, 2.0)):
-        assert seq * shares.shortest <= when * MILLISECOND
+    rule = MeasuredIntervals(
+        intervals=(50 * MILLISECOND,), shares=(1.0,), jitter=jitter * MILLISECOND
+    )
+    trigger = rule.begin(SendingContext(START, lambda _: np.random.default_rng(seed)))
+    for seq, (when, _) in enumerate(sent(trigger, 2.0)):
+        assert seq * rule.shortest <= when * MILLISECOND
