@@ -77,7 +77,7 @@ class PoseEstimator:
         self._slip = SlipModel(parameters)
         drift = DriftModel(self._slip, imu, imu_rate_hz)
         self._joint = JointCovariance(
-            stated or StatedErrors(dict.fromkeys(STATES_WITH_FIX, LEAST_VARIANCE), (), None, 0),
+            stated or StatedErrors(dict.fromkeys(STATES_WITH_FIX, LEAST_VARIANCE), (), 0.0, 0.0, 0),
             (drift.along, drift.across(0.0, 0.0), drift.heading),
             (imu.speed_bias, imu.yaw_rate_bias),
         )

@@ -6,8 +6,8 @@ from math import inf
 from typing import Any
 
 from vehicles.driver.follower import Follower
-from vehicles.driver.plausibility import PoseJudge
 from vehicles.driver.own_state import Pose
+from vehicles.driver.plausibility import PoseJudge
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.received_pose import ReceivedPose
