@@ -86,6 +86,11 @@ class VehicleSummary:
     """Smallest estimated gap to the predecessor, bumper to bumper along the path."""
     estimated_gap_m_max: float | None = None
     """Largest estimated gap to the predecessor."""
+    overridden_ratio: float | None = None
+    """Share of the time, after the first 2 s, in which the guard overrode the longitudinal law;
+    null for the lead and without recorded commands."""
+    overrides: Mapping[str, float] = field(default_factory=dict)
+    """That share by reason: why the command differed from the law."""
     distance_m: float
     """Distance driven."""
     lateral_acceleration_mps2_max: float | None = None
