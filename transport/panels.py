@@ -186,7 +186,6 @@ _MODES = {
     "intermediate": STATE_OLIVE,
     "coast": STATE_AMBER,
     "stop": STATE_RED,
-    "creep": STATE_BLUE,
     "straight": STATE_PURPLE,
 }
 
@@ -216,10 +215,8 @@ ROWS = (
             name="closing", title="Road ahead of {vehicle}", unit="m",
             kind="plot_of_one",
             series=(
-                Series("tracking", "comfortable_stop_m", name="comfortable_stop",
-                       label="comfortable stop", colour=(0x6F, 0x8F, 0x4F)),
-                Series("tracking", "firm_stop_m", name="firm_stop",
-                       label="firm stop", colour=(0xD0, 0x40, 0x40)),
+                Series("tracking", "blind_m", name="blind",
+                       label="blind distance of a stop", colour=(0xD0, 0x40, 0x40)),
                 Series("tracking", "known_m", name="known",
                        label="known path", colour=(0x2F, 0x8C, 0xFF), width=2.5),
             ),

@@ -21,7 +21,6 @@ Mode = Literal[
     "intermediate",
     "coast",
     "stop",
-    "creep",
     "straight",
 ]
 
@@ -31,9 +30,8 @@ MODES: dict[Mode, str] = {
     "lead": "along the path from the poses of the lead only",
     "predecessor": "along the path from the poses of the predecessor only",
     "intermediate": "along the path from the poses of one vehicle between lead and predecessor",
-    "coast": 'along the known path without a source; slows down with reaction "degrade"',
+    "coast": "along the last trajectory without a source, at full speed",
     "stop": "along the known path without a source; brakes to a standstill",
-    "creep": "across a short hole in the known path, at walking pace",
     "straight": "straight ahead until the first poses give a trajectory",
 }
 
@@ -90,6 +88,7 @@ class Announcement(NamedTuple):
     stops_at_ns: int = 0
     leaving: bool = False
     relayed_stops_at_ns: tuple[int, ...] = ()
+    achieved_acceleration_mps2: float = 0.0
 
 
 NO_ANNOUNCEMENT = Announcement()
@@ -107,7 +106,8 @@ class GpsPose:
 
     `seq` counts sent messages. `position_accuracy_m` is the receiver's reported standard deviation
     per axis, which may be wrong. `mode`, `hazard` and `acceleration_mps2` (commanded) announce what
-    the vehicle is about to do. `path_offset_m` is the offset of the reported position to the left
+    the vehicle is about to do; `achieved_acceleration_mps2` is what its drive has reached.
+    `path_offset_m` is the offset of the reported position to the left
     of the lead's path, as estimated by a follower; NaN from the lead and without an estimate.
     `stops_at_ns` is the instant from which the vehicle brakes to a stop unless it receives more
     poses; 0 if no stop is planned. `leaving`: the vehicle leaves the convoy, a human drives it from
@@ -146,6 +146,7 @@ class GpsPose:
     history_age_cs: tuple[int, ...] = ()
     leaving: bool = False
     relayed_stops_at_ns: tuple[int, ...] = ()
+    achieved_acceleration_mps2: float = 0.0
 
 
 @dataclass(slots=True, kw_only=True)
@@ -207,11 +208,9 @@ class Tracking:
     Errors are estimates, relative to the trajectory that the vehicle steers along. For each source:
     age of the newest sample, expected period of its messages, share of them received in the last
     second, length of its known path ahead of the car (negative if it ends behind), and status.
-    `known_m` is the known path from all sources. The stop distances are those from the present
-    speed with comfortable and with firm braking. `blind_m` is the distance the car would drive
-    beyond the known path if it stopped now as hard as it may, or crossed the hole that it creeps
-    across. `predecessor_weight_ratio` is the predecessor's weight in the trajectory. `hazard`: the
-    vehicle warns its followers.
+    `known_m` is the known path from all sources, `blind_m` the distance the car would drive beyond
+    it in an emergency stop. `predecessor_weight_ratio` is the predecessor's weight in the
+    trajectory. `hazard`: the vehicle warns its followers.
     `estimated_gap_m` is along the path from the predecessor's rear bumper to the own front bumper;
     the lengths of both cars are those of the scenario.
     `lateral_deviation_m` is the estimated standard deviation of the own position across the body of
@@ -242,8 +241,6 @@ class Tracking:
     lead_status: SourceStatus
     predecessor_status: SourceStatus
     known_m: FloatOrNan
-    comfortable_stop_m: FloatOrNan
-    firm_stop_m: FloatOrNan
     blind_m: FloatOrNan
     predecessor_weight_ratio: FloatOrNan
     hazard: bool

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from scenarios.definition.errors import Problem
 from scenarios.definition.schema.link_tables import InformationFlowTable, SourcesTable
 from scenarios.definition.schema.scenario_tables import ScenarioTables
+from scenarios.definition.schema.settings_table import overlay
 from scenarios.definition.wording import toml_repr
 
 DIRECTIONS = ("lateral", "longitudinal")
@@ -18,7 +19,8 @@ class InformationFlow:
     """Vehicles whose poses a vehicle uses, from front to back.
 
     Followers steer along the `lateral` ones; their longitudinal controllers use the `longitudinal`
-    ones. `others` are those that a lead receives, which waits for them or keeps its distance.
+    ones. `others` are those that a lead receives, which waits for them, keeps its distance, or
+    repeats their announced stops.
     """
 
     lateral: tuple[str, ...] = ()
@@ -40,11 +42,26 @@ def information_flow(tables: ScenarioTables, name: str) -> InformationFlow:
     names = tables.convoy.vehicle_names
     place = names.index(name)
     if not place:
-        return InformationFlow(others=names[1:] if tables.speed.lead_receives else ())
+        if tables.speed.lead_receives:
+            return InformationFlow(others=names[1:])
+        return InformationFlow(others=names[1:-1] if relays_stops(tables) else ())
     lateral, longitudinal = (
         getattr(_table_of(tables, name, one), one).of(names, place) for one in DIRECTIONS
     )
     return InformationFlow(lateral, longitudinal)
+
+
+def relays_stops(tables: ScenarioTables) -> bool:
+    """Whether the lead repeats the announced stops of its followers, so that some can react."""
+    names = tables.convoy.vehicle_names
+    if names[0] in tables.replayed:
+        return False
+    for name in names[2:]:
+        own = tables.vehicle.get(name)
+        control = overlay(tables.control, own and own.control)
+        if name not in tables.replayed and control.degradation.reaction_word == "degrade":
+            return True
+    return False
 
 
 def _table_of(tables: ScenarioTables, name: str, direction: str) -> InformationFlowTable:

@@ -18,7 +18,7 @@ from transport.columns import Columns
 from transport.log.errors import LogError
 from transport.log.reader import LogReader
 from transport.topics import TOPIC_OF, counts_as_loss
-from vehicles.driver.source import RELIED_ON
+from vehicles.driver.situation import RELIED_ON
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import OVERRIDES, Override, statuses_in
 from vehicles.schedule import SECOND
@@ -103,7 +103,6 @@ class Explanation:
             "path": "drove its own path",
             "straight": "drove straight, as it had received nothing",
             "coast": "extrapolated its last trajectory",
-            "creep": f"crossed a hole in {sources}",
             "stop": f"braked to a stop along {sources}",
         }.get(self.mode, f"followed {sources}")
         if self.mode == "composite" and len(self.steered_along) > 1:

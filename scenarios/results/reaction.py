@@ -54,7 +54,7 @@ def is_degraded(tracking: Tracking) -> bool:
         tracking.lead_status in NOT_RELIED_ON
         or tracking.predecessor_status in NOT_RELIED_ON
         or not NOT_RELIED_ON.isdisjoint(tracking.statuses().values())
-        or tracking.mode in {"coast", "stop", "creep"}
+        or tracking.mode in {"coast", "stop"}
     )
 
 
@@ -105,7 +105,7 @@ class Reaction:
         self._mode_changes += self._mode is not None
         if tracking.mode == "stop":
             self._stops += 1
-        if tracking.mode in {"stop", "creep"} and isfinite(tracking.blind_m):
+        if tracking.mode == "stop" and isfinite(tracking.blind_m):
             self._predicted.append(tracking.blind_m)
         self._mode = tracking.mode
 

@@ -183,6 +183,7 @@ def to_message(
         stops_at_ns=announcement.stops_at_ns,
         leaving=announcement.leaving,
         relayed_stops_at_ns=announcement.relayed_stops_at_ns,
+        achieved_acceleration_mps2=announcement.achieved_acceleration_mps2,
         true_east_m=true_position[0],
         true_north_m=true_position[1],
         true_distance_m=true_position[2],

@@ -21,8 +21,9 @@ from vehicles.driver.controller import GapLimits, SpacingPolicy, VehiclesAhead
 from vehicles.driver.longitudinal_laws import DAMPING, GAP_STIFFNESS, gap_acceleration
 from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import (
-    SourceFreshness,
+    SourceState,
     braking_share,
+    predicted_motion,
     safe_reserve,
     stopping_distance,
 )
@@ -351,7 +352,7 @@ class ConvoyAhead:
         self._reserved = ReservedPath(path, self._lane, members[-1].car)
         self._start_at = start_at
         self.reason = ""
-        self.silent: SourceFreshness | None = None
+        self.silent: SourceState | None = None
 
     def observe(self, received: Sequence[ReceivedPose]) -> None:
         for pose in received:
@@ -393,7 +394,7 @@ class ConvoyAhead:
                         f"keeps distance from where {member.name} may stand, {gap:.1f} m ahead, "
                         f"silent for {silence:.1f} s"
                     )
-                    self.silent = SourceFreshness("lost", silence, silence, known=max(gap, 0.0))
+                    self.silent = SourceState("lost", silence, silence, known=max(gap, 0.0))
         return most
 
     def _received_at(self, member: _AheadMember) -> int:
@@ -448,10 +449,13 @@ class ConvoyAhead:
         message = pose.message
         age = (now - pose.measured_at) / SECOND
         known = min(age, member.lost)
-        announced = SourceFreshness(
-            age=known, speed=max(pose.speed, 0.0), acceleration=message.acceleration_mps2
+        driven, speed, acceleration = predicted_motion(
+            max(pose.speed, 0.0),
+            message.achieved_acceleration_mps2,
+            message.acceleration_mps2,
+            known,
+            0.0,
         )
-        driven, speed, acceleration = announced.predicted_motion()
         if age > known:
             braking = self._firm.deceleration
             rest = min(age - known, speed / braking)

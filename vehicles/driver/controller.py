@@ -87,21 +87,24 @@ class SourceMotion:
     speed         speed (m/s)
     acceleration  announced command (m/s²)
     age           time since the measurement (s)
+    relied_on     whether a follower that degrades relies on it; None of another reaction, with
+                  which a law decides by the age
     """
 
     spacing: float = nan
     speed: float = nan
     acceleration: float = 0.0
     age: float = nan
+    relied_on: bool | None = None
 
 
 @dataclass(slots=True)
 class VehiclesAhead:
     """Motion of the vehicles ahead, and of those behind; NaN where nothing was received.
 
-    The first five are predicted to the present by the last announced accelerations; while messages
-    are missing, a follower that degrades alters them and the spacings of the sources to open its
-    gap. Those of the lead are NaN unless it is a longitudinal source ([information_flow]).
+    The first five are predicted to the present by achieved and commanded accelerations
+    (`vehicles.driver.situation.predicted_motion`). Those of the lead are NaN unless it is a
+    longitudinal source ([information_flow]).
 
     spacing                   arc length to the predecessor (m)
     predecessor_speed         m/s
@@ -141,7 +144,9 @@ class VehiclesAhead:
         sources, wider = self.sources, self.spacing - spacing
         if wider:  # also NaN, without the predecessor
             sources = {
-                name: SourceMotion(one.spacing - wider, one.speed, one.acceleration, one.age)
+                name: SourceMotion(
+                    one.spacing - wider, one.speed, one.acceleration, one.age, one.relied_on
+                )
                 for name, one in sources.items()
             }
         return VehiclesAhead(
@@ -195,14 +200,13 @@ class LongitudinalController(Protocol):
     class with `needs_predecessor = True` is refused where the predecessor is not a longitudinal
     source.
 
-    A controller must not keep state between calls or use a clock: it is called up to 3 times per
-    control instant, with the measured and with altered spacings. A law with a
-    derivative of its command continues from `ahead.own.acceleration`, over `ahead.own.step`.
+    A controller must not keep state between calls or use a clock. A law with a derivative of its
+    command continues from `ahead.own.acceleration`, over `ahead.own.step`.
 
     The command is limited to [speed.gap] and to bends. With `reaction = "degrade"` the follower
-    also keeps the safe distance while messages are missing. It is not called before the first pose
-    of the predecessor, or of any source if the predecessor is not received: until then the car
-    keeps its speed. A class with `needs_poses = False` is also called without poses while the
+    overrides it where evidence requires other braking (see `Command.override`). It is not called
+    before the first pose of the predecessor, or of any source if the predecessor is not received:
+    until then the car keeps its speed. A class with `needs_poses = False` is also called without poses while the
     on-board sensor measures the gap.
     """
 

@@ -1,7 +1,7 @@
 """The decision at a control instant, and the interface of a driver."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import nan
 from typing import Final, Protocol
 
@@ -13,7 +13,7 @@ from vehicles.driver.own_state import Pose
 from vehicles.driver.situation import OFF_PATH, Situation
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
-from vehicles.messages import Announcement, Command, CompositeTrajectory, Mode, Tracking
+from vehicles.messages import Announcement, Command, CompositeTrajectory, Mode, Override, Tracking
 from vehicles.preview.trajectory import Fit
 from vehicles.received_pose import ReceivedPose
 
@@ -29,8 +29,10 @@ class Decision:
     Units: target_speed m/s; estimated_gap m, between bumpers; measured_gap m and its rate m/s, by
     the gap sensor, predicted to the control instant; lateral_deviation m, of the own position;
     own_pose is its estimate at the control instant. `path_offset` (m, left positive) is the offset
-    of the last own fix from the lead's path, NaN if unknown. `fresh` is False between two control
-    instants, where the last decision is held. `fit` is the trajectory if it was refitted. `remarks`
+    of the last own fix from the lead's path, NaN if unknown. `law_acceleration` (m/s²) is that of
+    the longitudinal law, NaN without one, `override` why the command differs from it; `achieved`
+    (m/s²) is what the drive has reached. `leaving`: the car leaves the convoy. `fresh` is False between two control instants, where the
+    last decision is held. `fit` is the trajectory if it was refitted. `remarks`
     are lines for the log.
     """
 
@@ -41,6 +43,10 @@ class Decision:
     reason: str = ""
     fit: Fit | None = None
     target_speed: float = 0.0
+    law_acceleration: float = nan
+    override: Override = ""
+    achieved: float = 0.0
+    leaving: bool = False
     estimated_gap: float = nan
     lateral_deviation: float = nan
     measured_gap: float = nan
@@ -88,8 +94,6 @@ class Decision:
             lead_status=lead.status,
             predecessor_status=ahead.status,
             known_m=situation.known,
-            comfortable_stop_m=situation.comfortable_stop,
-            firm_stop_m=situation.firm_stop,
             blind_m=situation.blind,
             predecessor_weight_ratio=situation.predecessor_weight,
             hazard=situation.hazard,
@@ -100,6 +104,7 @@ class Decision:
             other_weight_ratio=tuple(
                 [situation.weights.get(name, 0.0) for name in situation.others]
             ),
+            state=situation.state,
         )
 
     def command(self, vehicle: str, seq: int, now: int) -> Command:
@@ -113,27 +118,13 @@ class Decision:
             feedback_rad=self.steering.feedback,
             acceleration_mps2=self.actuation.acceleration,
             target_speed_mps=self.target_speed,
+            law_acceleration_mps2=self.law_acceleration,
+            override=self.override,
         )
 
     def held(self) -> "Decision":
         """Copy of this decision for an instant between two control instants."""
-        return Decision(
-            actuation=self.actuation,
-            steering=self.steering,
-            errors=self.errors,
-            mode=self.mode,
-            reason=self.reason,
-            fit=self.fit,
-            target_speed=self.target_speed,
-            estimated_gap=self.estimated_gap,
-            lateral_deviation=self.lateral_deviation,
-            measured_gap=self.measured_gap,
-            measured_gap_rate=self.measured_gap_rate,
-            situation=self.situation,
-            remarks=self.remarks,
-            fresh=False,
-            path_offset=self.path_offset,
-        )
+        return replace(self, fresh=False)
 
     @property
     def keeps_to_path(self) -> bool:
@@ -149,6 +140,9 @@ class Decision:
             acceleration_mps2=self.actuation.acceleration,
             path_offset_m=self.path_offset,
             stops_at_ns=self.situation.stops_at,
+            leaving=self.leaving,
+            relayed_stops_at_ns=self.situation.relayed_stops,
+            achieved_acceleration_mps2=self.achieved,
         )
 
     def trajectory(self, fit: Fit, vehicle: str, seq: int, now: int) -> CompositeTrajectory:

@@ -1,9 +1,9 @@
 """A follower fuses the poses received from vehicles ahead and steers along the result.
 
 Each tick updates the own state, checks received poses and adds them to their source (`sources`),
-refits the trajectory if poses arrived (`_fit`), and derives the mode from the freshness of the
-sources (`modes`), the steering from the errors against the trajectory (`_steer`), and the speed
-from the vehicles ahead (`speed_guard`).
+refits the trajectory if poses arrived (`_fit`), and derives the state and the mode from the sources
+(`modes`), the steering from the errors against the trajectory (`_steer`), and the speed from the
+vehicles ahead (`speed_guard`).
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -16,15 +16,15 @@ from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
 from vehicles.car.sensors import GapMeasurement
 from vehicles.driver.command_limit import CommandLimit, PositionLimit
-from vehicles.driver.controller import OwnMotion, SourceMotion, VehiclesAhead
+from vehicles.driver.controller import OwnMotion, SourceMotion, SpacingPolicy, VehiclesAhead
 from vehicles.driver.decision import Decision
 from vehicles.driver.innovation_gate import InnovationGate, Trust
 from vehicles.driver.intended_path import path_offset
-from vehicles.driver.modes import Modes
+from vehicles.driver.modes import ModesByReach, StateMachine
 from vehicles.driver.own_state import OwnState, Pose
 from vehicles.driver.reactions import ReactionPolicy
 from vehicles.driver.settings import DegradationSettings, InstantDraw
-from vehicles.driver.situation import SLOWING, Situation, SourceFreshness
+from vehicles.driver.situation import RELIED_ON, Situation
 from vehicles.driver.slip_estimator import LoadWatch
 from vehicles.driver.source import Source
 from vehicles.driver.sources import Sources
@@ -46,16 +46,17 @@ JUST_BEGUN: Final = 3
 may be noise of the sample at which the bridge ends."""
 
 ONE_SOURCE: Final = ("lead", "predecessor", "intermediate")
-KEEPING: Final = ("coast", "stop", "creep", "straight")  # Keep the last trajectory
+KEEPING: Final = ("coast", "stop", "straight")  # Keep the last trajectory
 FADE_TIME: Final = 1.0  # Driving time (s) over which the curvature fades beyond the samples
 SLOWEST_FADE: Final = 1.0  # The fade of slower cars is that of this speed (m/s)
+REMARKED: Final = ("contact", "announced stop")  # Overrides whose begin is a line of the log
 
 
 class Follower:
     """Steers along the composite trajectory of its sources (paper, Section III).
 
     When a source stops sending, the others are followed. When all have stopped, the last trajectory
-    is kept, and the car slows down and stops, or reacts as configured.
+    is kept, and the car stops within it, or reacts as configured.
     """
 
     def __init__(
@@ -73,6 +74,8 @@ class Follower:
         least_spacing: float,
         periods: Mapping[str, float],
         delays: Mapping[str, float] | None = None,
+        lags: Mapping[str, float] | None = None,
+        policies: Mapping[str, SpacingPolicy] | None = None,
         alpha: float,
         fusion: SourceFusion,
         settings: FitSettings,
@@ -83,16 +86,19 @@ class Follower:
         gates: Mapping[str, InnovationGate] | None = None,
         bends: Mapping[str, BendsAhead] | None = None,
         drive_lag: float,
+        relay: int = 0,
         draw: InstantDraw | None = None,
     ) -> None:
         """`alpha` in [0, 1] is the weight of the predecessor, the others share 1 - alpha.
 
         `places` has all sources from front to back, `lateral` and `longitudinal` name those of
         either direction of control (see `Source`: 0 is the lead, k the k-th vehicle ahead).
-        `periods` (s) between messages, `delays` (s) of the first message and `gates` are by source;
-        without a gate only jumps are refused. `bends` by source limit the speed. `least_spacing`
-        (m) to the predecessor is that at which the bumpers touch. `drive_lag` (s) is the car's.
-        `draw` has the random numbers of controllers, fusion and reaction.
+        `periods` (s) between messages, `delays` (s) of the first message, drive `lags` (s), spacing
+        `policies` and `gates` are by source; without a gate only jumps are refused. `bends` by
+        source limit the speed. `least_spacing` (m) to the predecessor is that at which the bumpers
+        touch. `drive_lag` (s) is the car's. The lead's message repeats the predecessor's announced
+        stop at the index `relay`. `draw` has the random numbers of controllers, fusion and
+        reaction.
         """
         self._draw, self._drive_lag = draw, drive_lag
         self._chosen: Mode | None = None
@@ -112,7 +118,7 @@ class Follower:
         self._position_limit = PositionLimit(degradation)
         self._bends = bends or {}
         self._remarks: list[str] = []
-        delays, gates = delays or {}, gates or {}
+        delays, gates, lags = delays or {}, gates or {}, lags or {}
         self._sources = Sources(
             [
                 Source(
@@ -122,6 +128,7 @@ class Follower:
                     delays.get(name, 0.0),
                     Trust(name, gates.get(name), self._remarks),
                     place,
+                    lags.get(name, 0.0),
                 )
                 for name, place in places.items()
             ],
@@ -129,22 +136,23 @@ class Follower:
             lead=lead,
             predecessor=predecessor,
             lateral=lateral,
+            relay=relay,
         )
-        self._predecessor = predecessor
+        self._predecessor, self._policies = predecessor, policies or {}
         self._longitudinal = [self._sources.all[name] for name in longitudinal]
         self._own_path = OwnPath()
         self._degrades = degradation.reaction == "degrade"
         self._reaction = reaction
-        self._modes: Modes = reaction.modes(degradation)
+        self._machine = StateMachine(degradation) if self._degrades else ModesByReach()
         self._trajectories: tuple[tuple[float, Fit], ...] = ()
         self._driven = 0.0
         self._behind: dict[int, PathBehind] = {}
-        self._fitted = self._stops_behind = False
+        self._fitted = False
         self._rejoining = Rejoining(self._remarks, enabled=self._degrades)
         self._mode: Mode = "straight"
+        self._override = ""
         self._refit = Timer(REFIT_AFTER)
-        self._spacings: dict[str, float] = {}
-        self._spacings_at = self._decided_at = 0
+        self._decided_at = 0
         self._own = OwnMotion()
         self._measured: GapMeasurement | None = None
         self._decision: Decision | None = None
@@ -163,32 +171,36 @@ class Follower:
         if gap is not None:
             self._measured = gap
         for pose in received:
-            trace = self._sources.receive(pose)
-            bends = self._bends.get(pose.message.vehicle)
-            if bends is not None and trace.newest is pose:  # accepted
-                bends.add(pose)
-            if pose.message.vehicle == self._predecessor:
-                self._position_limit.predecessor_accuracy = pose.message.position_accuracy_m
-            if not trace.joined and self._sources.all[pose.message.vehicle].place >= 0:
-                own = self._own_state.at(now)
-                trace.bridge(own.east, own.north, own.yaw)
-            self._refit.due_at = now
+            self._receive(now, pose)
         if self._decision is not None and not self._control.due(now):
-            self._decision = self._decision.held()
+            self._decision = decision = self._decision.held()
+            decision.achieved = self._achieved(now)
         else:
-            self._decision = self._decide(now, self._own_state.at(now))
+            self._decision = decision = self._decide(now, self._own_state.at(now))
         if fix is not None:
-            self._decision.path_offset = (
+            decision.path_offset = (
                 path_offset(self._trajectories[0][1], fix) if self._trajectories else nan
             )
-        return self._decision
+        return decision
+
+    def _receive(self, now: int, pose: ReceivedPose) -> None:
+        trace, name = self._sources.receive(pose), pose.message.vehicle
+        bends = self._bends.get(name)
+        if bends is not None and trace.newest is pose:  # accepted
+            bends.add(pose)
+        if name == self._predecessor:
+            self._position_limit.predecessor_accuracy = pose.message.position_accuracy_m
+        if not trace.joined and self._sources.all[name].place >= 0:
+            own = self._own_state.at(now)
+            trace.bridge(own.east, own.north, own.yaw)
+        self._refit.due_at = now
 
     def _decide(self, now: int, pose: Pose) -> Decision:
         last, sources = self._decision, self._sources
         self._advance_own(now, pose)
         refit = self._refit.is_due(now)
         if refit:
-            self._fit(now, pose)
+            self._fit(pose)
         acceleration = last.actuation.acceleration if last else 0.0
         situation = sources.assess(now, pose, acceleration, refit=refit)
         reason = self._decide_mode(now, situation, pose.speed)
@@ -199,25 +211,31 @@ class Follower:
         steering = self._limit.limited(command)
         self._position_limit.observe(self._own_state.lateral_deviation)
         margin = self._position_limit.gap_margin(self._period)
-        ahead = self._vehicles_ahead(now, pose, errors, margin)
+        ahead = situation.ahead = self._vehicles_ahead(now, pose, errors, situation, margin)
         self._load.record_command(steering.steering)
         situation.weights = sources.weights(self._alpha)
         situation.predecessor_weight = sources.predecessor_weight(self._alpha, situation.weights)
-        situation.hazard = self._mode == "stop" or self._rejoining.is_active
+        crossing = situation.hole > 0.0 and situation.known <= 0.0
+        situation.hazard = self._mode == "stop" or self._rejoining.is_active or crossing
         self._speed_guard.is_slowed = self._position_limit.is_active
-        situation.speed_limit = min(situation.speed_limit, self._rejoining.speed_limit)
-        speed = self._speed_guard.command(now, pose, ahead, situation, self._mode)
-        speed = self._position_limit.limited(speed, pose.speed, acceleration, self._period)
-        situation.ahead = ahead
+        situation.speed_limit = self._rejoining.speed_limit
+        guarded = self._speed_guard.command(now, pose, ahead, situation)
+        usual = SpeedCommand(guarded.acceleration, guarded.target_speed)
+        speed = self._position_limit.limited(usual, pose.speed, acceleration, self._period)
+        override = guarded.override if speed is usual else "position"
         wanted = self._reaction.acceleration(situation, self._mode, pose.speed, speed.acceleration)
         if wanted != speed.acceleration:
             speed = SpeedCommand(wanted, min(speed.target_speed, pose.speed))
-        situation.stops_at = sources.stops_at(self._mode, self._speed_guard.brakes_at)
-        self._log_stop(situation)
-        remarks: tuple[str, ...] = ()
-        if self._remarks:
-            remarks = tuple(self._remarks)
-            self._remarks.clear()
+        situation.stops_at = sources.stops_at(situation.state)
+        if guarded.override != self._override:
+            self._override = guarded.override
+            if self._override in REMARKED:
+                self._remarks.append(f"braking: {self._override}: {guarded.evidence}")
+        if guarded.evidence:
+            text = f"{override}: {guarded.evidence}"
+            reason = f"{reason}; {text}" if reason else text
+        remarks = tuple(self._remarks) if self._remarks else ()
+        self._remarks.clear()
         return Decision(
             actuation=Actuation(steering.steering, speed.acceleration),
             steering=steering,
@@ -226,6 +244,9 @@ class Follower:
             reason=self._position_limit.joined(reason),
             fit=self._trajectories[0][1] if refit and self._fitted else None,
             target_speed=speed.target_speed,
+            law_acceleration=guarded.law,
+            override=override,
+            achieved=self._own.achieved,
             estimated_gap=ahead.spacing + margin - self._least_spacing,
             lateral_deviation=self._own_state.lateral_deviation,
             measured_gap=ahead.measured_gap,
@@ -237,37 +258,22 @@ class Follower:
 
     def _decide_mode(self, now: int, situation: Situation, speed: float) -> str:
         """Set the mode, which the policy may choose, and return its reason."""
-        self._mode, reason = self._modes.decide(
-            now,
-            self._sources,
-            situation,
-            speed,
-            fitted=self._fitted,
-            has_path=bool(self._trajectories),
-        )
-        chosen = self._reaction.mode(situation, self._mode, speed)
-        if chosen == self._mode:
+        machine, sources, has_path = self._machine, self._sources, bool(self._trajectories)
+        if isinstance(machine, StateMachine):
+            mode, reason = machine.decide(now, sources, situation, speed, has_path=has_path)
+        else:
+            mode, reason = machine.decide(sources, fitted=self._fitted, has_path=has_path)
+        self._mode = self._reaction.mode(situation, mode, speed)
+        if self._mode == mode:
             self._chosen = None
             return reason
-        self._mode = self._chosen = chosen
+        self._chosen = self._mode
         return f"chosen by the policy; {reason}" if reason else "chosen by the policy"
 
-    def _log_stop(self, situation: Situation) -> None:
-        before, self._stops_behind = self._stops_behind, self._speed_guard.stops_behind
-        if self._stops_behind and not before:
-            source = self._sources.predecessor
-            is_assumed = source is not None and source.stop_is_assumed
-            event = "may have stopped" if is_assumed else "announced a stop"
-            silence = situation.predecessor.silence
-            self._remarks.append(
-                f"braking: {self._predecessor} {event}, last pose {silence:.2f} s ago"
-            )
-
-    def _fit(self, now: int, pose: Pose) -> None:
+    def _fit(self, pose: Pose) -> None:
         """Fit the received samples; if there are too few keep the last trajectory."""
         degrades = self._degrades
-        slowing = degrades and self._mode in SLOWING
-        runs_out = slowing or (degrades and self._sources.path_runs_out)
+        runs_out = degrades and (self._mode == "stop" or self._sources.path_runs_out)
         windows = self._sources.windows(pose, self._settings, runs_out=runs_out)
         chosen = self._chosen
         if chosen in ONE_SOURCE:
@@ -290,7 +296,6 @@ class Follower:
         if chosen not in KEEPING:
             self._trajectories = along or self._trajectories
         self._measure_spacings(pose)
-        self._spacings_at = now
 
     def _settings_for(self, windows: Mapping[str, Window]) -> FitSettings:
         """Settings of the fit; bridge points weaken the evidence for a bend."""
@@ -341,62 +346,80 @@ class Follower:
             if source.place >= 0:
                 spacing = source.trace.spacing(pose.east, pose.north)
                 if spacing is not None:
-                    self._spacings[source.name] = spacing
+                    source.state.spacing = spacing
         for source in self._longitudinal:
             newest = source.trace.newest
             if source.place < 0 and newest is not None:
-                self._spacings[source.name] = self._own_path.spacing(
+                source.state.spacing = self._own_path.spacing(
                     source.name, newest.east, newest.north, pose
                 )
 
     def _vehicles_ahead(
-        self, now: int, pose: Pose, errors: TrackingErrors, margin: float
+        self, now: int, pose: Pose, errors: TrackingErrors, situation: Situation, margin: float
     ) -> VehiclesAhead:
         """Motion of the longitudinal sources, and of the predecessor if it is received.
 
-        That of lead and predecessor is predicted by the last announced accelerations. Spacings are
-        reduced by a `margin` (m).
+        Those of lead and predecessor are predicted to now; spacings are reduced by a `margin` (m).
+        In place of a predecessor that has left, the next vehicle ahead is followed, so much further
+        back that the place of the one that left, which a human drives, stays free.
         """
         ahead = VehiclesAhead(curvature_ahead=errors.curvature_ahead, bend=self._bend(pose))
+        ahead.own = self._own
         if self._measured is not None:
             measured = self._measured.at(now)
             ahead.measured_gap, ahead.measured_gap_rate, ahead.measured_gap_age = measured
-        lead, predecessor = self._sources.lead, self._sources.predecessor
-        closed = pose.speed * (now - self._spacings_at) / SECOND
+        lead, place = self._sources.lead, self._place_of_left(pose.speed)
+        predecessor = self._sources.predecessor
         if predecessor is not None:
-            if isnan(predecessor.freshness.age):
+            state = predecessor.state
+            if isnan(state.age):
                 return ahead
-            driven, speed, acceleration = predecessor.freshness.predicted_motion()
-            spacing = self._spacings.get(predecessor.name, nan)
-            ahead.spacing = spacing + driven - closed - margin
-            ahead.predecessor_speed, ahead.predecessor_acceleration = speed, acceleration
-        if lead in self._longitudinal and lead is not None and not isnan(lead.freshness.age):
-            _, ahead.lead_speed, ahead.lead_acceleration = lead.freshness.predicted_motion()
-        ahead.own = self._own
-        ahead.sources = {
-            source.name: _motion(source.freshness, self._spacings[source.name] - closed - margin)
-            for source in self._longitudinal
-            if source.name in self._spacings
-        }
+            driven, ahead.predecessor_speed, ahead.predecessor_acceleration = state.predicted()
+            ahead.spacing = state.spacing + driven - margin - place
+        if lead in self._longitudinal and lead is not None and not isnan(lead.state.age):
+            _, ahead.lead_speed, ahead.lead_acceleration = lead.state.predicted()
+        sources = dict[str, SourceMotion]()
+        for source in self._longitudinal:
+            state = source.state
+            if not isnan(state.spacing):
+                relied_on = state.status in RELIED_ON if self._degrades else None
+                sources[source.name] = SourceMotion(
+                    state.spacing - margin, state.speed, state.acceleration, state.age, relied_on
+                )
+        if place and predecessor is not None and predecessor.name in sources:
+            sources[self._predecessor] = replace(
+                sources[predecessor.name], spacing=predecessor.state.spacing - margin - place
+            )
+        ahead.sources = sources
         return ahead
+
+    def _place_of_left(self, speed: float) -> float:
+        """Spacing (m) that a predecessor which has left would keep to the next vehicle ahead."""
+        substitute = self._sources.predecessor
+        if substitute is None or substitute.name == self._predecessor:
+            return 0.0
+        near, far = self._policies.get(self._predecessor), self._policies.get(substitute.name)
+        return far.desired(speed) - near.desired(speed) if near and far else 0.0
+
+    def _achieved(self, now: int) -> float:
+        """Acceleration (m/s²) that the drive has reached at `now` (ns) by the last command."""
+        span = (now - self._decided_at) / SECOND
+        command = self._decision.actuation.acceleration if self._decision else 0.0
+        return achieved_acceleration(self._own.achieved, command, span, self._drive_lag)
 
     def _advance_own(self, now: int, pose: Pose) -> None:
         """Motion of the car at the control instant `now` (ns), for the longitudinal controller."""
         if self._draw is not None:
             self._draw.now = now
         step = (now - self._decided_at) / SECOND if self._decided_at else 0.0
-        self._decided_at = now
         if self._longitudinal[-1].place < 0:
             self._own_path.extend(now, pose)
-        last = self._decision
-        command = last.actuation.acceleration if last else 0.0
-        before = self._own.achieved if pose.speed > 0.0 else 0.0  # it stood, as its drive assumes
-        self._own = OwnMotion(
-            step,
-            command,
-            self._own.distance + pose.speed * step,
-            achieved_acceleration(before, command, step, self._drive_lag),
-        )
+        if pose.speed <= 0.0:
+            self._own.achieved = 0.0  # it stands, as its drive assumes
+        command = self._decision.actuation.acceleration if self._decision else 0.0
+        achieved = self._achieved(now) if self._decided_at else 0.0
+        self._decided_at = now
+        self._own = OwnMotion(step, command, self._own.distance + pose.speed * step, achieved)
 
     def _bend(self, pose: Pose) -> tuple[float, float] | None:
         """Bend of the received path that allows the lowest speed now (see `BendsAhead`)."""
@@ -406,10 +429,6 @@ class Follower:
             if bend is not None and (lowest is None or bend[0] < lowest[0]):
                 lowest = bend
         return lowest
-
-
-def _motion(freshness: SourceFreshness, spacing: float) -> SourceMotion:
-    return SourceMotion(spacing, freshness.speed, freshness.acceleration, freshness.age)
 
 
 def blended(

@@ -123,6 +123,7 @@ class Leader:
         ahead: ConvoyAhead | None = None,
         position_limit: PositionLimit | None = None,
         draw: InstantDraw | None = None,
+        followers: Sequence[str] = (),
     ) -> None:
         """`station` (m) is the initial arc length, `limit` that of the steering command.
 
@@ -143,6 +144,7 @@ class Leader:
         self._ahead = ahead
         self._position_limit = position_limit
         self._draw = draw
+        self._stops: dict[str, tuple[int, int]] = dict.fromkeys(followers, (-1, 0))
         self._waiting = speed_law if isinstance(speed_law, WaitingProfile) else None
         self._held: Situation | None = None
         self._decision: Decision | None = None
@@ -165,8 +167,13 @@ class Leader:
             self._watch.observe(now, received, self._near)
         if self._ahead is not None:
             self._ahead.observe(received)
+        for pose in received:
+            known = self._stops.get(pose.message.vehicle)
+            if known is not None and pose.measured_at > known[0]:
+                self._stops[pose.message.vehicle] = pose.measured_at, pose.message.stops_at_ns
         if self._decision is not None and not self._control.due(now):
-            return self._decision.held()
+            self._decision = self._decision.held()
+            return self._decision
         if self._draw is not None:
             self._draw.now = now
         pose = self._own_state.at(now)
@@ -185,6 +192,7 @@ class Leader:
             own_pose=pose,
             situation=self._situation(pose.speed) or Situation(),
         )
+        self._decision.situation.relayed_stops = tuple([at for _, at in self._stops.values()])
         return self._decision
 
     def _speed(self, now: int, pose: Pose, station: float) -> tuple[SpeedCommand, str]:

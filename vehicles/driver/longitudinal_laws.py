@@ -147,7 +147,9 @@ class _RadioLaw:
         return self._is_recent(ahead.sources.get(self._setup.predecessor))
 
     def _is_recent(self, source: SourceMotion | None) -> bool:
-        return source is not None and source.age <= self._fallback.fallback_after
+        if source is None or source.relied_on is not None:
+            return source is not None and source.relied_on is True
+        return source.age <= self._fallback.fallback_after
 
     def _lead_speed(self, ahead: VehiclesAhead) -> float:
         """Speed (m/s) of the lead, NaN without recent data of it."""

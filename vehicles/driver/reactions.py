@@ -3,11 +3,7 @@
 from dataclasses import replace
 from typing import ClassVar, Protocol
 
-from vehicles.driver.modes import ModeMachine, Modes, ModesByReach
-from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import Situation
-from vehicles.driver.speed import SpeedLaw
-from vehicles.driver.speed_guard import GuardedCar, NoOverride, SpeedGuard, SpeedOverride
 from vehicles.driver.steering import SteeringCommand
 from vehicles.messages import Mode
 
@@ -20,11 +16,7 @@ class ReactionPolicy(Protocol):
     must not use a clock. A class can inherit from `Extrapolate` of `vehicles.driver.reactions`,
     which changes nothing: then it is the whole policy, and decides on all that was received. A
     class that inherits from `Degrade` decides after the shipped policy: implausible poses are
-    rejected, the car slows down within the known path, keeps the safe distance and stops.
-
-    The shipped policy has two parts, which a class may replace by objects of its own: `modes()`
-    returns the one whose `decide` gives the usual mode, `guard()` the one whose `command` overrides
-    the longitudinal controller.
+    rejected, and the car brakes where evidence requires it and stops within the known path.
 
     `mode` is one of `convoy reference limits`; "coast" and "stop" are modes without a source.
     """
@@ -52,18 +44,10 @@ class ReactionPolicy(Protocol):
 
         `situation.lead`, `situation.predecessor` and the values of `situation.others`, by the names
         of all other sources, have the attributes `status`, `age` and `silence` (s), `known` (m of
-        path), `speed` (m/s), `acceleration` (m/s², announced), `mode` and `hazard`; numbers are NaN
-        before the first message. `situation.known` is the known path
+        path), `speed` (m/s), `acceleration` (m/s², commanded) and `achieved` (m/s²), `mode` and
+        `hazard`; numbers are NaN before the first message. `situation.known` is the known path
         ahead (m), `situation.ahead` the `VehiclesAhead` of the longitudinal controller.
         """
-        ...
-
-    def modes(self, settings: DegradationSettings) -> Modes:
-        """Make the object that decides the usual mode, a `ModeMachine` of `Degrade`."""
-        ...
-
-    def guard(self, law: SpeedLaw, settings: DegradationSettings, car: GuardedCar) -> SpeedOverride:
-        """Make the object that overrides the speed `law`, a `SpeedGuard` of `Degrade`."""
         ...
 
 
@@ -83,23 +67,11 @@ class Extrapolate:
     def acceleration(self, situation: Situation, mode: Mode, speed: float, wanted: float) -> float:
         return wanted
 
-    def modes(self, settings: DegradationSettings) -> Modes:
-        return ModesByReach()
-
-    def guard(self, law: SpeedLaw, settings: DegradationSettings, car: GuardedCar) -> SpeedOverride:
-        return NoOverride(law)
-
 
 class Degrade(Extrapolate):
-    """Slow down within the known path, and stop."""
+    """Drive on by what was received, brake where evidence requires it, and stop."""
 
     degrades: ClassVar[bool] = True
-
-    def modes(self, settings: DegradationSettings) -> Modes:
-        return ModeMachine(settings)
-
-    def guard(self, law: SpeedLaw, settings: DegradationSettings, car: GuardedCar) -> SpeedOverride:
-        return SpeedGuard(law, settings, car)
 
 
 class Hold(Extrapolate):

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
 from typing import Annotated, Literal
 
 from vehicles.setting import Setting
@@ -10,11 +10,12 @@ from vehicles.setting import Setting
 Reaction = Literal["degrade", "extrapolate", "hold", "straight"]
 """Reaction of a follower without data.
 
-degrade      slow down within the known path, and stop
+degrade      drive on by what was received, brake where evidence requires it, and stop
 extrapolate  continue along the last trajectory at full speed
 hold         keep the last steering command, at full speed
 straight     turn the wheels straight, at full speed, as one production system does
 """
+
 PredecessorPath = Literal["always_intended", "intended", "driven"]
 """Path that the samples of the predecessor represent.
 
@@ -32,27 +33,22 @@ class Braking:
     jerk: float
 
 
-@lru_cache(maxsize=64)
-def _braking(deceleration: float, jerk: float) -> Braking:
-    """Cached: a guard reads the braking levels several times per tick."""
-    return Braking(deceleration, jerk)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class DegradationSettings:
     """Thresholds of degradation and braking levels (s, m/s²; beyond the paper).
 
-    The thresholds of a lost source follow openpilot. The growing probation and the gates follow
-    PX4's EKF2. Comfortable braking follows Autoware's comfortable stop, firm braking its emergency
-    stop. Emergency braking is hard braking on a dry road, as in [speed.gap].
+    The shortest silence of a lost source follows openpilot, the gates follow PX4's EKF2. Comfortable
+    braking is the upper end of what passengers accept (Hoberock, "A survey of longitudinal
+    acceleration comfort studies in ground transportation vehicles", 1977), emergency braking is
+    hard braking on a dry road, as in [speed.gap].
     """
 
     reaction: Annotated[
         Reaction,
         Setting(
-            'reaction without data. "degrade": slow down within the known path, and stop. '
-            'Baselines at full speed: "extrapolate" the last trajectory, "hold" the last steering '
-            'command, or turn the wheels "straight"'
+            'reaction without data. "degrade": drive on by what was received, brake where evidence '
+            'requires it, and stop. Baselines at full speed: "extrapolate" the last trajectory, '
+            '"hold" the last steering command, or turn the wheels "straight"'
         ),
     ] = "degrade"
     late_periods: Annotated[
@@ -62,7 +58,8 @@ class DegradationSettings:
     lost_periods: Annotated[
         float,
         Setting(
-            "a source is lost after max(lost_periods × period, lost_s) without a message",
+            "a source without usual losses is lost after max(lost_periods × period, lost_s) "
+            "without a message",
             minimum=1,
             maximum=1000,
         ),
@@ -70,24 +67,19 @@ class DegradationSettings:
     lost_after: Annotated[
         float, Setting("shortest silence after which a source is lost", "s", 0.01, 60, name="lost")
     ] = 0.5
-    probation_delivery: Annotated[
+    lost_after_max: Annotated[
         float,
         Setting(
-            "share of its usual messages that a source must deliver to pass its probation",
-            unit="ratio",
-            minimum=0,
-            maximum=1,
+            "longest silence after which a source with usual losses is lost",
+            unit="s",
+            minimum=0.01,
+            maximum=60,
+            name="lost_max",
         ),
-    ] = 0.9
+    ] = 1.5
     probation: Annotated[
-        float, Setting("length of the probation, doubled with each relapse", "s", 0.1, 60)
-    ] = 1.0
-    probation_max: Annotated[float, Setting("largest length of the probation", "s", 0.1, 600)] = (
-        16.0
-    )
-    probation_halving: Annotated[
-        float, Setting("time without a relapse that halves the probation", "s", 0.1, 3600)
-    ] = 10.0
+        float, Setting("time of reception after which a lost source is relied on", "s", 0.1, 60)
+    ] = 0.5
     gate: Annotated[
         float,
         Setting(
@@ -118,17 +110,32 @@ class DegradationSettings:
         ),
     ] = 0.1
     comfortable_deceleration: Annotated[
-        float, Setting("comfortable braking", "mps2", 0.1, 12, name="comfortable")
-    ] = 1.0
+        float,
+        Setting(
+            "comfortable braking; harder braking requires evidence",
+            "mps2",
+            0.1,
+            12,
+            name="comfortable",
+        ),
+    ] = 1.5
     comfortable_jerk: Annotated[
         float, Setting("jerk of comfortable braking", "mps3", 0.05, 100)
     ] = 0.3
-    firm_deceleration: Annotated[float, Setting("firm braking", "mps2", 0.1, 12, name="firm")] = 2.5
-    firm_jerk: Annotated[float, Setting("jerk of firm braking", "mps3", 0.05, 100)] = 1.5
+    firm_deceleration: Annotated[
+        float,
+        Setting(
+            "braking required behind the vehicle ahead from which the law is overridden",
+            unit="mps2",
+            minimum=0.1,
+            maximum=12,
+            name="firm",
+        ),
+    ] = 3.0
     emergency_deceleration: Annotated[
         float,
         Setting(
-            "emergency braking, for stops that would otherwise end beyond the known path",
+            "braking of a car that receives nothing, to stop within its known path",
             unit="mps2",
             minimum=0.1,
             maximum=12,
@@ -139,22 +146,21 @@ class DegradationSettings:
         12.0
     )
 
-    @property
+    @cached_property
     def comfortable(self) -> Braking:
-        return _braking(self.comfortable_deceleration, self.comfortable_jerk)
+        return Braking(self.comfortable_deceleration, self.comfortable_jerk)
 
-    @property
+    @cached_property
     def firm(self) -> Braking:
-        return _braking(self.firm_deceleration, self.firm_jerk)
+        return Braking(self.firm_deceleration, self.emergency_jerk)
 
-    @property
+    @cached_property
     def emergency(self) -> Braking:
-        return _braking(self.emergency_deceleration, self.emergency_jerk)
+        return Braking(self.emergency_deceleration, self.emergency_jerk)
 
     def lost_after_silence(self, period: float) -> float:
-        """Silence (s) after which a source with this `period` (s) is lost."""
-        silence, least = self.lost_periods * period, self.lost_after
-        return least if least > silence else silence
+        """Silence (s) after which a source with this `period` (s) and no losses is lost."""
+        return max(self.lost_after, self.lost_periods * period)
 
 
 # ---- Random numbers of the classes that decide in a vehicle, keyed by the control instant

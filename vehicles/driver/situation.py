@@ -1,33 +1,83 @@
-"""Freshness of a follower's data, in seconds and metres; SI units, NaN where unknown."""
+"""What a follower knows at a control instant: its sources, its path, its brakes.
+
+SI units, NaN where unknown; accelerations are signed, decelerations positive, instants in ns.
+"""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf, nan
-from typing import Final
+from typing import Final, NamedTuple
 
 from vehicles.car.tyres import GRAVITY
 from vehicles.driver.controller import VehiclesAhead
 from vehicles.driver.settings import Braking
-from vehicles.messages import Mode, SourceStatus
-from vehicles.schedule import SECOND
+from vehicles.messages import Mode, SourceStatus, State
 
 LOST: tuple[SourceStatus, ...] = ("lost", "distrusted")  # Silent for too long, or refused
+RELIED_ON: tuple[SourceStatus, ...] = ("fresh", "late")
 SLOWING: tuple[Mode, ...] = ("coast", "stop")  # Without a source to follow
-OFF_PATH: tuple[Mode, ...] = (*SLOWING, "creep")  # No other vehicle follows its poses
-PREDICTED_FOR: Final = 0.5  # Age (s) of a sample up to which its acceleration is assumed to last
+OFF_PATH: tuple[Mode, ...] = SLOWING  # No other vehicle follows its poses
+
+PREDICTED_FOR: Final = 0.5  # Time (s) for which an announced acceleration is assumed to last
+LASTING: Final = -2.5
+"""Harder announced braking (m/s²) is assumed to last to a standstill: it rarely ends sooner."""
+FADES_FROM: Final = 0.3
+FADES_FOR: Final = 0.5
+"""Age (s) from which an announced acceleration fades as a feedforward, and the time (s) it takes."""
+
+
+class Motion(NamedTuple):
+    """Distance driven (m) since a sample, present speed (m/s) and commanded acceleration (m/s²)."""
+
+    driven: float
+    speed: float
+    acceleration: float
+
+
+def predicted_motion(  # noqa: PLR0917 - a state
+    speed: float,
+    achieved: float,
+    command: float,
+    age: float,
+    lag: float,
+    lasting: float = LASTING,
+) -> Motion:
+    """Predict a vehicle `age` (s) after a sample of its speed, achieved and commanded acceleration.
+
+    The acceleration a approaches the command u with the drive lag τ (s), τ da/dt = u - a, for
+    s = min(age, `PREDICTED_FOR`), then the speed is constant; braking beyond `lasting` (m/s²)
+    lasts. With k = τ (1 - exp(-s/τ)): v(s) = v + u s + (a - u) k and
+    x(s) = v s + u s²/2 + (a - u) τ (s - k). A vehicle that stands remains so.
+    """
+    lasts = command < lasting
+    span = age if lasts or age < PREDICTED_FOR else PREDICTED_FOR
+    rest = achieved - command
+    built = lag * (1.0 - math.exp(-span / lag)) if lag > 0.0 else 0.0
+    after = speed + command * span + rest * built
+    if after <= 0.0:
+        stopped = speed * speed / max(-2.0 * min(command, achieved), 0.1)
+        return Motion(stopped, 0.0, 0.0)
+    driven = speed * span + 0.5 * command * span * span + rest * lag * (span - built)
+    driven += after * (age - span)
+    if not lasts and age > FADES_FROM:
+        left = 1.0 - (age - FADES_FROM) / FADES_FOR
+        command *= left if left > 0.0 else 0.0
+    return Motion(driven, after, command)
 
 
 @dataclass(slots=True)
-class SourceFreshness:
-    """State of one source at a control instant.
+class SourceState:
+    """State of one source at the last control instant; it is updated in place.
 
     `age` (s) is the time since the newest sample was measured, `silence` (s) since it was received,
-    `period` (s) the expected time between messages, `share` the received ratio over the last
-    second. Its path is known up to `known` (m) ahead of the car, negative if it ends behind. It is
-    lost at `lost_at` (ns) unless it is received again. `mode`, `hazard`, `acceleration` (m/s²) and
-    `stops_at` (ns) are those announced last; without an announced stop, `stops_at` of a silent
-    source is the instant at which it may begin one. `speed` (m/s) is that of the newest sample.
+    `period` (s) the time between messages, `share` the received ratio of the last ten seconds. Its
+    path is known up to `known` (m) ahead of the car, negative if it ends behind. It is lost at
+    `lost_at` (ns) unless it is received again. `mode`, `hazard`, `acceleration` (m/s², commanded),
+    `achieved` (m/s²), `leaving` and `stops_at` (ns, 0 for never) are those announced last; the
+    lead's relay of `stops_at` counts if it is later. `speed` (m/s) is that of the newest sample,
+    measured at `measured_at` (ns) `spacing` (m, along the path) ahead of the car. `lag` (s) is the
+    assumed drive lag.
     """
 
     status: SourceStatus = "unheard"
@@ -39,72 +89,64 @@ class SourceFreshness:
     mode: Mode = "path"
     hazard: bool = False
     acceleration: float = 0.0
+    achieved: float = 0.0
+    leaving: bool = False
     lost_at: int = 0
     stops_at: int = 0
     speed: float = nan
+    measured_at: int = 0
+    spacing: float = nan
+    lag: float = 0.0
 
-    def predicted_motion(self) -> tuple[float, float, float]:
-        """Distance driven (m) since the newest sample, present speed (m/s), acceleration (m/s²).
-
-        The announced acceleration lasts for `PREDICTED_FOR`, or until the vehicle stands.
-        """
-        speed, acceleration, age = self.speed, self.acceleration, self.age
-        lasts = PREDICTED_FOR if age > PREDICTED_FOR else age
-        after = speed + acceleration * lasts
-        if after < 0.0:
-            return speed * speed / (-2.0 * acceleration), 0.0, 0.0
-        driven = 0.5 * (speed + after) * lasts + after * (age - lasts)
-        return driven, after, acceleration if age <= PREDICTED_FOR else 0.0
+    def predicted(self) -> Motion:
+        """Motion predicted to now (see `predicted_motion`)."""
+        return predicted_motion(self.speed, self.achieved, self.acceleration, self.age, self.lag)
 
 
-UNUSED = SourceFreshness("unused")  # State of a vehicle that is not received
+UNUSED = SourceState("unused")  # State of a vehicle that is not received
 
 
 @dataclass(slots=True)
 class Situation:
-    """State of the sources, the road and the brakes of a follower at a control instant.
+    """State of the sources and the road of a follower at a control instant.
 
     `lead` and `predecessor` are one source for the first follower, and have the status "unused" if
     they are not received; `others` are all other sources by name, from front to back. `known` (m)
-    is the known path ahead of the car from all sources; `comfortable_stop` and `firm_stop` are
-    braking distances (m), `blind` (m) the distance driven beyond the known path in an emergency
-    stop. `weights` in the trajectory are by name, `predecessor_weight` is the predecessor's;
-    `hazard` warns the followers behind. `stops_at` (ns, 0
-    for never) is the announced instant at which the car begins to stop without new data. The known
-    path ends at a hole of about `hole` (m), 0 without one, which the car can cross if it is
-    `crossable`. A return to the path, or sources that are rarely received, require at most
-    `speed_limit` (m/s). `ahead` is the motion of the vehicles ahead, once it is computed.
+    is the known path ahead of the car from all sources, `blind` (m) the distance driven beyond it
+    in an emergency stop. `weights` in the trajectory are by name, `predecessor_weight` is the
+    predecessor's; `hazard` warns the followers behind. `stops_at` (ns, 0 for never) is the
+    announced instant at which the car begins to stop without new data; `relayed_stops` are those
+    that a lead received from its followers, from front to back. The known path ends at a hole of
+    about `hole` (m), 0 without one, which the car can cross if it is `crossable`. A return to the
+    path requires at most `speed_limit` (m/s). `ahead` is the motion of the vehicles ahead, once it
+    is computed.
     """
 
-    lead: SourceFreshness = field(default_factory=SourceFreshness)
-    predecessor: SourceFreshness = field(default_factory=SourceFreshness)
+    lead: SourceState = field(default_factory=SourceState)
+    predecessor: SourceState = field(default_factory=SourceState)
     known: float = nan
-    comfortable_stop: float = nan
-    firm_stop: float = nan
     blind: float = nan
     predecessor_weight: float = nan
     hazard: bool = False
     stops_at: int = 0
+    relayed_stops: tuple[int, ...] = ()
     hole: float = 0.0
     crossable: bool = False
     speed_limit: float = inf
-    others: Mapping[str, SourceFreshness] = field(default_factory=dict)
+    state: State = ""
+    others: Mapping[str, SourceState] = field(default_factory=dict)
     weights: Mapping[str, float] = field(default_factory=dict)
     ahead: VehiclesAhead | None = None
 
 
-# ---- Braking distances, required decelerations, and announced stops; SI units
-#
-# Accelerations are signed, decelerations positive; instants in ns.
+# ---- Braking distances and required decelerations
 
 
 STOP_MARGIN: Final = 0.5  # Distance (m) before the end of the known path at which a stop ends
 STANDSTILL: Final = 0.2  # Below this speed (m/s) a car is held by its brake
 CREEP_SPEED: Final = 2.0  # Largest speed (m/s) across a hole in the known path
-GUARD_MARGIN: Final = 1.0  # Gap (m) that the guard keeps for errors of position and speed
-GUARD_TIME: Final = 0.3  # The guard begins to brake this time (s) before the last instant to do so
-HARDEST: Final = 100.0  # Upper end (m/s²) of the bisection, ten times the limit of tyres
-HALVINGS: Final = 40  # Number of bisection steps, to 1e-10 m/s²
+GUARD_MARGIN: Final = 1.0  # Gap (m) that remains for errors of position and speed
+GUARD_TIME: Final = 0.3  # A guard begins to brake this time (s) before the last instant to do so
 
 
 def stopping_distance(speed: float, acceleration: float, braking: Braking) -> float:
@@ -121,7 +163,7 @@ def stopping_distance(speed: float, acceleration: float, braking: Braking) -> fl
     span = abs(short) / jerk
     jerk = math.copysign(jerk, short)
     square = acceleration * acceleration - 2.0 * jerk * speed
-    if jerk != 0.0 and square >= 0.0:
+    if square >= 0.0:
         # The root of v + a t + j t²/2 that is reached first, without cancellation where a < 0.
         slower = -acceleration + math.sqrt(square)
         if slower > 0.0:
@@ -134,30 +176,11 @@ def stopping_distance(speed: float, acceleration: float, braking: Braking) -> fl
     return driven + left**2 / (2.0 * deceleration)
 
 
-def needed_deceleration(
-    speed: float, distance: float, acceleration: float = 0.0, jerk: float = math.inf
-) -> float:
-    """Smallest deceleration (m/s²) that stops a car at `speed` (m/s) within `distance` (m).
-
-    Without a jerk limit (m/s³) it is v²/(2 s). With one it is found by bisection of
-    `stopping_distance` from the present acceleration (m/s²). Infinite if none suffices.
-    """
+def needed_deceleration(speed: float, distance: float) -> float:
+    """Deceleration (m/s²) v²/(2 s) that stops a car at `speed` (m/s) within `distance` (m)."""
     if speed <= 0.0:
         return 0.0
-    if distance <= 0.0:
-        return math.inf
-    if jerk == math.inf:
-        return speed * speed / (2.0 * distance)
-    if stopping_distance(speed, acceleration, Braking(HARDEST, jerk)) > distance:
-        return math.inf
-    mild, hard = 0.0, HARDEST
-    for _ in range(HALVINGS):
-        middle = 0.5 * (mild + hard)
-        if stopping_distance(speed, acceleration, Braking(middle, jerk)) > distance:
-            mild = middle
-        else:
-            hard = middle
-    return hard
+    return speed * speed / (2.0 * distance) if distance > 0.0 else inf
 
 
 def safe_reserve(gap: float, its_speed: float, its_deceleration: float, own_stop: float) -> float:
@@ -186,43 +209,3 @@ def friction_left(friction: float, lateral: float) -> float:
     limit = friction * GRAVITY
     left = limit * limit - lateral * lateral
     return 0.0 if left < 0.0 else math.sqrt(left)
-
-
-class AnnouncedStop:
-    """Assumes that the predecessor stops as announced, or when it may while silent, at full force.
-
-    Without this assumption cars that lose all data at the same position would brake there one after
-    the other, and collide; so would a car behind one that is cut off alone.
-    """
-
-    def __init__(self, emergency: Braking) -> None:
-        self._emergency = emergency
-        self._received_at = 0
-
-    def is_expected(self, now: int, predecessor: SourceFreshness) -> bool:
-        """Whether an announced stop is assumed at `now`, until received poses contradict it.
-
-        While the predecessor is received the assumption ends when its brakes must have built up.
-        """
-        stops_at = predecessor.stops_at
-        if not stops_at or now < stops_at:
-            self._received_at = 0
-            return False
-        since = (now - stops_at) / SECOND
-        status = predecessor.status
-        if predecessor.age >= since or status in LOST or status == "late":
-            return True
-        self._received_at = self._received_at or now
-        emergency = self._emergency
-        return now - self._received_at <= emergency.deceleration / emergency.jerk * SECOND
-
-    def distance(self, now: int, speed: float, age: float, predecessor: SourceFreshness) -> float:
-        """Stopping distance (m) from a sample of the predecessor, `age` (s) old, at `speed` (m/s).
-
-        It keeps that speed until the announced instant, or is already braking.
-        """
-        free = (predecessor.stops_at - now) / SECOND + age
-        if free > 0.0:
-            return speed * free + stopping_distance(speed, 0.0, self._emergency)
-        braked = min(max(predecessor.acceleration, -self._emergency.deceleration), 0.0)
-        return stopping_distance(speed, braked, self._emergency)

@@ -1,14 +1,15 @@
 """The sources of a follower: the vehicles that it receives."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from math import isnan, nan
+from typing import Final
 
 from vehicles.driver.intended_path import IntendedPath, IntendedShare
 from vehicles.driver.own_state import Pose
-from vehicles.driver.settings import Braking, DegradationSettings
+from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import UNUSED, Situation, stopping_distance
-from vehicles.driver.source import RELIED_ON, Source, reaches_ahead
-from vehicles.messages import Mode
+from vehicles.driver.source import Source, reaches_ahead
+from vehicles.messages import Mode, State
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.samples import Window
 from vehicles.preview.trace import PathHole, Trace, known_path
@@ -17,7 +18,7 @@ from vehicles.schedule import SECOND
 
 FOLLOWING: tuple[Mode, ...] = ("composite", "lead", "predecessor", "intermediate")
 """Modes in which a follower steers along sources."""
-AWAITED = ("unheard", *RELIED_ON)  # May still determine a trajectory
+AWAITED: Final = ("unheard", "fresh", "late", "probation")  # Sources that keep a car going
 
 
 class Sources:
@@ -25,7 +26,8 @@ class Sources:
 
     `all` are in the order of the convoy, by name. `used` are the lateral ones, through whose poses
     the trajectory is fitted; `relied` are those relied on at the last control instant. `lead` and
-    `predecessor` are one source for the first follower, None if they are not received.
+    `predecessor` are one source for the first follower, None if they are not received. While the
+    predecessor has left the convoy, it is the next received vehicle ahead.
     """
 
     def __init__(
@@ -36,11 +38,15 @@ class Sources:
         lead: str,
         predecessor: str,
         lateral: Collection[str],
+        relay: int = 0,
     ) -> None:
-        """`lateral` are the names of at least one source ahead."""
+        """`lateral` are the names of at least one source ahead.
+
+        The lead's message relays the predecessor's announced stop at the index `relay`.
+        """
         self.all = {source.name: source for source in sources}
         self.lead = self.all.get(lead)
-        self.predecessor = self.all.get(predecessor)
+        self.predecessor = self._own_predecessor = self.all.get(predecessor)
         self.used = {name: source for name, source in self.all.items() if name in lateral}
         self.relied: dict[str, Source] = {}
         self._degrades = settings.reaction == "degrade"
@@ -53,17 +59,22 @@ class Sources:
                     corrects = True
         path = settings.predecessor_path if corrects else "driven"
         self._intended = IntendedShare(settings.probation, path)
-        self._others = {
-            name: source
-            for name, source in self.all.items()
-            if source is not self.lead and source is not self.predecessor
-        }
-        self._comfortable, self._firm = settings.comfortable, settings.firm
+        self._situation = Situation(
+            self.lead.state if self.lead else UNUSED,
+            self.predecessor.state if self.predecessor else UNUSED,
+            others={
+                name: source.state
+                for name, source in self.all.items()
+                if source is not self.lead and source is not self.predecessor
+            },
+        )
+        self._relay = relay
+        self._relayed_stop = 0
         self._emergency = settings.emergency
         self._assessed_at = 0
         self._hole: PathHole | None = None
         self._hole_ahead = 0.0
-        self._all_lost_at = 0
+        self._stops_at = 0
 
     def mode_along(self, source: Source) -> Mode:
         """Mode of a follower that steers along one source alone."""
@@ -73,9 +84,13 @@ class Sources:
 
     def receive(self, pose: ReceivedPose) -> Trace:
         """Pass a pose to its source, and return the source's trace."""
-        source = self.all[pose.message.vehicle]
+        source, relayed = self.all[pose.message.vehicle], pose.message.relayed_stops_at_ns
         source.receive(pose)
+        if 0 <= self._relay < len(relayed) and source is self.lead and source.trace.newest is pose:
+            self._relayed_stop = relayed[self._relay]
         return source.trace
+
+    # ---- Preview data
 
     def windows(self, pose: Pose, settings: FitSettings, *, runs_out: bool) -> dict[str, Window]:
         """Preview data (Section III-A) of the sources that reach ahead of the ego.
@@ -89,7 +104,7 @@ class Sources:
             ahead = min(ahead, self._hole_ahead)
         windows: dict[str, Window] = {}
         for name, source in self.used.items():
-            known = source.freshness.known
+            known = source.state.known
             known = 0.0 if isnan(known) else known
             more = min(max(ahead - known, 0.0), ahead) if runs_out else 0.0
             window = source.window(pose.east, pose.north, behind + more, ahead)
@@ -156,6 +171,8 @@ class Sources:
         )
         self._intended.advance(span, without_lead=not by_lead)
 
+    # ---- Weights
+
     def weights(self, alpha: float) -> dict[str, float]:
         """Weights of the lateral sources, which add up to 1.
 
@@ -163,19 +180,21 @@ class Sources:
         lead alone; without the predecessor all are equal. They are scaled by the weights of the
         sources.
         """
-        used = list(self.used.values())
-        others = [source for source in used if source is not self.predecessor]
-        count = len(others)
-        ahead = 0.0
-        if count < len(used) and self.predecessor is not None:
-            ahead = self._weight_of_predecessor(alpha, others, self.predecessor)
-        rest, total = 1.0 - ahead, sum([source.weight for source in others])
-        return {
-            source.name: ahead
-            if source is self.predecessor
-            else rest * (source.weight / total if total > 0.0 else 1.0 / count)
-            for source in used
+        others = [source for source in self.used.values() if source is not self.predecessor]
+        if len(others) == len(self.used):
+            alpha = 0.0
+        elif not others:
+            alpha = 1.0
+        rest = (1.0 - alpha) / max(len(others), 1)
+        shares = {
+            name: alpha if source is self.predecessor else rest
+            for name, source in self.used.items()
         }
+        scaled = {name: share * self.used[name].weight for name, share in shares.items()}
+        total = sum(scaled.values())
+        if total in {0.0, 1.0}:
+            return shares if total == 0.0 else scaled
+        return {name: share / total for name, share in scaled.items()}
 
     def predecessor_weight(self, alpha: float, weights: Mapping[str, float]) -> float:
         """Weight of the predecessor for the log; that of a first follower remains α of eq. (5)."""
@@ -183,52 +202,49 @@ class Sources:
             return 0.0
         return alpha if self.predecessor is self.lead else weights.get(self.predecessor.name, 0.0)
 
-    def _weight_of_predecessor(
-        self, alpha: float, others: Sequence[Source], predecessor: Source
-    ) -> float:
-        """Weight α of eq. (5) of the predecessor, scaled by the weights of the sources."""
-        if not others:
-            return 1.0
-        own = [source.weight for source in others]
-        if max(own) == min(own) == predecessor.weight or sum(own) + predecessor.weight == 0.0:
-            return alpha
-        total = sum([(1.0 - alpha) / len(own) * weight for weight in own])
-        total += alpha * predecessor.weight
-        return alpha * predecessor.weight / total if total > 0.0 else alpha
+    # ---- State at a control instant
 
     def assess(self, now: int, pose: Pose, acceleration: float, *, refit: bool) -> Situation:
         """Update all sources at a control instant `now` (ns); `acceleration` is the last one."""
         span = (now - self._assessed_at) / SECOND if self._assessed_at else 0.0
         self._assessed_at = now
-        speed = pose.speed
         for source in self.all.values():
             source.update(now, pose, span, refit=refit)
-        known = nan
+        self._follow_next()
+        situation, known = self._situation, nan
         self.relied = {}
         for name, source in self.used.items():
-            freshness = source.freshness
-            if freshness.status != "distrusted" and (isnan(known) or freshness.known > known):
-                known = freshness.known
-            if source.usable and freshness.status in RELIED_ON:
+            state = source.state
+            if state.status != "distrusted" and not known >= state.known:  # also NaN
+                known = state.known
+            if source.gives_path:
                 self.relied[name] = source
-        if not any(source.gives_path for source in self.relied.values()):
-            self.relied = {}
+        own = self._own_predecessor
+        if own is not None and own.state.stops_at < self._relayed_stop:
+            own.state.stops_at = self._relayed_stop
         hole = self._hole
+        situation.hole, situation.crossable = 0.0, False
         if hole is not None:
-            self._hole_ahead -= 0.0 if refit else speed * span
+            self._hole_ahead -= 0.0 if refit else pose.speed * span
             known = self._hole_ahead
-        comfortable = _stop(speed, acceleration, self._comfortable)
-        firm = _stop(speed, acceleration, self._firm)
-        blind = _stop(speed, acceleration, self._emergency, period=span) - known
-        blind = 0.0 if blind < 0.0 else blind
-        lead = self.lead.freshness if self.lead else UNUSED
-        predecessor = self.predecessor.freshness if self.predecessor else UNUSED
-        situation = Situation(lead, predecessor, known, comfortable, firm, blind)
-        if self._others:
-            situation.others = {name: one.freshness for name, one in self._others.items()}
-        if hole is not None:
             situation.hole, situation.crossable = hole.length, self._crossable
+        situation.known = known
+        emergency = self._emergency
+        # Commands held for a period are on average half a period ahead of the jerk ramp.
+        braked = max(acceleration - 0.5 * emergency.jerk * span, -emergency.deceleration)
+        blind = stopping_distance(pose.speed, braked, emergency) - known
+        situation.blind = 0.0 if blind < 0.0 else blind
         return situation
+
+    def _follow_next(self) -> None:
+        """Take the next received vehicle ahead as predecessor while that has left the convoy."""
+        own = self._own_predecessor
+        if own is None or (not own.state.leaving and self.predecessor is own):
+            return
+        ahead = [one for one in self.all.values() if one.place == 0 or one.place > own.place]
+        staying = [one for one in ahead if one is not own and not one.state.leaving]
+        self.predecessor = staying[-1] if own.state.leaving and staying else own
+        self._situation.predecessor = self.predecessor.state
 
     @property
     def _crossable(self) -> bool:
@@ -240,7 +256,7 @@ class Sources:
         traces = [
             source.trace
             for source in self.used.values()
-            if len(source.trace) and source.freshness.status != "distrusted"
+            if len(source.trace) and source.state.status != "distrusted"
         ]
         if [trace for trace in traces if trace.holes]:
             path = known_path(traces, pose.east, pose.north)
@@ -250,37 +266,17 @@ class Sources:
     def path_runs_out(self) -> bool:
         return all(source.path_ends for source in self.relied.values())
 
-    def stops_at(self, mode: Mode, brakes_at: int) -> int:
-        """Instant (ns) at which a car in `mode` begins to stop without new data, or 0.
+    def stops_at(self, state: State) -> int:
+        """Instant (ns) at which a car in `state` begins to stop without new data, 0 for never.
 
-        The earliest of three: the loss of the last source that it relies on or waits for, once a
-        message of each is overdue; `brakes_at`, at which its guard brakes behind the predecessor (0
-        for never); and the predecessor's own announced stop.
+        It is the loss of the last source that keeps it going; while it stops, that instant stays.
         """
         if not self._degrades:
             return 0
-        awaited: Iterable[Source] = self.relied.values()
-        if not self.relied:
-            awaited = [source for source in self.used.values() if source.status in AWAITED]
-        lost_at, all_overdue = 0, mode != "coast"
-        for source in awaited:
-            lost_at = max(lost_at, source.freshness.lost_at)
-            all_overdue = all_overdue and source.is_overdue
-        self._all_lost_at = lost_at or self._all_lost_at
-        earliest = self._all_lost_at if all_overdue else 0
-        its_stop = self.predecessor.freshness.stops_at if self.predecessor else 0
-        for at in (brakes_at, its_stop):
-            if at and (at < earliest or not earliest):
-                earliest = at
-        return earliest
-
-
-def _stop(speed: float, acceleration: float, braking: Braking, period: float = 0.0) -> float:
-    """Braking distance (m), without releasing a brake that is already applied harder.
-
-    Commands held for a `period` (s) are on average half a period ahead of the jerk ramp: 0.3 m at
-    30 m/s and 50 Hz.
-    """
-    sooner = acceleration - 0.5 * braking.jerk * period
-    emergency = -braking.deceleration
-    return stopping_distance(speed, emergency if emergency > sooner else sooner, braking)
+        if state == "stop":
+            return min(self._stops_at, self._assessed_at)
+        for source in self.used.values():
+            one = source.state
+            if one.status in AWAITED and not source.has_left_path and one.lost_at > self._stops_at:
+                self._stops_at = one.lost_at
+        return self._stops_at

@@ -123,10 +123,15 @@ def known_bend_acceleration(speed: float, bend: tuple[float, float], limits: Gap
 
 @dataclass(slots=True)
 class SpeedCommand:
-    """Acceleration (m/s²), dv_x/dt of Section IV-A, and target speed (m/s)."""
+    """Acceleration (m/s²), dv_x/dt of Section IV-A, and target speed (m/s).
+
+    `bend` is the largest acceleration that bends permit, `unbent` the one wanted without them.
+    """
 
     acceleration: float
     target_speed: float
+    bend: float = math.inf
+    unbent: float = 0.0
 
 
 class SpeedLaw(Protocol):
@@ -168,9 +173,10 @@ class ProfileSpeed:
         speed, _ = self._profile.at(seconds)
         next_speed, _ = self._profile.at(seconds + self._period)
         wanted = (next_speed - speed) / self._period + profile_correction(speed, pose.speed)
-        if self._limits is not None and ahead.bend is not None:
-            wanted = min(wanted, known_bend_acceleration(pose.speed, ahead.bend, self._limits))
-        return SpeedCommand(wanted, next_speed)
+        if self._limits is None or ahead.bend is None:
+            return SpeedCommand(wanted, next_speed, math.inf, wanted)
+        bend = known_bend_acceleration(pose.speed, ahead.bend, self._limits)
+        return SpeedCommand(min(wanted, bend), next_speed, bend, wanted)
 
 
 class GapKeeping:
@@ -198,8 +204,9 @@ class GapKeeping:
         limits = self._limits
         wanted = self._controller.acceleration(pose.speed, ahead)
         wanted = min(max(wanted, -limits.deceleration), limits.acceleration)
-        wanted = min(wanted, bend_acceleration(pose.speed, ahead.curvature_ahead, limits))
+        bend = bend_acceleration(pose.speed, ahead.curvature_ahead, limits)
         if ahead.bend is not None:
-            wanted = min(wanted, known_bend_acceleration(pose.speed, ahead.bend, limits))
+            bend = min(bend, known_bend_acceleration(pose.speed, ahead.bend, limits))
         target = ahead.predecessor_speed
-        return SpeedCommand(wanted, pose.speed if math.isnan(target) else target)
+        target = pose.speed if math.isnan(target) else target
+        return SpeedCommand(min(wanted, bend), target, bend, wanted)

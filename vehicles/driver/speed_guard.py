@@ -1,58 +1,100 @@
-"""Speed of a follower while messages fail; SI units."""
+"""Speed of a follower that misses messages: what overrides its longitudinal law, and why; SI units.
 
-from dataclasses import dataclass, replace
+The law always acts on the predicted motion of the vehicles ahead: a missing message is no event.
+What overrides it needs evidence: received or measured braking, a contact that was received or
+measured, an announced stop, the end of the known path, or the silence of a source that its usual
+losses do not explain (see `source.Reception`).
+"""
+
+from dataclasses import dataclass
 from math import inf, isfinite, isnan, nan, sqrt
 from typing import Final, Protocol
 
-from vehicles.car.tyres import GRAVITY
 from vehicles.driver.controller import GapLimits, SpacingPolicy, VehiclesAhead
 from vehicles.driver.longitudinal_laws import STABLE_HEADWAY
 from vehicles.driver.own_state import Pose
-from vehicles.driver.settings import Braking, DegradationSettings
+from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import (
     CREEP_SPEED,
     GUARD_MARGIN,
     LOST,
-    OFF_PATH,
-    SLOWING,
+    RELIED_ON,
     STANDSTILL,
     STOP_MARGIN,
-    AnnouncedStop,
     Situation,
-    SourceFreshness,
-    braking_share,
     friction_left,
     needed_deceleration,
-    safe_reserve,
-    stopping_distance,
+    predicted_motion,
 )
-from vehicles.driver.source import AgeWatch
 from vehicles.driver.speed import GapKeeping, SpeedCommand, SpeedLaw
-from vehicles.messages import Mode
+from vehicles.messages import Override, State
 from vehicles.schedule import SECOND
 
-HEADWAY_RATE: Final = 0.5
-"""Speed (m/s) at which gaps open to a stable headway and close again. All followers do so at once,
-so the last of eight vehicles falls back at seven times that speed."""
-
-LEAD_FADE_TIME: Final = 1.0  # Time constant (s) of replacing a lost lead's speed
-FALLEN_BEHIND: Final = 1.0  # A slower predecessor (m/s) does not drive the common speed
-CAUGHT_UP: Final = 0.5  # Errors (m, m/s) below which the common speed is resumed
-CLOSER: Final = 0.5  # Loss of spacing (m) from which gap keeping replaces it
+TYRES_USED: Final = 0.9  # Share of the friction that contact braking uses
+ANNOUNCED_MARGIN: Final = 1.5  # Gap (m) that remains behind a predecessor that stops as announced
+RELEASE_JERK: Final = 5.0  # Jerk (m/s³) at which an override lets the acceleration grow again
 LIMIT_TIME: Final = 0.5  # Time constant (s) with which a car slows to a speed limit
+LEAD_ONLY_SHARE: Final = (
+    0.92  # Share of the lead's speed of a car that does not receive its predecessor
+)
+LEAD_ONLY_HEADWAY: Final = 1.5  # Headway (s) up to which it falls back
+LEAD_ONLY_ACCELERATION: Final = 0.5  # Its largest acceleration (m/s²) beyond the lead's
+SENSOR_HEADWAY: Final = 1.2  # Least headway (s) by the gap sensor alone, and
+SENSOR_GAIN: Final = 0.1  # its gain (1/s) of the gap error (Rajamani, eq. 6.18)
+SENSOR_FILTER: Final = 0.3  # Time constant (s) of the predecessor's acceleration by the gap sensor
+REFERENCE_FALL: Final = 0.1  # Relative rate (1/s) at which the speed limit of catching up may fall
+HEADWAY_RATE: Final = 0.5
+"""Speed (m/s) at which gaps open to a stable headway without the lead, and close again. All
+followers do so at once, so the last of eight vehicles falls back at seven times that speed."""
+OUTRUN_FOR: Final = 1.0  # Time (s) for which the known path may end behind a car
+FALLEN_BACK: Final = 5.0  # Known path (m) with which it follows again after falling back
+BEFORE_HOLE: Final = 0.5  # Share of comfortable braking from which a car slows before a hole
+OTHER_SPEED: Final = 1.0  # Difference (m/s) of a predecessor that does not drive the common speed
+PLAN_BRAKING: Final = 1.0  # Braking (m/s²) announced beyond the common plan
+OLD_AFTER: Final = 2.5  # Periods after which the gap sensor replaces the predecessor's pose
+OVERDUE_AFTER: Final = 1.5  # Periods after which a message of the predecessor is missing
+JOINT_BRAKING: Final = -2.5  # Announced braking (m/s²) of the lead that its followers share
+JOINT_AGE: Final = 0.1
+JOINT_TIME: Final = 0.5
+"""The lead's pose may be this (s) older than the predecessor's, which began to brake up to this
+time (s) ago."""
+LEAST_CLOSING: Final = 0.2  # Closing speed (m/s) from which a contact is expected
+LEAST_ROOM: Final = 0.3
+LEAST_LEFT: Final = 0.05
+"""Distances (m) that bound the braking of a car that has none left."""
+BARRIER_TIME: Final = 0.3  # Time constant (s) with which a law that creeps closer is limited
+OFF_PLACE: Final = 0.5
+IN_PLACE: Final = 0.2
+IN_PACE: Final = 0.3
+"""Spacing errors (m) at which a car leaves the common speed and resumes it, and the difference of
+speed (m/s) at which it resumes it."""
+
+
+@dataclass(slots=True)
+class GuardedCommand:
+    """Acceleration (m/s²) and target speed (m/s), and what they replace.
+
+    `law` (m/s²) is the acceleration of the longitudinal law, `override` names why it was replaced,
+    with the `evidence` in words and figures.
+    """
+
+    acceleration: float
+    target_speed: float
+    law: float = nan
+    override: Override = ""
+    evidence: str = ""
 
 
 class SpeedOverride(Protocol):
-    """Overrides the speed law of a follower; the attributes are those of `SpeedGuard`."""
+    """Decides on the speed of a follower, given its law."""
 
     is_slowed: bool
-    stops_behind: bool
-    brakes_at: int
+    """Whether the car falls back for another reason, and has to catch up."""
 
     def command(
-        self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation, mode: Mode
-    ) -> SpeedCommand:
-        """Command at `now` (ns) while the car steers along `mode`, once per control instant."""
+        self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation
+    ) -> GuardedCommand:
+        """Command at `now` (ns), once per control instant."""
         ...
 
 
@@ -61,13 +103,13 @@ class NoOverride:
 
     def __init__(self, law: SpeedLaw) -> None:
         self._law = law
-        self.is_slowed = self.stops_behind = False
-        self.brakes_at = 0
+        self.is_slowed = False
 
     def command(
-        self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation, mode: Mode
-    ) -> SpeedCommand:
-        return self._law.command(now, pose, ahead)
+        self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation
+    ) -> GuardedCommand:
+        usual = self._law.command(now, pose, ahead)
+        return GuardedCommand(usual.acceleration, usual.target_speed, usual.acceleration)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,8 +118,8 @@ class GuardedCar:
 
     `least_spacing` (m) to the predecessor, at which the bumpers touch; `friction` of the road;
     `policy` and `limits` of gap keeping (at a common speed: the spacing at the start);
-    `initial_spacing` (m) at the start; expected `period` (s) between the predecessor's messages;
-    `drive_lag` (s) of the car, which lengthens a stop by at most its product with the speed.
+    `initial_spacing` (m) at the start; `catch_up_ratio`, the largest speed over the lead's;
+    `drive_lag` (s) of the car.
     """
 
     least_spacing: float
@@ -85,332 +127,357 @@ class GuardedCar:
     policy: SpacingPolicy
     limits: GapLimits
     initial_spacing: float
-    period: float
+    catch_up_ratio: float = 1.1
     drive_lag: float = 0.0
 
 
 @dataclass(slots=True)
-class _Instant:
-    """Inputs at a control instant `now` (ns), `span` (s) after the last one.
+class _View:
+    """The vehicle ahead as received, measured or assumed at a control instant.
 
-    `spacing` (m, arc length), `speed` (m/s) and `age` (s) are of the predecessor's newest sample.
+    `gap` (m) between the bumpers, `speed` (m/s), commanded or measured `acceleration` (m/s²).
     """
 
-    now: int
-    span: float
-    pose: Pose
-    ahead: VehiclesAhead
-    situation: Situation
-    wanted: SpeedCommand
-    emergency: Braking
-    spacing: float
+    gap: float
     speed: float
-    age: float
+    acceleration: float
+    by_sensor: bool = False
+
+
+SMOOTH: tuple[Override, ...] = ("contact", "announced stop", "known path", "return")
+"""Overrides that limit the jerk while the car follows; contact braking begins at once."""
+BY_STATE: dict[State, Override] = {
+    "start": "return",
+    "follow": "contact",
+    "alone": "alone",
+    "return": "return",
+    "stop": "known path",
+}
+"""Override of an acceleration whose change is limited, by the state of the follower."""
 
 
 class SpeedGuard:
-    """Overrides the speed law of a follower while messages fail.
+    """Overrides the speed law of a follower where messages or the gap sensor give a reason.
 
-    Beyond the paper, whose followers drive the profile whatever they receive. The guard stops
-    within the known path while no source is received, opens the gap while the predecessor is late
-    or the lead is lost, keeps the safe distance of Shalev-Shwartz, Shammah and Shashua, 2017 (RSS),
-    and catches up afterwards. It protects the gap to the predecessor, which must be received,
-    whatever other vehicles are received: their poses do not show whether it brakes.
-
-    `stops_behind` is True while the predecessor is assumed to stop as announced and this takes more
-    than comfortable braking. While `is_slowed` is set, the car falls back for another reason, and
-    has to catch up. At `brakes_at` (ns, 0 for never) the car will brake hard unless the predecessor
-    is received.
+    Beyond the paper, whose followers drive the profile whatever they receive. The largest
+    acceleration of all reasons is taken, and the one that decided is reported.
     """
 
     def __init__(self, law: SpeedLaw, settings: DegradationSettings, car: GuardedCar) -> None:
         self._law = law
         self._keeps_gap = isinstance(law, GapKeeping)
         self._keeping = law if self._keeps_gap else GapKeeping(car.policy, car.limits)
-        self._settings = settings
-        self._comfortable, self._emergency = settings.comfortable, settings.emergency
-        self._car = car
-        self._friction = car.friction * GRAVITY
-        self._ages = AgeWatch(settings, car.period)
-        self._first_at: int | None = None
-        self._driven = 0.0
-        self._first_speed = 0.0
-        self._at = 0
+        self._settings, self._car = settings, car
+        self._comfort = settings.comfortable.deceleration
+        self._at: int | None = None
         self._last = 0.0
-        self._held = False
-        self._following = False
-        self._settled_at = 0
-        self._was_safe = False
-        self._announced = AnnouncedStop(self._emergency)
-        self.is_slowed = False
-        self.stops_behind = False
-        self.brakes_at = 0
+        self._assumed = nan
         self._headway = 0.0
-        self._lead_speed = nan
+        self._sensed, self._sensed_speed = 0.0, nan
+        self._reference = nan
+        self._outrun = 0.0
+        self._following = False
+        self.is_slowed = False
 
     def command(
-        self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation, mode: Mode
-    ) -> SpeedCommand:
-        usual = self._law.command(now, pose, ahead)
-        span = self._advance(now, pose.speed)
-        self.stops_behind = False
-        predecessor, emergency = situation.predecessor, self._available_braking(pose)
-        sample = self._sample(now, pose, ahead, predecessor)
-        tick = _Instant(now, span, pose, ahead, situation, usual, emergency, *sample)
-        self._ages.observe(now, tick.age, predecessor)
-        warned = _warns(predecessor, now)
-        blind = mode in SLOWING
-        expects_stop = self._announced.is_expected(now, predecessor)
-        limit = self._speed_limit(situation, mode)
-        alert = blind or warned or limit < inf or self._ages.is_recently_late(now)
-        self._update_following(tick, alert=alert or self.is_slowed)
-        reserve, opening = self._reserve(tick), self._opening(tick)
-        alone = self._headway > 0.0 or situation.lead.status in LOST
-        if not (alert or self._following or self._held or opening or alone):
-            self._lead_speed = ahead.lead_speed
-            self._was_safe = reserve >= 0.0
-            self.brakes_at = 0
-            self._last = usual.acceleration
-            return usual
-        self._was_safe = self._was_safe or reserve >= 0.0
-        self.brakes_at = self._brakes_at(tick, reserve)
-        # Without any source it stops within the known path, whatever the gap.
-        free = wanted = self._keep_gap(tick, 0.0 if blind else opening)
-        if (
-            warned
-            and ahead.spacing < self._car.policy.desired(pose.speed) + self._car.least_spacing
-        ):
-            wanted = min(wanted, predecessor.acceleration)
-        if alert:
-            safe = self._safe_acceleration(tick, reserve)
-            wanted = min(wanted, safe, self._within_limit(tick, limit))
-        if expects_stop:
-            wanted = min(wanted, self._stop_behind(tick))
-        self.stops_behind = expects_stop and wanted < -self._comfortable.deceleration
-        if blind:
-            wanted = min(wanted, self._stop_within_known(tick, firmly=mode == "stop"))
-        return self._release_brake(tick, wanted, free)
-
-    def _advance(self, now: int, speed: float) -> float:
-        """Add the distance driven at `speed` (m/s); returns the time (s) since the last instant."""
-        if self._first_at is None:
-            self._first_at, self._first_speed, self._at = now, speed, now
-        span = (now - self._at) / SECOND
+        self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation
+    ) -> GuardedCommand:
+        span = 0.0 if self._at is None else (now - self._at) / SECOND
         self._at = now
-        self._driven += speed * span
-        return span
-
-    def _sample(
-        self, now: int, pose: Pose, ahead: VehiclesAhead, predecessor: SourceFreshness
-    ) -> tuple[float, float, float]:
-        """Spacing (m), speed (m/s) and age (s) of the predecessor's newest sample.
-
-        While its messages are not fresh, the gap sensor's measurement is that sample, if there is
-        one. Before the first message the predecessor is assumed at its initial position, as fast as
-        the car itself.
-        """
-        age, speed = predecessor.age, predecessor.speed
-        if predecessor.status != "fresh" and isfinite(ahead.measured_gap):
-            speed, age = max(pose.speed + ahead.measured_gap_rate, 0.0), ahead.measured_gap_age
-            return ahead.measured_gap + self._car.least_spacing - speed * age, speed, age
-        if isnan(ahead.spacing) or isnan(age):
-            age = (now - (self._first_at or 0)) / SECOND
-            return self._car.initial_spacing - self._driven, self._first_speed, age
-        driven, _, _ = predecessor.predicted_motion()
-        return ahead.spacing - driven, 0.0 if speed < 0.0 else speed, age
-
-    def _available_braking(self, pose: Pose) -> Braking:
-        """Emergency braking that the lateral acceleration leaves, by the friction circle."""
-        emergency = self._emergency
-        left = friction_left(self._car.friction, pose.speed * pose.yaw_rate)
-        if 0.1 <= emergency.deceleration <= left:
-            return emergency
-        return replace(emergency, deceleration=max(min(emergency.deceleration, left), 0.1))
-
-    def _reserve(self, tick: _Instant) -> float:
-        """Distance (m) left (RSS) if both brake hard, the predecessor from its newest sample."""
-        harder = self._emergency.deceleration
-        announced = -tick.situation.predecessor.acceleration
-        if announced > harder:
-            harder = announced
-        if harder > self._friction:
-            harder = self._friction
-        own = stopping_distance(tick.pose.speed, self._last, tick.emergency)
-        own += self._car.drive_lag * tick.pose.speed
-        return safe_reserve(tick.spacing - self._car.least_spacing, tick.speed, harder, own)
-
-    def _safe_acceleration(self, tick: _Instant, reserve: float) -> float:
-        """Largest acceleration (m/s²) that keeps the safe distance of RSS.
-
-        Braking increases to the hardest while the reserve (m) is used up, so that the last instant
-        to brake is never missed. A convoy that is already closer opens gently, so that followers
-        can react, unless the predecessor was never received.
-        """
-        share = braking_share(reserve, tick.pose.speed)
-        if share == 0.0:
-            return inf
-        most, jerk = tick.emergency.deceleration, tick.emergency.jerk
-        if tick.pose.speed < STANDSTILL:
-            most = self._comfortable.deceleration
-        elif not self._was_safe:
-            predecessor = tick.situation.predecessor
-            lost_at_start = predecessor.status == "unheard" and 0 < predecessor.lost_at <= tick.now
-            if not lost_at_start:
-                most = min(most, self._comfortable.deceleration)
-                jerk = self._comfortable.jerk
-        return max(-share * most, self._last - jerk * tick.span)
-
-    def _brakes_at(self, tick: _Instant, reserve: float) -> int:
-        """Instant (ns) at which the guard will brake hard unless the predecessor is received, or 0.
-
-        Announced only for a silence longer than any recent one: for shorter ones the gap was
-        opened. Without a safe distance in the first place it brakes comfortably.
-        """
-        if tick.now - round(tick.age * SECOND) < self.brakes_at <= tick.now:
-            return self.brakes_at  # braking, and no newer sample received
-        predecessor = tick.situation.predecessor
-        waits = predecessor.status == "unheard"
-        if not ((self._was_safe or waits) and self._ages.is_new_peak(tick.now)):
-            return 0
-        if self._last < -self._settings.firm.deceleration:
-            return tick.now
-        needed = tick.now + round(max(reserve, 0.0) / max(tick.pose.speed, 0.1) * SECOND)
-        return max(needed, predecessor.lost_at) if waits else needed
-
-    def _speed_limit(self, situation: Situation, mode: Mode) -> float:
-        """Speed (m/s) that a return to the path or a hole ahead permits, infinite without them."""
-        if mode != "creep":
-            return situation.speed_limit
-        left = max(situation.known - STOP_MARGIN, 0.0)
-        creep = sqrt(CREEP_SPEED**2 + 2.0 * self._comfortable.deceleration * left)
-        return min(creep, situation.speed_limit)
-
-    def _within_limit(self, tick: _Instant, limit: float) -> float:
-        """Mildest acceleration (m/s²) that keeps to a speed `limit` (m/s), if it is finite."""
-        if tick.pose.speed < STANDSTILL and limit < STANDSTILL:
-            return -self._comfortable.deceleration
-        wanted = (limit - tick.pose.speed) / LIMIT_TIME
-        if wanted == inf:
-            return inf
-        firm = self._settings.firm if tick.situation.known > 0.0 else tick.emergency
-        return max(wanted, -firm.deceleration, self._last - firm.jerk * tick.span)
-
-    def _stop_within_known(self, tick: _Instant, *, firmly: bool) -> float:
-        """Mildest acceleration (m/s²) that stops within the known path."""
-        braking, emergency = self._comfortable, tick.emergency
-        if tick.pose.speed < STANDSTILL:
-            return -braking.deceleration
-        if firmly:
-            braking = emergency
-        known = 0.0 if isnan(tick.situation.known) else tick.situation.known
-        left = known - STOP_MARGIN - self._car.drive_lag * tick.pose.speed
-        needed = needed_deceleration(tick.pose.speed, left, self._last, braking.jerk)
-        most = min(needed, braking.deceleration, emergency.deceleration)
-        return max(-most, self._last - braking.jerk * tick.span)
-
-    def _stop_behind(self, tick: _Instant) -> float:
-        """Mildest acceleration (m/s²) that stops behind a predecessor that stops as announced."""
-        predecessor = tick.situation.predecessor
-        distance = self._announced.distance(tick.now, tick.speed, tick.age, predecessor)
-        left = tick.spacing + distance - self._car.least_spacing - GUARD_MARGIN
-        left -= self._car.drive_lag * tick.pose.speed
-        emergency = tick.emergency
-        needed = needed_deceleration(tick.pose.speed, left, self._last, emergency.jerk)
-        return max(-min(needed, emergency.deceleration), self._last - emergency.jerk * tick.span)
-
-    def _opening(self, tick: _Instant) -> float:
-        """Widening of the gap (m): speed times growth of age, at least to the RSS distance."""
-        growth = self._ages.growth(tick.now)
-        if growth <= 0.0:
-            return 0.0
-        speed, policy = tick.pose.speed, self._car.policy
-        worst = self._emergency.deceleration
-        own = stopping_distance(speed, 0.0, tick.emergency) - speed * speed / (2.0 * worst)
-        late = self._ages.usual + growth + self._car.drive_lag
-        needed = self._car.least_spacing + GUARD_MARGIN + own + speed * late
-        return max(speed * growth, needed - policy.desired(speed), 0.0)
-
-    def _without_lead(self, tick: _Instant) -> VehiclesAhead:
-        """Fade out a lost lead's speed while the headway grows to a stable one.
-
-        At that headway the lead's speed is not needed (Swaroop and Hedrick, 1996).
-        """
-        ahead, speed = tick.ahead, tick.pose.speed
-        lost = tick.situation.lead.status in LOST and (self._keeps_gap or self._following)
-        missing = max(STABLE_HEADWAY - self._car.policy.headway, 0.0) if lost else 0.0
-        step = HEADWAY_RATE / max(speed, 1.0) * tick.span
-        self._headway = min(max(missing, self._headway - step), self._headway + step)
-        if lost:
-            known = self._lead_speed if isfinite(self._lead_speed) else ahead.predecessor_speed
-            share = min(tick.span / LEAD_FADE_TIME, 1.0)
-            self._lead_speed = known + share * (ahead.predecessor_speed - known)
-            ahead = ahead.replaced(ahead.spacing, self._lead_speed, nan)
-        else:
-            self._lead_speed = ahead.lead_speed
-        if not self._headway:
-            return ahead
-        left = 1.0 - self._headway / STABLE_HEADWAY
-        lead = ahead.predecessor_speed + left * (ahead.lead_speed - ahead.predecessor_speed)
-        return ahead.replaced(ahead.spacing - self._headway * speed, lead, ahead.lead_acceleration)
-
-    def _keep_gap(self, tick: _Instant, opening: float) -> float:
-        """Acceleration (m/s²) that keeps the gap, or widens it comfortably by `opening` (m)."""
-        ahead = self._without_lead(tick)
-        if isnan(ahead.spacing) or not (self._keeps_gap or self._following):
-            return tick.wanted.acceleration
-        if opening or self._following:
-            # A lead that continues while the predecessor falls back must not pull the car closer.
-            slower = min(ahead.lead_speed, ahead.predecessor_speed)
-            braking = min(ahead.lead_acceleration, ahead.predecessor_acceleration)
-            ahead = ahead.replaced(ahead.spacing, slower, braking)
-        usual = self._keeping.command(tick.now, tick.pose, ahead).acceleration
-        if not opening:
-            return usual
-        wider = ahead.replaced(ahead.spacing - opening, ahead.lead_speed, ahead.lead_acceleration)
-        opened = self._keeping.command(tick.now, tick.pose, wider).acceleration
-        comfortable = self._comfortable
-        eased = min(self._last, 0.0) - comfortable.jerk * tick.span
-        return max(opened, min(usual, max(-comfortable.deceleration, eased)))
-
-    def _update_following(self, tick: _Instant, *, alert: bool) -> None:
-        """Switch a car of a convoy with a common speed to gap keeping until it has caught up."""
-        spacing = tick.ahead.spacing
-        if self._keeps_gap or isnan(spacing):
-            return
-        common = tick.wanted.target_speed
-        initial = self._car.initial_spacing
-        slower = tick.ahead.predecessor_speed < common - FALLEN_BEHIND
-        apart = slower or spacing < initial - CLOSER
-        if not self._following:
-            if not (alert or apart):
-                return
-            self._following = True
-        settled = (
-            not (alert or apart or self._ages.growth(tick.now))
-            and abs(spacing - initial) < CAUGHT_UP
-            and abs(tick.pose.speed - common) < CAUGHT_UP
+        speed, state = pose.speed, situation.state
+        hardest = TYRES_USED * friction_left(self._car.friction, speed * pose.yaw_rate)
+        view = self._view(ahead, situation, speed, span)
+        seen = self._seen(ahead, situation, view, speed, span)
+        usual = self._usual(now, pose, seen, situation, view)
+        law = wanted = usual.acceleration
+        override: Override = ""
+        if state == "alone":
+            wanted, override = min(self._alone(seen, view, speed), usual.bend), "alone"
+        elif state == "return" and law > 0.0:
+            wanted, override = 0.0, "return"
+        elif (self._keeps_gap or self._following) and not isnan(view.gap):
+            mildest = -self._evidence(situation, view, speed, span)
+            if usual.unbent < mildest:
+                wanted = min(mildest, usual.bend)
+                override = "unproven" if wanted > law else ""
+        needed = self._contact(view, speed, span)
+        reasons: tuple[tuple[float, Override], ...] = (
+            (max(min(self._barrier(view, speed), -1.1 * needed or inf), -hardest), "contact"),
+            (self._announced_stop(now, ahead, situation, view, speed, hardest), "announced stop"),
+            (self._path_end(situation, speed, span), "known path"),
+            (self._rejoining(situation, speed), "return"),
         )
-        if not settled:
-            self._settled_at = tick.now
-        elif tick.now - self._settled_at >= self._settings.probation * SECOND:
-            self._following = False
+        for acceleration, reason in reasons:
+            if acceleration < wanted:
+                wanted, override = acceleration, reason
+        cap = self._catch_up(seen, situation, speed, span)
+        if cap < wanted:
+            wanted, override = max(cap, min(wanted, -self._comfort)), "catch-up"
+        if state != "follow" or override in SMOOTH:
+            fall = inf if override == "contact" else self._settings.emergency_jerk * span
+            wanted = min(max(wanted, self._last - fall), self._last + RELEASE_JERK * span)
+        self._last = wanted
+        if wanted == law:
+            return GuardedCommand(law, usual.target_speed, law)
+        override = override or BY_STATE[state]
+        words = self._words(override, view, situation, needed)
+        return GuardedCommand(wanted, min(usual.target_speed, speed), law, override, words)
 
-    def _release_brake(self, tick: _Instant, wanted: float, free: float) -> SpeedCommand:
-        settings, usual = self._settings, tick.wanted
-        jerk = settings.emergency.jerk if self._last < 0.0 else settings.firm.jerk
-        upper = self._last + jerk * tick.span
-        held = wanted < free or free != usual.acceleration
-        if (held or self._held) and wanted > upper:
-            wanted, held = upper, True
-        # Friction takes precedence over jerk, but the law may brake as it would without loss.
-        wanted = max(wanted, min(-tick.emergency.deceleration, usual.acceleration))
-        self._held, self._last = held, wanted
-        if wanted == usual.acceleration:
+    # ---- The vehicle ahead, and what the law sees
+
+    def _view(self, ahead: VehiclesAhead, situation: Situation, speed: float, span: float) -> _View:
+        """The vehicle ahead by the gap sensor while its poses are old, else as received.
+
+        Without the predecessor it is assumed to move as the lead.
+        """
+        predecessor, lead_speed = situation.predecessor, ahead.lead_speed
+        rate = ahead.measured_gap_rate
+        if not isnan(rate):
+            its_speed = max(speed + rate, 0.0)
+            if span > 0.0 and not isnan(self._sensed_speed):
+                share = min(span / SENSOR_FILTER, 1.0)
+                change = (its_speed - self._sensed_speed) / span
+                self._sensed += share * (min(max(change, -12.0), 12.0) - self._sensed)
+            self._sensed_speed = its_speed
+        alone = situation.state == "alone" and not isnan(lead_speed)
+        if alone and not isnan(self._assumed):
+            self._assumed += (lead_speed - speed) * span
+        else:
+            self._assumed = ahead.spacing - self._car.least_spacing
+        is_old = not predecessor.age <= OLD_AFTER * predecessor.period
+        if is_old and isfinite(ahead.measured_gap):
+            return _View(ahead.measured_gap, self._sensed_speed, self._sensed, by_sensor=True)
+        self._sensed = min(self._sensed, 0.0) if isnan(rate) else self._sensed
+        if alone:
+            return _View(self._assumed, lead_speed, ahead.lead_acceleration)
+        view = _View(self._assumed, ahead.predecessor_speed, ahead.predecessor_acceleration)
+        self._join(view, ahead, situation)
+        return view
+
+    def _join(self, view: _View, ahead: VehiclesAhead, situation: Situation) -> None:
+        """Let the predecessor brake with a lead that was received later, and brakes hard."""
+        lead, predecessor = situation.lead, situation.predecessor
+        if lead is predecessor or not ahead.lead_acceleration < JOINT_BRAKING:
+            return
+        missing = predecessor.silence > OVERDUE_AFTER * predecessor.period
+        if missing and lead.age < predecessor.age + JOINT_AGE:
+            slower = min(view.speed, ahead.lead_speed)
+            view.gap -= 0.5 * (view.speed - slower) * min(predecessor.age, JOINT_TIME)
+            view.speed = slower
+            view.acceleration = min(view.acceleration, ahead.lead_acceleration)
+
+    def _seen(
+        self,
+        ahead: VehiclesAhead,
+        situation: Situation,
+        view: _View,
+        speed: float,
+        span: float,
+    ) -> VehiclesAhead:
+        """What the law acts on: the vehicle in view, and without a lost lead a wider gap.
+
+        At a stable headway the lead's speed is not needed (Swaroop and Hedrick, 1996).
+        """
+        lost = situation.lead.status in LOST and self._keeps_gap
+        missing = max(STABLE_HEADWAY - self._car.policy.headway, 0.0) if lost else 0.0
+        if self._headway != missing:
+            step = HEADWAY_RATE / max(speed, 1.0) * span
+            self._headway = min(max(missing, self._headway - step), self._headway + step)
+        lead_speed = nan if lost else ahead.lead_speed
+        spacing = view.gap + self._car.least_spacing - self._headway * speed
+        if (
+            spacing == ahead.spacing
+            and view.speed == ahead.predecessor_speed
+            and view.acceleration == ahead.predecessor_acceleration
+            and not lost
+        ):
+            return ahead
+        lead_acceleration = nan if lost else ahead.lead_acceleration
+        seen = ahead.replaced(spacing, lead_speed, lead_acceleration)
+        seen.predecessor_speed, seen.predecessor_acceleration = view.speed, view.acceleration
+        return seen
+
+    def _usual(
+        self, now: int, pose: Pose, seen: VehiclesAhead, situation: Situation, view: _View
+    ) -> SpeedCommand:
+        """Command of the law; of gap keeping where the convoy does not drive its common speed."""
+        usual = self._law.command(now, pose, seen)
+        if self._keeps_gap or isnan(view.gap):
             return usual
-        return SpeedCommand(wanted, min(usual.target_speed, tick.pose.speed))
+        error = view.gap + self._car.least_spacing - self._car.initial_spacing
+        other = view.speed - usual.target_speed
+        planned = min(usual.acceleration, 0.0) - PLAN_BRAKING
+        brakes = view.acceleration < planned or seen.lead_acceleration < planned
+        off = abs(error) > OFF_PLACE or abs(other) > OTHER_SPEED or brakes or self.is_slowed
+        if off or situation.state != "follow":
+            self._following = True
+        elif abs(error) < IN_PLACE and abs(other) < IN_PACE:
+            self._following = False
+        if not self._following:
+            return usual
+        keeping = self._keeping.command(now, pose, seen)
+        if usual.bend < keeping.acceleration:
+            keeping = SpeedCommand(usual.bend, keeping.target_speed, usual.bend, keeping.unbent)
+        return keeping
 
+    def _alone(self, seen: VehiclesAhead, view: _View, speed: float) -> float:
+        """Acceleration (m/s²) of a car that receives the lead, but not its predecessor.
 
-def _warns(predecessor: SourceFreshness, now: int) -> bool:
-    """Whether the predecessor announced trouble, or a stop that has begun at `now` (ns)."""
-    announced = predecessor.hazard or predecessor.mode in OFF_PATH
-    return announced or 0 < predecessor.stops_at <= now
+        By the gap sensor it is that of ACC (Rajamani, eq. 6.18), else that of the lead, a little
+        slower until the headway would be safe behind a car that it does not receive.
+        """
+        if view.by_sensor:
+            policy = self._car.policy
+            headway = max(policy.headway, SENSOR_HEADWAY)
+            standstill = policy.standstill - self._car.least_spacing
+            error = view.gap - standstill - headway * speed
+            return (view.speed - speed + SENSOR_GAIN * error) / headway
+        lead_speed, lead_acceleration = seen.lead_speed, seen.lead_acceleration
+        if isnan(lead_speed):
+            lead_speed, lead_acceleration = speed, 0.0
+        share = 1.0 if view.gap > LEAD_ONLY_HEADWAY * speed else LEAD_ONLY_SHARE
+        step = share * lead_speed - speed
+        return lead_acceleration + min(max(step, -self._comfort), LEAD_ONLY_ACCELERATION)
+
+    # ---- Evidence for braking
+
+    def _evidence(self, situation: Situation, view: _View, speed: float, span: float) -> float:
+        """Hardest braking (m/s²) of the law for which something was received or measured.
+
+        Comfortable braking needs no evidence. Braking that has begun may go on while closing.
+        """
+        lead = situation.ahead.lead_acceleration if situation.ahead else nan
+        braking = max(-view.acceleration, 0.0 if isnan(lead) else -lead, 0.0)
+        closing = max(speed - view.speed, 0.0)
+        relative = closing * closing / (2.0 * self._room(view, closing, span))
+        begun = -self._last if closing > 0.0 else 0.0
+        return max(self._comfort, 1.5 * braking + 0.5, 1.5 * relative, begun)
+
+    def _room(self, view: _View, closing: float, span: float) -> float:
+        """Distance (m) left for braking, behind the margin and after the car's own delay."""
+        room = view.gap - GUARD_MARGIN - closing * (self._car.drive_lag + span)
+        return room if room > LEAST_ROOM else LEAST_ROOM
+
+    def _contact(self, view: _View, speed: float, span: float) -> float:
+        """Braking (m/s²) that avoids a contact, 0 unless more than firm braking is needed.
+
+        Behind a vehicle that brakes at b, c m/s slower and r m ahead, it is b + c²/2r if the speeds
+        are equal before that stands, else v²/2(r + v_p²/2b) (kinematics).
+        """
+        closing = speed - view.speed
+        if not closing > LEAST_CLOSING:  # also NaN
+            return 0.0
+        room, braking = self._room(view, closing, span), max(-view.acceleration, 0.0)
+        if 2.0 * room * braking < closing * view.speed:
+            needed = braking + closing * closing / (2.0 * room)
+        else:
+            its_stop = view.speed * view.speed / (2.0 * max(braking, 0.1))
+            needed = speed * speed / (2.0 * (room + its_stop))
+        return needed if needed > self._settings.firm_deceleration else 0.0
+
+    def _barrier(self, view: _View, speed: float) -> float:
+        """Acceleration (m/s²) towards the speed from which firm braking ends at the margin."""
+        if isnan(view.gap):
+            return inf
+        left = max(view.gap - GUARD_MARGIN, 0.0)
+        closing = sqrt(2.0 * self._settings.firm_deceleration * left)
+        return (view.speed + closing - speed) / BARRIER_TIME
+
+    def _announced_stop(  # noqa: PLR0917 - parts of an instant
+        self,
+        now: int,
+        ahead: VehiclesAhead,
+        situation: Situation,
+        view: _View,
+        speed: float,
+        hardest: float,
+    ) -> float:
+        """Acceleration (m/s²) that stops behind a silent predecessor that stops as announced.
+
+        It drives on as predicted until the announced instant, and stops with emergency braking from
+        then on; braking that it announced before is assumed to last. Both brakes build up alike.
+        """
+        predecessor = situation.predecessor
+        if view.by_sensor or not predecessor.measured_at < predecessor.stops_at <= now:
+            return inf
+        free = (predecessor.stops_at - predecessor.measured_at) / SECOND
+        until = predicted_motion(
+            predecessor.speed,
+            predecessor.achieved,
+            predecessor.acceleration,
+            free,
+            predecessor.lag,
+            lasting=-self._comfort / 3.0,
+        )
+        sample = ahead.spacing - predecessor.predicted().driven - self._car.least_spacing
+        its_stop = until.driven + until.speed**2 / (2.0 * self._settings.emergency_deceleration)
+        left = sample + its_stop - ANNOUNCED_MARGIN - speed * (self._car.drive_lag + 0.04)
+        if isnan(left):
+            return inf
+        return -min(needed_deceleration(speed, max(left, LEAST_LEFT)), hardest)
+
+    def _path_end(self, situation: Situation, speed: float, span: float) -> float:
+        """Acceleration (m/s²) that stops within the known path where that is required.
+
+        In the state stop, before a hole of the path, and while a car has outrun what it received,
+        as behind messages that take longer than its gap.
+        """
+        known, emergency = situation.known, self._settings.emergency_deceleration
+        left = (0.0 if isnan(known) else known) - STOP_MARGIN - self._car.drive_lag * speed
+        if situation.state == "stop":
+            if speed < STANDSTILL:
+                return -self._comfort
+            return -min(max(needed_deceleration(speed, max(left, LEAST_LEFT)), 1.0), emergency)
+        if situation.hole > 0.0:
+            final = CREEP_SPEED if situation.crossable else 0.0
+            if speed <= final:
+                return (final - speed) / LIMIT_TIME if left < BEFORE_HOLE or final else inf
+            needed = (speed * speed - final * final) / (2.0 * max(left, LEAST_LEFT))
+            return -min(needed, emergency) if needed > BEFORE_HOLE * self._comfort else inf
+        if known > (FALLEN_BACK if self._outrun > OUTRUN_FOR else 0.0) or isnan(known):
+            self._outrun = 0.0
+        elif situation.state != "start":
+            self._outrun += span
+        return -self._comfort if self._outrun > OUTRUN_FOR else inf
+
+    def _rejoining(self, situation: Situation, speed: float) -> float:
+        """Acceleration (m/s²) towards the speed that a return to the path permits."""
+        limit = situation.speed_limit
+        return inf if limit == inf else max((limit - speed) / LIMIT_TIME, -self._comfort)
+
+    def _catch_up(
+        self, ahead: VehiclesAhead, situation: Situation, speed: float, span: float
+    ) -> float:
+        """Acceleration (m/s²) towards the largest speed, a ratio of the lead's.
+
+        That of a lead that slows down falls gradually, so that a swinging lead does not limit it.
+        Without the lead it is the predecessor's.
+        """
+        known = ahead.lead_speed
+        if situation.lead.status not in RELIED_ON or isnan(known):
+            known = nan if isfinite(self._reference) else ahead.predecessor_speed
+        if isnan(self._reference):
+            self._reference = known
+        elif not isnan(known):
+            fall = self._reference * (1.0 - REFERENCE_FALL * span)
+            self._reference = known if known > fall else fall
+        if isnan(self._reference):
+            return inf
+        return (self._car.catch_up_ratio * max(self._reference, 0.5) - speed) / LIMIT_TIME
+
+    def _words(self, override: Override, view: _View, situation: Situation, needed: float) -> str:
+        """The evidence for an override, with its figures."""
+        predecessor = situation.predecessor
+        if override == "contact":
+            how = "measured" if view.by_sensor else f"received {predecessor.age:.2f} s ago"
+            text = f"vehicle ahead in {view.gap:.1f} m at {view.speed:.1f} m/s, {how}"
+            return f"{text}: needs {needed:.1f} m/s²" if needed else text
+        if override == "announced stop":
+            return f"announced a stop, last pose {predecessor.silence:.2f} s ago"
+        if override == "known path":
+            return f"{max(situation.known, 0.0):.1f} m of known path"
+        if override == "alone":
+            return f"predecessor silent for {predecessor.silence:.1f} s"
+        if override == "catch-up":
+            return f"at most {self._car.catch_up_ratio * self._reference:.1f} m/s"
+        return ""

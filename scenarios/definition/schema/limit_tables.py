@@ -31,9 +31,7 @@ class ModeLimit(DeadlineTable):
     within_s  deadline after `after_s`
     """
 
-    mode: Literal[
-        "composite", "lead", "predecessor", "intermediate", "coast", "stop", "creep", "straight"
-    ]
+    mode: Literal["composite", "lead", "predecessor", "intermediate", "coast", "stop", "straight"]
 
 
 class SourceLimit(DeadlineTable):

@@ -219,18 +219,23 @@ class GainsTable(Table):
 class DegradationTable(SettingsTable[DegradationSettings]):
     """Reaction to missing data: thresholds of degradation, and levels of braking.
 
-    The thresholds of a lost source follow openpilot. The growing probation and the gates follow
-    PX4's EKF2. Comfortable braking follows Autoware's comfortable stop, firm braking its emergency
-    stop. Emergency braking is hard braking on a dry road, as in [speed.gap].
+    The shortest silence of a lost source follows openpilot, the gates follow PX4's EKF2.
+    Comfortable braking is the upper end of what passengers accept (Hoberock, 1977), emergency
+    braking is hard braking on a dry road, as in [speed.gap].
     """
 
     reaction: ReactionPlugIn = default_of(REACTION)
 
-    def values(self) -> dict[str, Any]:
-        """Fields of the settings; a policy of the user degrades as `Degrade` if it inherits it."""
+    @property
+    def reaction_word(self) -> str:
+        """Shipped reaction; a policy of the user degrades as `Degrade` if it inherits it."""
+        if not self.reaction.is_own:
+            return self.reaction.use
         degrades = getattr(self.reaction.plugged, "degrades", False)
-        word = "degrade" if degrades else "extrapolate"
-        return super().values() | {"reaction": word if self.reaction.is_own else self.reaction.use}
+        return "degrade" if degrades else "extrapolate"
+
+    def values(self) -> dict[str, Any]:
+        return super().values() | {"reaction": self.reaction_word}
 
 
 class SteeringTable(Table):
@@ -343,6 +348,8 @@ class SpeedTable(Table):
     friction_ratio_max             largest share of the friction that followers use in curves of the
                                    path that they have received, or inf; with followers = "same"
                                    they fall behind
+    catch_up_ratio                 largest speed of a follower that catches up, over the lead's;
+                                   with the reaction "degrade"
     gap                            gap keeping
     """
 
@@ -357,6 +364,7 @@ class SpeedTable(Table):
     acceleration_mps2_max: float = Field(default=1.5, ge=0.1, le=10)
     braking_mps2_max: float = Field(default=2.5, ge=0.1, le=12)
     friction_ratio_max: float = Field(default=0.8, ge=0.1, allow_inf_nan=True)
+    catch_up_ratio: float = Field(default=1.1, ge=1, le=10)
     gap: GapTable = GapTable()
 
     @property

@@ -6,6 +6,7 @@ from scenarios.definition.channel.build import usual_delay_ms
 from scenarios.definition.road.route import spacing_policy
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.plug_ins.point import instant_draw
+from scenarios.definition.topology import relays_stops
 from scenarios.runs.node.phases import Car, VehicleContext
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
@@ -22,7 +23,7 @@ from vehicles.driver.pose_estimator import LatePoseEstimator, PoseEstimator
 from vehicles.driver.reactions import ReactionPolicy
 from vehicles.driver.slip_estimator import LoadWatch, ParameterUser, SlipEstimator
 from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw
-from vehicles.driver.speed_guard import GuardedCar, SpeedOverride
+from vehicles.driver.speed_guard import GuardedCar, NoOverride, SpeedGuard, SpeedOverride
 from vehicles.driver.steering import BendsAhead
 from vehicles.driver.watch import ConvoyBehind, ConvoyWatch
 from vehicles.geometry.geodesy import wrap_angle
@@ -92,13 +93,14 @@ class DriverBuilder:
                 limit=self._command_limit(context.car),
                 load=load,
                 draw=self._draw,
+                followers=self._relayed(),
             )
         steering = setup.steering
         reaction: ReactionPolicy = steering.degradation.reaction.build(draw=self._draw)
         return Follower(
             own_state=own_state,
             controller=controller,
-            speed_guard=self._speed_guard(reaction, speed_law, setup.predecessor),
+            speed_guard=self._speed_guard(speed_law),
             control=control,
             lead=setup.lead,
             predecessor=setup.predecessor,
@@ -108,6 +110,9 @@ class DriverBuilder:
             least_spacing=self._scenario.least_spacings[setup.place],
             periods={sender: self._least_period(sender) for sender in setup.senders},
             delays={sender: self._usual_delay(sender) for sender in setup.senders},
+            lags={sender: self._assumed_lag(sender) for sender in setup.senders},
+            policies=self._policies(),
+            relay=setup.place - 2,
             alpha=steering.alpha_ratio,
             fusion=steering.fusion.build(draw=self._draw),
             settings=self._fit_settings(),
@@ -120,6 +125,11 @@ class DriverBuilder:
             drive_lag=setup.assumed_parameters.drive_lag,
             draw=self._draw,
         )
+
+    def _relayed(self) -> tuple[str, ...]:
+        """Followers whose announced stops the lead repeats."""
+        tables = self._scenario.tables
+        return tables.convoy.vehicle_names[1:-1] if relays_stops(tables) else ()
 
     def _source_place(self, sender: str) -> int:
         """Place of a source of a follower: 0 the lead, k the k-th vehicle ahead, -k behind."""
@@ -248,22 +258,35 @@ class DriverBuilder:
             self._scenario.gap_limits,
         )
 
-    def _speed_guard(
-        self, reaction: ReactionPolicy, law: SpeedLaw, predecessor: str
-    ) -> SpeedOverride:
-        """Build the guard of the policy, which overrides `law` while messages fail."""
+    def _assumed_lag(self, sender: str) -> float:
+        return self._scenario.vehicle(sender).assumed_parameters.drive_lag
+
+    def _policies(self) -> dict[str, SpacingPolicy]:
+        """Spacings that the follower keeps to its sources ahead: the sums of those between."""
+        place, policies = self._setup.place, dict[str, SpacingPolicy]()
+        standstill = headway = 0.0
+        for ahead in range(place, 0, -1):
+            kept = self._kept_spacing(ahead)
+            standstill, headway = standstill + kept.standstill, headway + kept.headway
+            name = self._scenario.vehicle_names[ahead - 1]
+            policies[name] = SpacingPolicy(standstill, headway)
+        return policies
+
+    def _speed_guard(self, law: SpeedLaw) -> SpeedOverride:
+        """What overrides `law` while messages are missing; nothing with a baseline reaction."""
         scenario, setup = self._scenario, self._setup
-        initial_spacing = self._route.spacings[setup.place]
+        if setup.degradation.reaction != "degrade":
+            return NoOverride(law)
         car = GuardedCar(
             least_spacing=scenario.least_spacings[setup.place],
             friction=setup.parameters.friction,
             policy=self._kept_spacing(setup.place),
             limits=scenario.gap_limits,
-            initial_spacing=initial_spacing,
-            period=self._usual_period(predecessor) if predecessor in setup.senders else math.nan,
+            initial_spacing=self._route.spacings[setup.place],
+            catch_up_ratio=scenario.tables.speed.catch_up_ratio,
             drive_lag=setup.assumed_parameters.drive_lag,
         )
-        return reaction.guard(law, setup.degradation, car)
+        return SpeedGuard(law, setup.degradation, car)
 
     def _convoy_watch(self, now: int, body: Body) -> ConvoyWatch:
         senders, route = self._setup.senders, self._route

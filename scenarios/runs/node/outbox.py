@@ -198,12 +198,29 @@ class Outbox:
             self._add_health(now, final=False)
         self._sink.flush()
 
-    def publish_idle(self, now: int, body: Body, command: Actuation, *, fresh: bool) -> None:
-        """Log a car that keeps `command` without its software; `fresh` at instants of control."""
+    def publish_idle(  # noqa: PLR0917 - what a car can send without its software
+        self,
+        now: int,
+        body: Body,
+        command: Actuation | None,
+        fix: Fix | None = None,
+        path: PathHistory | None = None,
+        announcement: Announcement = NO_ANNOUNCEMENT,
+        *,
+        fresh: bool,
+    ) -> None:
+        """Send a fix, if any, and log a car without its software; `fresh` at instants of control.
+
+        Without a `command` (a replayed car) it is taken to roll.
+        """
         self._ticks += 1
         self._mode = ""
+        if fix is not None:
+            self._add_pose(now, body, fix, announcement, path)
         if fresh:
-            self._add_truth(now, body, self._use(body, command))
+            rolls = command is None
+            tyres = rolling_use(body, self._parameters) if rolls else self._use(body, command)
+            self._add_truth(now, body, tyres)
         if self._health.is_due(now):
             self._add_health(now, final=False)
         self._sink.flush()
@@ -225,19 +242,6 @@ class Outbox:
     def log(self, now: int, text: str, level: messages.Level = "info") -> None:
         """Write a line into the log; sent with the messages of this tick."""
         self._add_text(now, text, level)
-
-    def publish_replayed(
-        self, now: int, body: Body, fix: Fix | None, path: PathHistory | None, *, fresh: bool
-    ) -> None:
-        """Send the measurements of a replayed vehicle; `fresh` at instants of control."""
-        self._ticks += 1
-        if fix is not None:
-            self._add_pose(now, body, fix, NO_ANNOUNCEMENT, path)
-        if fresh:
-            self._add_truth(now, body, rolling_use(body, self._parameters))
-        if self._health.is_due(now):
-            self._add_health(now, final=False)
-        self._sink.flush()
 
     def publish_recorded(self, now: int, recorded: Sequence[Message]) -> None:
         """Send recorded messages, which have their numbers, at the tick at `now` (ns)."""

@@ -44,7 +44,6 @@ from vehicles.car.parameters import VehicleParameters
 from vehicles.car.sending_rules import Sender
 from vehicles.car.sensors import GapMeasurement, GapSensor
 from vehicles.driver.decision import Driver
-from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.speed import ProfileSpeed
 from vehicles.schedule import SECOND, Cadence, nanoseconds
 
@@ -120,8 +119,10 @@ class ChangedLinks:
 # ---- Phases
 
 
-BRAKING = DegradationSettings().firm.deceleration
+BRAKING = 2.5
 """Deceleration (m/s²) of a car whose software is down: Autoware's emergency stop, without jerk."""
+LEAVES_FOR = SECOND
+"""Time (ns) for which a vehicle that has left announces it: single messages may be lost."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -255,7 +256,7 @@ class VehiclePhase:
         return Down(self.context, until)
 
     def left(self, now: int) -> "VehiclePhase | None":
-        return HumanDriving(self.context, now)
+        return HumanDriving(self.context, now, None)
 
     def joined(self, now: int) -> "VehiclePhase | None":  # noqa: ARG002
         return None
@@ -294,6 +295,9 @@ class Driving(VehiclePhase):
 
     def stalled(self, until: int) -> VehiclePhase:
         return Stalled(self, until)
+
+    def left(self, now: int) -> VehiclePhase:
+        return HumanDriving(self.context, now, self.software.sender)
 
 
 class Stalled(VehiclePhase):
@@ -346,21 +350,33 @@ class Down(VehiclePhase):
 
 
 class HumanDriving(VehiclePhase):
-    """A human drives by sight: nothing received is used, and nothing is sent.
+    """A human drives by sight: nothing received is used; what is sent announces the departure.
 
     The human keeps to the road by the lead's steering law with the true position. The speed is the
     convoy's planned one, lowered before bends; other vehicles are ignored.
     """
 
-    def __init__(self, context: VehicleContext, now: int) -> None:
+    def __init__(self, context: VehicleContext, now: int, sender: Sender | None) -> None:
+        """`sender` is that of the software, which announces for `LEAVES_FOR` that it has left."""
         super().__init__(context)
         self._human, self._law = context.factory.human(context)
+        self._sender, self._until = sender, now + LEAVES_FOR
         self.replan(now)
 
     def step(self, now: int) -> Actuation:
         context, car = self.context, self.context.car
         context.inbox.discard(now, car.position)
-        return context.idle(now, self._human.step(now, None, car.body, ()).actuation)
+        fix, _ = car.measure(now)
+        context.measure_gap(now)
+        decision, sent, path = self._human.step(now, None, car.body, ()), None, None
+        if self._sender is not None and now < self._until:
+            decision.leaving = True
+            sent, path = self._sender.send(now, fix), self._sender.path
+        fresh, command = context.control.due(now), decision.actuation
+        context.outbox.publish_idle(
+            now, car.body, command, sent, path, decision.announcement, fresh=fresh
+        )
+        return command
 
     def replan(self, now: int) -> None:
         self.context.apply_speed_plan(now, self._law, alone=True)

@@ -218,7 +218,7 @@ class ReplayedNode:
         body = self._body(tick.at)
         fix = self.sender.send(tick.at, self.gnss.measure(body, tick.at))
         fresh = self.control.due(tick.at)
-        self.outbox.publish_replayed(tick.at, body, fix, self.sender.path, fresh=fresh)
+        self.outbox.publish_idle(tick.at, body, None, fix, self.sender.path, fresh=fresh)
 
     def handover(self, now: int) -> None:
         """No software, no handover."""

@@ -1,7 +1,6 @@
 """Fusions of sources and degradation policies as plug-ins."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 from typing import get_args
 
 import numpy as np
@@ -11,7 +10,6 @@ from scenarios.definition.schema.plug_ins.point import (
     PlugInPoint,
     called,
     finite,
-    own_name,
 )
 from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.driver.controller import (
@@ -21,14 +19,8 @@ from vehicles.driver.controller import (
     SourceMotion,
     VehiclesAhead,
 )
-from vehicles.driver.modes import Modes
-from vehicles.driver.own_state import Pose
 from vehicles.driver.reactions import Extrapolate, ReactionPolicy
-from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import Situation
-from vehicles.driver.sources import Sources
-from vehicles.driver.speed import SpeedCommand, SpeedLaw
-from vehicles.driver.speed_guard import GuardedCar, SpeedOverride
 from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.messages import Mode
@@ -159,71 +151,6 @@ class GuardedReaction:
         what = f"{self._what}: acceleration()"
         value = called(lambda: self._policy.acceleration(situation, mode, speed, wanted), what)
         return finite(value, f"{what} returned", "acceleration (m/s²)")
-
-    def modes(self, settings: DegradationSettings) -> Modes:
-        what = f"{self._what}: modes()"
-        modes = called(lambda: getattr(self._policy, "modes", BASELINE.modes)(settings), what)
-        return GuardedModes(modes, f"{what}.decide()") if own_name(modes) else modes
-
-    def guard(self, law: SpeedLaw, settings: DegradationSettings, car: GuardedCar) -> SpeedOverride:
-        what = f"{self._what}: guard()"
-        make = getattr(self._policy, "guard", BASELINE.guard)
-        override = called(lambda: make(law, settings, car), what)
-        return GuardedOverride(override, f"{what}.command()") if own_name(override) else override
-
-
-class GuardedModes:
-    """Wraps the modes of a user's policy, and converts their faults to PlugInError."""
-
-    def __init__(self, modes: Modes, what: str) -> None:
-        self._modes = modes
-        self._what = what
-
-    def decide(
-        self,
-        now: int,
-        sources: Sources,
-        situation: Situation,
-        speed: float,
-        *,
-        fitted: bool,
-        has_path: bool,
-    ) -> tuple[Mode, str]:
-        decision: object = called(
-            lambda: self._modes.decide(
-                now, sources, situation, speed, fitted=fitted, has_path=has_path
-            ),
-            self._what,
-        )
-        if isinstance(decision, tuple) and len(decision) == 2 and decision[0] in MODES:
-            return decision[0], str(decision[1])
-        raise PlugInError(f"{self._what} returned {decision!r}, expected a mode and its reason")
-
-
-class GuardedOverride:
-    """Wraps the speed override of a user's policy, and converts its faults to PlugInError."""
-
-    def __init__(self, override: SpeedOverride, what: str) -> None:
-        self._override = override
-        self._what = what
-        self.is_slowed = self.stops_behind = False
-        self.brakes_at = 0
-
-    def command(
-        self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation, mode: Mode
-    ) -> SpeedCommand:
-        with suppress(AttributeError):
-            self._override.is_slowed = self.is_slowed
-        command: object = called(
-            lambda: self._override.command(now, pose, ahead, situation, mode), self._what
-        )
-        if not isinstance(command, SpeedCommand):
-            given = type(command).__name__
-            raise PlugInError(f"{self._what} returned {given}, expected a SpeedCommand")
-        finite(command.acceleration, f"{self._what} returned", "acceleration (m/s²)")
-        self.stops_behind = bool(getattr(self._override, "stops_behind", False))
-        self.brakes_at = int(getattr(self._override, "brakes_at", 0))
-        return command
 
 
 def try_reaction(policy: ReactionPolicy) -> list[object]:
