@@ -30,6 +30,7 @@ from scenarios.definition.schema.scenario_tables import GnssTable, SendingTable
 from scenarios.definition.traces.reading import DriveInPlane
 from scenarios.definition.traces.recorded_drive import WRONG_TIME
 from scenarios.studies.picture_style import picture_format_of
+from vehicles.driver.longitudinal_laws import TYRES
 
 UNKNOWN = "not predictable"
 Row = tuple[str, str]
@@ -122,6 +123,16 @@ def _road(report: CheckReport) -> Iterator[Row]:
     yield "acceleration of the lead", changes
     if len(report.vehicles) > 1:
         yield "followers drive", _followers(report.gap_policy)
+    if (held := report.held_braking) is not None:
+        more = " or more" if held.simulated_mps2 >= TYRES else ""
+        without = held.without_data_mps2.items()
+        lost = ", ".join(f"{braking:.1f} for {silence} s" for silence, braking in without)
+        yield (
+            "braking of the lead held",
+            f"{held.simulated_mps2:.1f} m/s²{more} from {held.speed_mps:.1f} m/s, simulated with "
+            f"{len(held.vehicles)} cars without losses; if nothing is received from its onset on: "
+            f"{lost}",
+        )
 
 
 def _drive(report: CheckReport) -> Iterator[Row]:

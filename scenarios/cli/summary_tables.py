@@ -154,7 +154,7 @@ DETAIL_COLUMNS: Sequence[Column[VehicleSummary]] = (
     Column(
         "lateral\nacceleration\nmax, m/s²", lambda row: row.lateral_acceleration_mps2_max, ".1f"
     ),
-    Column("time\nsliding\ns", lambda row: row.sliding_s, ".1f"),
+    Column("braking\nheld\nmin, m/s²", lambda row: row.held_braking_mps2_min, ".1f"),
     Column("distance\nm", lambda row: row.distance_m, ".0f"),
 )
 PROCESS_COLUMNS: Sequence[Column[VehicleSummary]] = (

@@ -109,8 +109,6 @@ def tracking(vehicle: str, seq: int, **more: object) -> Tracking:
         lead_status="fresh",
         predecessor_status="fresh",
         known_m=30.0,
-        comfortable_stop_m=220.0,
-        firm_stop_m=90.0,
         blind_m=0.0,
         predecessor_weight_ratio=0.5,
         hazard=False,
