@@ -85,7 +85,7 @@ class Metrics:
         )
         self.events = EventLog(self.stream.seconds, self._seen_before)
         self._norms = norms or StringNorms(vehicles)
-        self.stream.on_error(self._norms.add_error)
+        self.stream.on_foot(self._norms.add_error)
         self.stream.on_error(self._add_error)
         self.stream.on_road_error(self._add_road_error)
         self.stream.on_event(self.events.add)

@@ -95,7 +95,7 @@ class FigureStream:
             *self._of_lead,
             TrustWatch(list(sizes)),
         )
-        self._on_error: list[TakeError] = []
+        self._on_foot: list[TakeError] = []
         self._on_road_error: list[TakeRoadError] = []
         self._on_gap: list[TakeGap] = []
         self._on_truth: list[TakeTruth] = []
@@ -137,11 +137,18 @@ class FigureStream:
             control_rate_hz=scenario.control_rate_hz,
         )
 
-    def on_error(self, take: TakeError) -> None:
-        """Subscribe to the true error of each follower, its foot point on the lead's path."""
-        if not self._on_error:
+    def on_foot(self, take: TakeError) -> None:
+        """Subscribe to the foot point of each follower on the lead's path, from the start on."""
+        if not self._on_foot:
             self._path.follow(self.followers)
-        self._on_error.append(take)
+        self._on_foot.append(take)
+
+    def on_error(self, take: TakeError) -> None:
+        """Subscribe to the true error of each follower once it has passed the lead's start.
+
+        On the stretch before, it starts its own motion, and there is no path that the lead drove.
+        """
+        self.on_foot(lambda foot: take(foot) if foot.station >= 0.0 else None)
 
     def on_road_error(self, take: TakeRoadError) -> None:
         """Subscribe to the true error of each vehicle with a known road."""
@@ -211,7 +218,7 @@ class FigureStream:
         if self._on_road_error:
             self._pass_road_error(pose)
         feet: list[CrossTrack] = []
-        if self._on_error or (lane is not None and name == self._lead):
+        if self._on_foot or (lane is not None and name == self._lead):
             feet = self._path.add(pose)
             if feet:
                 self._pass_errors(feet)
@@ -237,7 +244,7 @@ class FigureStream:
     def _pass_errors(self, feet: Iterable[CrossTrack]) -> None:
         for foot in feet:
             if foot.vehicle in self.sizes:
-                for take in self._on_error:
+                for take in self._on_foot:
                     take(foot)
 
     def _pass_gaps(self, name: str, at: int) -> None:
@@ -334,12 +341,12 @@ class Deviations:
     def of(cls, stream: FigureStream) -> "Deviations":
         """Subscribe to the errors and gaps of a stream."""
         made = cls(stream.followers)
-        stream.on_error(made.take_error)
+        stream.on_foot(made.take_error)
         stream.on_gap(made.take_gap)
         return made
 
     def take_error(self, foot: CrossTrack) -> None:
-        self.add_error(foot.vehicle, foot.at_ns, foot.lateral)
+        self.add_error(foot.vehicle, foot.at_ns, foot.lateral if foot.station >= 0.0 else nan)
 
     def take_gap(self, gap: TrueGap) -> None:
         if self.wants_gap(gap.vehicle, gap.now_at_ns):

@@ -56,8 +56,8 @@ class VehicleSummary:
     heading_error_rad_max: float | None
     """Largest heading error relative to the same trajectory (self-estimate)."""
     cross_track_error_m_max: float | None
-    """Largest true distance from the path that the lead drove, extended by the road behind its
-    start; null for the lead."""
+    """Largest true distance from the path that the lead drove, once the vehicle has passed the
+    lead's start; null for the lead."""
     cross_track_error_m_rms: float | None
     """Root mean square of the same."""
     cross_track_error_max_at_s: float | None = None
