@@ -346,7 +346,7 @@ class Deviations:
         return made
 
     def take_error(self, foot: CrossTrack) -> None:
-        self.add_error(foot.vehicle, foot.at_ns, foot.lateral if foot.station >= 0.0 else nan)
+        self.add_error(foot.vehicle, foot.at_ns, foot.lateral)
 
     def take_gap(self, gap: TrueGap) -> None:
         if self.wants_gap(gap.vehicle, gap.now_at_ns):

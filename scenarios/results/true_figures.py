@@ -35,9 +35,9 @@ Floats = NDArray[np.float64]
 class TrueFigures(NamedTuple):
     """Figures of one vehicle at its true poses (N), NaN if unknown.
 
-    `error_m` is the offset to the left of the lead's driven path, from its start on, `station_m`
-    the place along it from the lead's first pose, and `gap_m` the distance between the bodies of
-    the vehicle and of the one ahead.
+    `error_m` is the offset to the left of the lead's driven path and the straight before it,
+    `station_m` the place along it, 0 at the lead's first pose, and `gap_m` the distance between the
+    bodies of the vehicle and of the one ahead. The figures of the summary begin at `station_m` 0.
     """
 
     error_m: Floats
@@ -65,12 +65,8 @@ def true_figures(scenario: Scenario, truth: Mapping[str, Columns]) -> dict[str, 
     for columns in poses:
         keys = [(columns.vehicle, at) for at in columns.at_ns.tolist()]
         figures[columns.vehicle] = TrueFigures(
-            np.array([_error(feet.get(key)) for key in keys]),
+            np.array([feet[key].lateral if key in feet else nan for key in keys]),
             np.array([feet[key].station if key in feet else nan for key in keys]),
             np.array([gaps.get(key, nan) for key in keys]),
         )
     return figures
-
-
-def _error(foot: CrossTrack | None) -> float:
-    return nan if foot is None or foot.station < 0.0 else foot.lateral
