@@ -6,7 +6,7 @@ from rich.console import Console
 from rich.text import Text
 
 from scenarios.cli.output import Column, figure, print_whole, table_of
-from scenarios.definition.check.link_forecast import link_forecast
+from scenarios.definition.check.link_forecast import laws_of
 from scenarios.definition.scenario import Scenario
 from scenarios.studies.channel.comparison import ComparedFigure, Comparison
 from scenarios.studies.comparison.run_diff import FigureDifference, RunDiff, SettingDifference
@@ -19,10 +19,11 @@ EIGHTHS = " ▏▎▍▌▋▊▉"
 def print_comparison(
     name: str, scenario: Scenario, comparison: Comparison, console: Console
 ) -> None:
-    link = link_forecast(scenario, (comparison.sender, comparison.receiver))
+    link = comparison.sender, comparison.receiver
+    laws = [words for _, words in laws_of(scenario, link)]
     about = f"{name}, {comparison.sender} → {comparison.receiver}"
     console.print(about, style="bold", highlight=False, markup=False)
-    for line in _about(link.preset_source, [law.words for law in link.laws], comparison):
+    for line in _about(scenario.links[link].preset_source, laws, comparison):
         console.print(line, highlight=False, markup=False)
     console.print(table_of(LINK_COLUMNS, comparison.figures))
     _print_shares("messages lost in a row", comparison.bursts, console)

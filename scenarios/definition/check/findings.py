@@ -12,7 +12,7 @@ import numpy as np
 from scenarios.definition.check.confirmation import confirmation_lines, lap_warnings
 from scenarios.definition.check.drive_report import DriveReport, drive_report, drive_warnings
 from scenarios.definition.check.held_braking import HeldBraking, held_braking
-from scenarios.definition.check.link_forecast import LinkForecast, laws_in_brief, link_forecasts
+from scenarios.definition.check.link_forecast import laws_in_brief
 from scenarios.definition.check.preview import history_warnings, preview_warnings
 from scenarios.definition.check.steering_loop import (
     certificate_warnings,
@@ -137,7 +137,7 @@ class CheckReport:
     path of segments: omitted points, holes, noise, the half width of the smoothing, the offset
     subtracted from coordinates, and the distance of the path from the points (rms) and between
     them as well (max). `drive` has more about it.
-    `explained` has the links on request, `held_braking` the braking of the lead that the gaps hold.
+    `held_braking` is the braking of the lead that the gaps hold.
     """
 
     name: str
@@ -187,7 +187,6 @@ class CheckReport:
     deviation_m_max: float | None
     warnings: tuple[str, ...]
     drive: DriveReport | None = None
-    explained: tuple[LinkForecast, ...] = ()
     held_braking: HeldBraking | None = None
 
 
@@ -219,13 +218,8 @@ class _Run:
         return float(np.min(self.speeds)), float(np.max(self.speeds))
 
 
-def whole_report(
-    scenario: Scenario, drive: DriveInPlane | None = None, *, explain: bool = False
-) -> CheckReport:
-    """Report on a scenario and its recorded drive, with the findings that take longer.
-
-    `explain` adds the forecasts of all links.
-    """
+def whole_report(scenario: Scenario, drive: DriveInPlane | None = None) -> CheckReport:
+    """Report on a scenario and its recorded drive, with the findings that take longer."""
     report, held = report_of(scenario), held_braking(scenario)
     braking = _braking_warnings(report.braking_mps2_max, held)
     return replace(
@@ -233,7 +227,6 @@ def whole_report(
         held_braking=held,
         warnings=(*report.warnings, *certificate_warnings(scenario), *braking),
         drive=drive_report(drive, scenario) if drive is not None else None,
-        explained=link_forecasts(scenario) if explain else (),
     )
 
 
