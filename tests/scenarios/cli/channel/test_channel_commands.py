@@ -3,6 +3,7 @@
 import json
 import re
 import shlex
+import sys
 import tomllib
 from pathlib import Path
 
@@ -136,6 +137,14 @@ def test_distances_out_of_range_are_refused(metres: str) -> None:
 
 def test_too_few_messages_are_refused() -> None:
     assert convoy("channel", "show", "clear", "--messages", "0").exit_code == 2
+
+
+def test_a_missing_extra_is_named_only_where_it_is_needed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "scipy", None)
+    assert "loss" in printed("channel", "show", "lossy", *QUICK)
+    assert "needs scipy" in refused("channel", "fit", "run.mcap")
 
 
 def test_bars_grow_by_eighths() -> None:
