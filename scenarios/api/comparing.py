@@ -10,7 +10,6 @@ from scenarios.definition.errors import require
 from scenarios.results.data_table import DataTable
 from scenarios.results.run_record import RunRecord
 from scenarios.results.vehicle_figures import STRING_COLUMNS
-from scenarios.studies.comparison.message_diff import MessageDifference
 from scenarios.studies.comparison.run_comparison import (
     TOLERANCE_M,
     ComparedRun,
@@ -45,9 +44,8 @@ class Diff:
     """Differences of two runs A and B, or of the runs in two folders.
 
     `is_equal` and `sentence` are the result. `settings` has a row per differing setting, `figures`
-    one per differing figure, with its 99 % interval if several runs a side are given. `first` is
-    the first differing message, None if there is none or several runs are given. `faults` describe
-    damage and holes of the logs.
+    one per differing figure, with its 99 % interval if several runs a side are given. `faults`
+    describe damage and holes of the logs.
     """
 
     def __init__(self, diff: RunDiff) -> None:
@@ -57,13 +55,12 @@ class Diff:
             [{name: getattr(row, name) for name in FIGURE_COLUMNS} for row in diff.figures],
             FIGURE_COLUMNS,
         )
-        self.first: MessageDifference | None = diff.messages.first if diff.messages else None
 
     def __repr__(self) -> str:
         return f"<Diff: {self.sentence}>"
 
     def _repr_html_(self) -> str:
-        lines = [self.sentence, *([self.first.sentence] if self.first else []), *self.faults]
+        lines = [self.sentence, *self.faults]
         tables = [table._repr_html_() for table in (self.settings, self.figures) if len(table)]
         return "".join([*(f"<p>{escape(line)}</p>" for line in lines), *tables])
 

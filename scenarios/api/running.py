@@ -122,16 +122,15 @@ def check(
     *,
     set: Settings | None = None,  # noqa: A002 - as on the command line
     seed: int | None = None,
-    explain: bool = False,
 ) -> CheckReport:
     """Report the settings, the figures and the warnings of a scenario, like `convoy check`.
 
-    `drive` has the facts of a recorded drive, its holes and pauses. `explain` adds the laws and the
-    expected figures of each link. Nothing is simulated. Raises Error if the scenario is refused.
+    `drive` has the facts of a recorded drive, its holes and pauses. Nothing of a run is simulated
+    but the braking of the lead that the gaps hold. Raises Error if the scenario is refused.
     """
     drives: list[DriveInPlane] = []
     loaded = load_scenario(str(scenario), overrides_of(set), seed, on_drive=drives.append)
-    return whole_report(loaded, drives[0] if drives else None, explain=explain)
+    return whole_report(loaded, drives[0] if drives else None)
 
 
 def overrides_of(settings: Settings | None) -> tuple[str, ...]:

@@ -47,7 +47,7 @@ def channel() -> None:
 Examples:
   convoy channel show bursty
   convoy channel show ieee80211p_dense --distance-m 120
-  convoy channel show my.toml --link v1:v3 -o v1-v3.png
+  convoy channel show my.toml --link v1:v3
 """
 )
 @link_option("Link of the scenario. Default: from the lead to the last vehicle.")
@@ -60,7 +60,6 @@ Examples:
     metavar="M", help="Distance between sender and receiver in m.",
 )  # fmt: skip
 @json_option("Print the figures as JSON.")
-@output_option("Draw the comparison into this PNG, SVG or PDF file.")
 @setting_options
 @click.argument("scenario", metavar="PRESET|SCENARIO", shell_complete=common_options.scenarios)
 def show(
@@ -72,7 +71,6 @@ def show(
     messages: int,
     distance_m: float,
     as_json: bool,
-    output: Path | None,
 ) -> None:
     """Compare a channel's laws with a sample.
 
@@ -87,29 +85,17 @@ def show(
 
     from scenarios.cli.comparison_tables import print_comparison
     from scenarios.definition.check.link_forecast import StraightDrive
-    from scenarios.definition.errors import ScenarioError
     from scenarios.studies.channel.comparison import compare
 
     with clear_errors():
-        if output is not None:
-            require("channel show --output", "studies", "matplotlib")
-            if output.suffix not in PICTURE_SUFFIXES:
-                allowed = f"allowed a name that ends in {', '.join(PICTURE_SUFFIXES)}"
-                raise ScenarioError([f"--output: given {output.name}, {allowed}"])
         loaded = _loaded(scenario, overrides, seed)
         chosen = _selected_link(link, loaded)
         drive = StraightDrive(loaded, chosen, distance_m)
-        found, sample = compare(drive, messages)
-        if output is not None:
-            from scenarios.studies.channel.comparison_plot import draw
-
-            draw(found, sample, output)
+        found, _ = compare(drive, messages)
         if as_json:
             click.echo(json.dumps(asdict(found), indent=2))
             return
         print_comparison(scenario, loaded, found, Console())
-        if output is not None:
-            click.echo(f"written: {output}")
 
 
 def _loaded(name: str, overrides: tuple[str, ...], seed: int | None) -> "Scenario":

@@ -3,14 +3,13 @@
 import json
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import click
 from pydantic import TypeAdapter
 from rich.console import Console
-from rich.markup import escape
 from rich.text import Text
 
 from scenarios.cli.output import grid_of
@@ -21,7 +20,6 @@ from scenarios.definition.check.drive_report import (
     recording_warnings,
 )
 from scenarios.definition.check.findings import CheckReport, whole_report
-from scenarios.definition.check.link_forecast import LinkForecast
 from scenarios.definition.errors import ScenarioError, require
 from scenarios.definition.library import is_drive
 from scenarios.definition.scenario import Scenario, load_scenario
@@ -30,55 +28,10 @@ from scenarios.definition.schema.scenario_tables import GnssTable, SendingTable
 from scenarios.definition.traces.reading import DriveInPlane
 from scenarios.definition.traces.recorded_drive import WRONG_TIME
 from scenarios.studies.picture_style import picture_format_of
+from vehicles.driver.longitudinal_laws import TYRES
 
 UNKNOWN = "not predictable"
 Row = tuple[str, str]
-
-
-def print_links(name: str, links: Sequence[LinkForecast], console: Console) -> None:
-    """Print a block for each group of equal links."""
-    console.print(f"[bold]{escape(name)}: links[/]", highlight=False)
-    if not links:
-        console.print("none: no vehicle receives")
-    alike: dict[LinkForecast, list[LinkForecast]] = {}
-    for link in links:
-        alike.setdefault(replace(link, sender="", receiver=""), []).append(link)
-    for link, group in alike.items():
-        named = ", ".join(f"{alike_link.sender} → {alike_link.receiver}" for alike_link in group)
-        console.print(f"\n[bold]{escape(named)}[/]", highlight=False)
-        console.print(grid_of((f"  {name}", text) for name, text in _rows(link)))
-
-
-def _rows(link: LinkForecast) -> Iterator[Row]:
-    first, *further = ("[links]" if rule == "links" else rule for rule in link.rules)
-    yield "settings from", first + (f", over {', '.join(further)}" if further else "")
-    if link.preset is not None:
-        yield "preset", link.preset
-        yield "source", link.preset_source or "not stated"
-    for place, law in enumerate(link.laws):
-        yield "laws" if not place else "", f"{law.words} · {law.key}"
-    at = "" if link.distance_m is None else f" at {link.distance_m:.3g} m, as far as at the start"
-    if link.loss_ratio is None:
-        yield "loss", UNKNOWN
-    else:
-        yield "loss", f"{100.0 * link.loss_ratio:.4g} %{at}{_burst(link)}"
-    if link.latency_ms_mean is None or link.latency_ms_deviation is None:
-        yield "delay", UNKNOWN
-    else:
-        yield "delay", f"{link.latency_ms_mean:.4g} ± {link.latency_ms_deviation:.4g} ms"
-    age = UNKNOWN if link.age_ms_mean is None else f"{link.age_ms_mean:.4g} ms on average"
-    yield (
-        "age",
-        f"of the newest message at a command: {age}, at a sending rate of {link.rate_hz:.3g} Hz",
-    )
-
-
-def _burst(link: LinkForecast) -> str:
-    if link.loss_ratio in {0.0, 1.0}:
-        return ""
-    if link.burst_messages_mean is None:
-        return ", in bursts of unpredictable length"
-    return f", bursts of {link.burst_messages_mean:.4g} messages on average"
 
 
 # ---- The table of `convoy check`: configuration and predicted figures
@@ -122,6 +75,16 @@ def _road(report: CheckReport) -> Iterator[Row]:
     yield "acceleration of the lead", changes
     if len(report.vehicles) > 1:
         yield "followers drive", _followers(report.gap_policy)
+    if (held := report.held_braking) is not None:
+        more = " or more" if held.simulated_mps2 >= TYRES else ""
+        without = held.without_data_mps2.items()
+        lost = ", ".join(f"{braking:.1f} for {silence} s" for silence, braking in without)
+        yield (
+            "braking of the lead held",
+            f"{held.simulated_mps2:.1f} m/s²{more} from {held.speed_mps:.1f} m/s, simulated with "
+            f"{len(held.vehicles)} cars without losses; if nothing is received from its onset on: "
+            f"{lost}",
+        )
 
 
 def _drive(report: CheckReport) -> Iterator[Row]:
@@ -420,7 +383,6 @@ def check_scenario(
     overrides: Sequence[str],
     seed: int | None,
     *,
-    explain: bool,
     output: Path | None,
     as_json: bool,
 ) -> None:
@@ -442,7 +404,7 @@ def check_scenario(
     if output is not None and not drives:
         raise ScenarioError([f"{name}: its path is no recorded drive, which --output draws"])
     drive = drives[0] if drives else None
-    _report(scenario, drive, whole=not is_drive(name), explain=explain, as_json=as_json)
+    _report(scenario, drive, whole=not is_drive(name), as_json=as_json)
     if drive is not None:
         _draw(drive, scenario, output, quiet=as_json)
     if is_drive(name) and not as_json:
@@ -460,18 +422,14 @@ def _report_refused(drive: DriveInPlane, error: ScenarioError, *, as_json: bool)
         print_drive(report, None, Console())
 
 
-def _report(
-    scenario: Scenario, drive: DriveInPlane | None, *, whole: bool, explain: bool, as_json: bool
-) -> None:
+def _report(scenario: Scenario, drive: DriveInPlane | None, *, whole: bool, as_json: bool) -> None:
     """Print the `whole` table of a scenario, or that of its drive."""
-    report = whole_report(scenario, drive, explain=explain)
+    report = whole_report(scenario, drive)
     if as_json:
         click.echo(json.dumps(asdict(report), indent=2))
         return
     listed: set[str] = set()
-    if explain:
-        print_links(scenario.name, report.explained, Console())
-    elif report.drive is None or whole:
+    if report.drive is None or whole:
         print_report(report, Console())
     else:
         print_drive(report.drive, report, Console())

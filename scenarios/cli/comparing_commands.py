@@ -128,7 +128,7 @@ def diff(a: Path, b: Path, *, all_figures: bool, as_json: bool) -> None:
     """List the differences of two runs.
 
     A and B are logs, folders of a run, folders of several runs, or quoted patterns. Lists differing
-    settings, the first differing message, and differing figures. Of several runs a side, it lists
+    settings and figures; `compare` shows where two runs diverge. Of several runs a side, it lists
     the figures whose difference exceeds the noise over the seeds (99 % interval of the difference
     of the means, from pairs of equal seeds where both sides have them).
 

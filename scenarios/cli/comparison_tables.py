@@ -1,16 +1,14 @@
 """The laws of a link and a sample of them, in 80 columns."""
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from rich.console import Console
 from rich.text import Text
 
 from scenarios.cli.output import Column, figure, print_whole, table_of
-from scenarios.definition.check.link_forecast import link_forecast
+from scenarios.definition.check.link_forecast import laws_of
 from scenarios.definition.scenario import Scenario
 from scenarios.studies.channel.comparison import ComparedFigure, Comparison
-from scenarios.studies.comparison.message_diff import MessageComparison
 from scenarios.studies.comparison.run_diff import FigureDifference, RunDiff, SettingDifference
 
 WIDEST = 28
@@ -21,10 +19,11 @@ EIGHTHS = " ▏▎▍▌▋▊▉"
 def print_comparison(
     name: str, scenario: Scenario, comparison: Comparison, console: Console
 ) -> None:
-    link = link_forecast(scenario, (comparison.sender, comparison.receiver))
+    link = comparison.sender, comparison.receiver
+    laws = [words for _, words in laws_of(scenario, link)]
     about = f"{name}, {comparison.sender} → {comparison.receiver}"
     console.print(about, style="bold", highlight=False, markup=False)
-    for line in _about(link.preset_source, [law.words for law in link.laws], comparison):
+    for line in _about(scenario.links[link].preset_source, laws, comparison):
         console.print(line, highlight=False, markup=False)
     console.print(table_of(LINK_COLUMNS, comparison.figures))
     _print_shares("messages lost in a row", comparison.bursts, console)
@@ -122,7 +121,7 @@ NOISE_COLUMNS: Sequence[Column[FigureDifference]] = (
 
 
 def print_diff(diff: RunDiff, console: Console, *, all_figures: bool) -> None:
-    """Print settings, messages, figures and the result; of the figures the main ones, or all."""
+    """Print settings, figures and the result; of the figures the main ones, or all."""
     for name, logs in (("A", diff.a), ("B", diff.b)):
         count = f" and {len(logs) - 1} more runs" if len(logs) > 1 else ""
         _print_line(f"{name}: {logs[0]}{count}", console)
@@ -132,45 +131,24 @@ def print_diff(diff: RunDiff, console: Console, *, all_figures: bool) -> None:
         print_whole(
             table_of(SETTING_COLUMNS, diff.settings[:MOST_SETTINGS], caption=caption), console
         )
-    elif diff.messages is None or not diff.is_equal:
+    elif not diff.is_equal:
         _print_line("settings: equal", console)
-    if diff.messages is not None:
-        for line in _message_lines(diff.messages):
-            _print_line(line, console)
     _print_figures(diff, console, all_figures=all_figures)
     result = Text(diff.sentence)
     result.stylize("bold green" if diff.is_equal else "bold red")
     console.print(result, highlight=False, soft_wrap=True)
 
 
-def _message_lines(messages: MessageComparison) -> Iterator[str]:
-    if messages.is_equal:
-        return
-    if messages.first:
-        yield f"first difference: {messages.first.sentence}"
-    count = messages.differing.total()
-    total = messages.equal + count
-    yield f"differing: {count} of {total} messages in both{_by(messages.differing)}"
-    for name, counts in (("A", messages.only_in_a), ("B", messages.only_in_b)):
-        if counts:
-            yield f"only in {name}: {counts.total()} messages{_by(counts)}"
-
-
-def _by(counts: Counter[str]) -> str:
-    listed = ", ".join(f"{count} {topic}" for topic, count in counts.most_common())
-    return f" ({listed})" if listed else ""
-
-
 def _print_figures(diff: RunDiff, console: Console, *, all_figures: bool) -> None:
     shown = [row for row in diff.figures if all_figures or row.is_main]
     hidden = len(diff.figures) - len(shown)
-    if diff.messages is None:
+    if diff.compared is None:
         shown = [row for row in shown if all_figures or row.exceeds_noise]
     if shown:
-        columns = FIGURE_COLUMNS if diff.messages is not None else NOISE_COLUMNS
+        columns = FIGURE_COLUMNS if diff.compared is not None else NOISE_COLUMNS
         caption = f"{hidden} more differ, see --all or --json" if hidden else None
         print_whole(table_of(columns, shown, caption=caption), console)
-        if diff.messages is not None:
+        if diff.compared is not None:
             _print_line(
                 "With one run a side the noise over seeds is unknown: give folders of runs.",
                 console,

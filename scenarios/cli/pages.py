@@ -33,7 +33,6 @@ from transport.topics import (
 from vehicles.messages import MODES, RunEnd, RunStart
 
 FOLDERS_AND_LOGS = (
-    ("KITTI oxts", "a folder with oxts/data/*.txt and oxts/timestamps.txt"),
     ("MCAP", "a run.mcap (path.vehicle), or foxglove.LocationFix or NavSatFix (path.topic)"),
 )
 

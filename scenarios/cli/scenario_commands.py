@@ -127,14 +127,10 @@ def list_scenarios(*, as_json: bool) -> None:
 Examples:
   convoy check church_lot
   convoy check my.toml --set speed.set_mps=25 --json
-  convoy check lossy_lane_change --explain       the laws of each link
   convoy check drive.gpx --out drive.svg         a drive of your own, with a picture
 """
 )
 @scenario_options
-@click.option(
-    "--explain", is_flag=True, help="Print each link's rule, laws, loss, delay and data age."
-)
 @click.option(
     "-o",
     "--output",
@@ -150,7 +146,6 @@ def check(
     scenario: str,
     overrides: tuple[str, ...],
     seed: int | None,
-    explain: bool,
     output: Path | None,
     as_json: bool,
 ) -> None:
@@ -163,7 +158,7 @@ def check(
     from scenarios.cli.check_tables import check_scenario
 
     with clear_errors():
-        check_scenario(scenario, overrides, seed, explain=explain, output=output, as_json=as_json)
+        check_scenario(scenario, overrides, seed, output=output, as_json=as_json)
 
 
 @click.command(epilog="Example: convoy new > my.toml")

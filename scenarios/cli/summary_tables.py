@@ -30,6 +30,7 @@ from scenarios.results.reaction import NO_REACTION
 from scenarios.results.run_event import RunEvent, road_known
 from scenarios.results.string_figures import STRING_SIGNALS, StringFigures, StringSignal
 from scenarios.results.summary import RunChange, RunSummary
+from scenarios.results.traffic import OVERRIDDEN_RATIO
 from scenarios.results.vehicle_figures import VehicleSummary
 from transport.topics import counts_as_loss
 
@@ -50,6 +51,11 @@ NAMES: dict[EventKind, tuple[str, str]] = {
     "collision": ("collision", "collisions"),
     "near_miss": ("near miss", "near misses"),
     "lane_departure": ("lane departure", "lane departures"),
+    "falls_behind": ("falls behind", "fall behind"),
+    "stranded": ("stranded", "stranded"),
+    "overspeed": ("overspeed", "overspeeds"),
+    "hard_braking": ("hard braking", "hard brakings"),
+    "overridden": ("overridden", "overridden"),
     "own": ("own event", "own events"),
     "path_lost": ("path lost", "paths lost"),
     "slide": ("slide", "slides"),
@@ -66,6 +72,10 @@ FIGURES: dict[str, Callable[[float], str]] = {
     "slip_rad_max": "slip up to {:.2f} rad".format,
     "known_m": road_known,
     "predicted_blind_m": "predicted blind distance {:.1f} m".format,
+    "gap_excess_m_max": "up to {:.1f} m".format,
+    "speed_excess_mps_max": "by up to {:.1f} m/s".format,
+    "braking_mps2_max": "{:.1f} m/s²".format,
+    "overridden_ratio": "{:.2f} of the time".format,
     "duration_s": "lasted {:.1f} s".format,
 }
 """Figures of events in words."""
@@ -144,7 +154,7 @@ DETAIL_COLUMNS: Sequence[Column[VehicleSummary]] = (
     Column(
         "lateral\nacceleration\nmax, m/s²", lambda row: row.lateral_acceleration_mps2_max, ".1f"
     ),
-    Column("time\nsliding\ns", lambda row: row.sliding_s, ".1f"),
+    Column("braking\nheld\nmin, m/s²", lambda row: row.held_braking_mps2_min, ".1f"),
     Column("distance\nm", lambda row: row.distance_m, ".0f"),
 )
 PROCESS_COLUMNS: Sequence[Column[VehicleSummary]] = (
@@ -172,7 +182,7 @@ REACTION_COLUMNS: Sequence[Column[VehicleSummary]] = (
         lambda row: (row.reaction.recovery_s_mean, row.reaction.recovery_s_max),
         ".1f",
     ),
-    Column("hazards", lambda row: row.reaction.hazards),
+    Column("over-\nridden\n%", lambda row: row.overridden_ratio, ".0f", 100.0),
     Column("stops\nbegun", lambda row: row.reaction.stops),
     Column(
         "blind distance, m\ndriven / predicted\nwhen braking began",
@@ -324,8 +334,13 @@ def _tables(summary: RunSummary, tables: Tables) -> Iterator[tuple[bool, Table]]
         ]
         title = "string stability: gains in L2 / L∞; -: no more than noise"
         yield False, table_of(columns, followers, title=title)
-    if any(row.reaction != NO_REACTION for row in followers):
-        is_news = any(row.reaction.stops or row.reaction.blind_m >= 0.05 for row in followers)
+    if any(row.reaction != NO_REACTION or row.overrides for row in followers):
+        is_news = any(
+            row.reaction.stops
+            or row.reaction.blind_m >= 0.05
+            or (row.overridden_ratio or 0.0) > OVERRIDDEN_RATIO
+            for row in followers
+        )
         yield is_news, table_of(REACTION_COLUMNS, followers, title="degradation")
     if summary.links:
         is_news = any(_has_link_news(row, summary.warnings) for row in summary.links)

@@ -37,8 +37,8 @@ LOG = "run.mcap"
 LONGEST_NAME = 32
 """Longest name of a scenario (characters)."""
 
-PLAIN_NAMES = frozenset({LOG, "oxts", "data"})
-"""Names of files and folders that do not identify a drive."""
+PLAIN_NAMES = frozenset({LOG})
+"""Names of files that do not identify a drive."""
 
 _TOML_START = re.compile(
     rb"(?:\xef\xbb\xbf)?(?:\s|#[^\n]*\n)*(?!sep\b)\[{0,2}[A-Za-z_][\w.-]*\s*[=\]]"

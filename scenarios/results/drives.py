@@ -22,8 +22,8 @@ class Drive:
     """The drive of one vehicle, an entry per control instant (s from the start, m, m/s, rad).
 
     `lateral_error` and `heading_error` are the paper's: relative to the vehicle's own trajectory.
-    `station` and `cross_track` are the true position along and across the lead's driven path, where
-    the lead has driven; empty for the lead.
+    `station` and `cross_track` are the true position along and across the lead's driven path and
+    the straight before its start; empty for the lead.
     """
 
     name: str
@@ -87,7 +87,7 @@ class DriveRecorder:
         self._truth: defaultdict[str, list[TruePose]] = defaultdict(list)
         self._errors: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
         self._feet: defaultdict[str, list[CrossTrack]] = defaultdict(list)
-        stream.on_error(lambda foot: self._feet[foot.vehicle].append(foot))
+        stream.on_foot(lambda foot: self._feet[foot.vehicle].append(foot))
 
     def listen(self, _at: int, message: Message) -> None:
         if isinstance(message, TruePose):

@@ -142,9 +142,12 @@ def _closing(body: CarBody, other: CarBody, east: float, north: float) -> float:
 # ---- Encounters
 
 
+# fmt: off
 EventKind = Literal[
-    "collision", "distrust", "lane_departure", "near_miss", "own", "path_lost", "slide", "stop"
+    "collision", "distrust", "falls_behind", "hard_braking", "lane_departure", "near_miss",
+    "overridden", "overspeed", "own", "path_lost", "slide", "stop", "stranded",
 ]
+# fmt: on
 
 MOST_FRAMES = 3000
 """Instants that wait for poses, 60 s at 50 Hz; then the oldest are dropped."""
@@ -184,28 +187,19 @@ class Episode:
 
 @dataclass(slots=True)
 class TrueGap:
-    """Latest and extreme distances (m) between a vehicle's body and that of its predecessor.
-
-    `now_m` computes the latest one, which is rarely needed.
-    """
+    """Latest and extreme distances (m) between a vehicle's body and that of its predecessor."""
 
     vehicle: str
+    now_m: float = inf
     now_at_ns: int = 0
     min_m: float = inf
     min_at_ns: int = 0
     max_m: float = -inf
     max_at_ns: int = 0
-    _last: tuple[CarBody, CarBody] | None = None
-
-    @property
-    def now_m(self) -> float:
-        return inf if self._last is None else separation(*self._last).distance
-
-    def note_bodies(self, ahead: CarBody, behind: CarBody, at: int) -> None:
-        self._last, self.now_at_ns = (ahead, behind), at
 
     def add(self, gap: float, at: int) -> None:
-        """Take the distance at an instant (ns) where it may be the smallest or the largest."""
+        """Take the distance at an instant (ns)."""
+        self.now_m, self.now_at_ns = gap, at
         if gap < self.min_m:
             self.min_m, self.min_at_ns = gap, at
         if gap > self.max_m:
@@ -282,7 +276,6 @@ class Encounters:
         return self._look(at, (name, other), body, there, None)
 
     def _follow(self, at: int, pair: _Pair, ahead: CarBody, behind: CarBody) -> Iterable[Episode]:
-        pair.gap.note_bodies(ahead, behind, at)
         return self._look(at, pair.names, ahead, behind, pair.gap)
 
     def _look(

@@ -2,12 +2,12 @@
 
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import hypot, isfinite, nan
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from scenarios.definition.channel.build import origin
 from scenarios.results.account import FATE_WORDS, Fate, MissingVerdict
@@ -20,7 +20,7 @@ from transport.log.reader import LogReader
 from transport.topics import TOPIC_OF, counts_as_loss
 from vehicles.driver.situation import RELIED_ON
 from vehicles.geometry.geodesy import LocalPlane
-from vehicles.messages import statuses_in
+from vehicles.messages import OVERRIDES, Override, statuses_in
 from vehicles.schedule import SECOND
 
 IN_TRANSIT, NOT_ARRIVED, NOT_RECORDED = "in transit", "not arrived", "not recorded"
@@ -32,6 +32,8 @@ MOST_OFF_PATH_M = 20.0
 """Largest distance of a vehicle from the path that it follows."""
 FOREVER = 2**63
 """After every instant (ns)."""
+LEAST_MPS2 = 0.05
+"""Least acceleration that is stated."""
 SHOWN = 8
 """Missing messages listed individually."""
 
@@ -77,13 +79,18 @@ class Explanation:
     """What `vehicle` knew at its last decision until the requested instant.
 
     `steered_along` are the senders along whose path it steers in its mode.
-    `log_faults` describes damage and holes of the log in one line.
+    `acceleration_mps2` is commanded, `law_acceleration_mps2` that of the longitudinal law, and
+    `override` why they differ; None where the log lacks the command. `log_faults` describes damage
+    and holes of the log in one line.
     """
 
     vehicle: str
     decided_at_s: float
     mode: str
     reason: str
+    acceleration_mps2: float | None = None
+    law_acceleration_mps2: float | None = None
+    override: str = ""
     sources: tuple[KnownSource, ...]
     steered_along: tuple[str, ...] = ()
     log_faults: str = ""
@@ -100,7 +107,7 @@ class Explanation:
         }.get(self.mode, f"followed {sources}")
         if self.mode == "composite" and len(self.steered_along) > 1:
             action = f"followed {sources.replace('path', 'composite trajectory', 1)}"
-        parts = [f"At {self.decided_at_s:.2f} s {self.vehicle} {action}."]
+        parts = [f"At {self.decided_at_s:.2f} s {self.vehicle} {action}.", *self._speed_control()]
         ahead = [source for source in self.sources if source.use != "longitudinal"]
         unused = [_not_relied_on(source) for source in ahead if source.status in NOT_RELIED_ON]
         if unused:
@@ -113,6 +120,23 @@ class Explanation:
             if source.missing
         ]
         return " ".join(parts)
+
+    def _speed_control(self) -> Iterator[str]:
+        """State the commanded acceleration and, if it is not that of the law, why."""
+        commanded, law = self.acceleration_mps2, self.law_acceleration_mps2
+        if commanded is None or law is None or (abs(commanded) < LEAST_MPS2 and not self.override):
+            return
+        verb = "braked" if commanded < 0.0 else "accelerated"
+        text = f"It {verb} at {abs(commanded):.1f} m/s²"
+        if not self.override:
+            yield f"{text}, as its longitudinal law requested."
+            return
+        words = OVERRIDES.get(cast("Override", self.override), "")
+        evidence = f" ({self.reason})" if self.reason else ""
+        yield (
+            f"{text} where its longitudinal law requested {law:+.1f} m/s²; overridden by "
+            f"{self.override!r}: {words}{evidence}."
+        )
 
 
 def _not_relied_on(source: KnownSource) -> str:
@@ -183,6 +207,7 @@ FIELDS = {
         "other_sources",
     ),
     "truth": ("true_at_ns", "east_m", "north_m"),
+    "command": ("decided_at_ns", "acceleration_mps2", "law_acceleration_mps2", "override"),
     "gps": ("seq", "measured_at_ns", "sent_at_ns", "latitude_deg", "longitude_deg", "altitude_m"),
     "verdict": (
         *("pose_seq", "measured_at_ns", "sent_at_ns", "received_at_ns", "outcome", "reason"),
@@ -201,6 +226,7 @@ class _Messages:
         self.decisions = _rows(columns.get((vehicle, "tracking")))
         places = _rows(columns.get((vehicle, "truth")))
         self.places = {at: (east, north) for at, east, north in places}
+        self.commands = {at: rest for at, *rest in _rows(columns.get((vehicle, "command")))}
         self.poses = {
             sender: {row[0]: SentPose(*row) for row in _rows(columns.get((sender, "gps")))}
             for sender in senders
@@ -258,11 +284,15 @@ class RecordedKnowledge:
             raise self._error(requested)
         now, mode, reason, recorded = decision
         statuses = self._statuses(recorded)
+        commanded, law, override = self._messages.commands.get(now, (None, None, ""))
         return Explanation(
             vehicle=self.vehicle,
             decided_at_s=self._seconds(now),
             mode=mode,
             reason=reason,
+            acceleration_mps2=commanded,
+            law_acceleration_mps2=law if law is not None and isfinite(law) else None,
+            override=override,
             steered_along=self._steered_along(mode, statuses),
             log_faults=self._reader.faults,
             sources=tuple(

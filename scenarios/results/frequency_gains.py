@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from itertools import pairwise
+from math import sqrt
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.data_table import DataTable
 from scenarios.results.run_record import RunRecord
+from scenarios.results.string_figures import LEAST_ACCELERATION_MPS2, LEAST_ERROR_M
 from vehicles.schedule import SECOND
 
 Floats = NDArray[np.float64]
@@ -27,8 +29,9 @@ LEAST_COHERENCE = 0.95
 HIGHEST_HZ = 5.0
 LEAST_SAMPLES = 500
 LONGEST_HOLE_S = 0.5
-LEAST_RMS = {"speed": 0.05, "spacing": 0.01}
-"""Root mean square of the input (m/s², m) below which nothing is excited."""
+LEAST_RMS = {"speed": LEAST_ACCELERATION_MPS2, "spacing": sqrt(2.0) * LEAST_ERROR_M}
+"""Root mean square of the input (m/s², m) below which nothing is excited, as that of the gains in
+the summary."""
 NORMAL_95 = 1.96
 
 
@@ -69,8 +72,22 @@ def _all_gains(run: RunRecord, signal: Signal) -> Iterator[FrequencyGain]:
     for ahead, behind in pairwise(run.vehicle_names):
         if ahead in series and behind in series:
             pair = _aligned(series[ahead], series[behind])
-            if pair is not None and float(np.sqrt(np.mean(pair.x**2))) >= LEAST_RMS[signal]:
+            if pair is not None and float(np.sqrt(np.mean(pair.x**2))) >= _noise(
+                run, ahead, signal
+            ):
                 yield from estimated(behind, pair.x, pair.y, pair.step)
+
+
+def _noise(run: RunRecord, name: str, signal: Signal) -> float:
+    """Root mean square of a signal that noise alone explains; of a spacing, of two positions."""
+    least = LEAST_RMS[signal]
+    if signal == "spacing":
+        for topic, column in (("gps", "position_accuracy_m"), ("tracking", "lateral_deviation_m")):
+            rows = run.columns_of(topic).get(name)
+            if rows is not None and len(rows):
+                largest = float(np.nanmax(rows[column], initial=0.0))
+                least = max(least, sqrt(2.0) * largest)
+    return least
 
 
 class _Series(NamedTuple):

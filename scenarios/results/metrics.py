@@ -35,6 +35,7 @@ from vehicles.car.tyres import linear_range
 from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import (
     Change,
+    Command,
     GpsPose,
     Health,
     LinkVerdict,
@@ -84,7 +85,7 @@ class Metrics:
         )
         self.events = EventLog(self.stream.seconds, self._seen_before)
         self._norms = norms or StringNorms(vehicles)
-        self.stream.on_error(self._norms.add_error)
+        self.stream.on_foot(self._norms.add_error)
         self.stream.on_error(self._add_error)
         self.stream.on_road_error(self._add_road_error)
         self.stream.on_event(self.events.add)
@@ -115,6 +116,7 @@ class Metrics:
             LinkVerdict: self._add_verdict,
             Health: self._add_health,
             Change: self._add_change,
+            Command: self._add_command,
         }
         self._takes = {
             kind: (take, attrgetter(TOPIC_OF[kind].instant)) for kind, take in takes.items()
@@ -223,7 +225,11 @@ class Metrics:
     def _add_health(self, figures: VehicleFigures, health: Health, _at: int) -> None:
         figures.add_health(health)
 
+    def _add_command(self, _figures: VehicleFigures, command: Command, _at: int) -> None:
+        self.stream.add_command(command)
+
     def _add_change(self, figures: VehicleFigures, change: Change, _at: int) -> None:
+        self.stream.add_change(change)
         if change.kind in VEHICLE_CHANGES:
             figures.rate_hz = None
         figures.ends_early |= _crashes_for_good(change)
@@ -239,13 +245,15 @@ class Metrics:
 
     def vehicle_summaries(self, ran_ns: int = 0) -> tuple[VehicleSummary, ...]:
         span, gaps, seconds = self._span(ran_ns), self.stream.gaps, self.stream.seconds
-        own = self.stream.own
+        own, overrides = self.stream.own, self.stream.overrides.of
         deviations = {name: row.position_deviation for name, row in self.vehicles.items()}
         string = string_figures(self._norms.norms, deviations)
         return tuple(
             replace(
                 figures.summary(span, gaps.get(name), seconds),
                 own_figures=own.values(name),
+                overridden_ratio=overrides[name].ratio if name in overrides else None,
+                overrides=overrides[name].ratios if name in overrides else {},
                 string=string[name],
             )
             for name, figures in self.vehicles.items()

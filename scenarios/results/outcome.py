@@ -1,12 +1,13 @@
 """The outcome of a run in one line, with the most important fact first."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from scenarios.results.encounters import EventKind
 from scenarios.results.link_summary import lost_in_transport
 from scenarios.results.run_event import RunEvent
 from scenarios.results.summary import RunSummary
+from scenarios.results.traffic import FIGURE_OF
 from scenarios.results.vehicle_figures import VehicleSummary
 
 LATE_RATIO = 0.01
@@ -143,6 +144,7 @@ def _incidents(summary: RunSummary) -> Iterator[str]:
         yield f"{_share(summary, lost)} lost {'its' if len(lost) == 1 else 'their'} path"
     yield from _stopped(summary)
     yield from _nearly_collided(summary)
+    yield from _dissolved(summary)
     if slid := _vehicles_of(_of(summary, "slide")):
         yield f"{_share(summary, slid)} slid"
     if doubtful := _vehicles_of(_of(summary, "distrust")):
@@ -191,6 +193,31 @@ def _stopped(summary: RunSummary) -> Iterator[str]:
         f"{_share(summary, stopped)} braked without a reliable source, first {first.vehicles[0]} "
         f"{first.when}{beyond}"
     )
+
+
+TRAFFIC: Mapping[EventKind, str] = {
+    "stranded": "stands for {:.0f} s although the lead drives",
+    "falls_behind": "falls behind by up to {:.0f} m",
+    "hard_braking": "brakes at up to {:.1f} m/s² without a cause ahead",
+    "overspeed": "exceeds the lead's speed by up to {:.1f} m/s",
+    "overridden": "overridden by its guard for {:.2f} of the time",
+}
+"""What a traffic engineer would notice, the worst first, with its figure."""
+
+
+def _dissolved(summary: RunSummary) -> Iterator[str]:
+    """Yield the worst event of the worst kind of TRAFFIC, and the names of the other kinds."""
+    kinds = [kind for kind in TRAFFIC if _of(summary, kind)]
+    if not kinds:
+        return
+    kind, figure = kinds[0], FIGURE_OF.get(kinds[0], "duration_s")
+    events = _of(summary, kind)
+    worst = max(events, key=lambda event: event.figures.get(figure, 0.0))
+    names = _vehicles_of(events)
+    text = TRAFFIC[kind].format(worst.figures.get(figure, 0.0))
+    more = f" ({_share(summary, names)})" if len(names) > 1 else ""
+    others = ", ".join(kind.replace("_", " ") for kind in kinds[1:])
+    yield f"{worst.vehicles[0]} {text}, {worst.when}{more}{others and f'; also: {others}'}"
 
 
 def _nearly_collided(summary: RunSummary) -> Iterator[str]:

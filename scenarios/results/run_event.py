@@ -19,7 +19,13 @@ class RunEvent:
     kind: EventKind
     """collision, near_miss, lane_departure, path_lost, slide, stop (braking to a stop for lack of
     data, which ends early if data returns; a lead: standing behind a silent member of its convoy),
-    distrust (the follower rejects a source as implausible), or own (an event of the user)."""
+    distrust (the follower rejects a source as implausible), falls_behind (the gap is wider than law
+    and data age explain: by 10 m + 1.5 s of driving, for 1 s), stranded (stands for 2 s, and 2 s
+    more for each vehicle between it and the lead, although the lead drives), overspeed (more than
+    1.1 times the lead's fastest speed of the last 10 s, or since it was at the same place),
+    hard_braking (more than 2 m/s² on average over 0.1 s, and no vehicle ahead braked beyond
+    1.5 m/s² in the 5 s before), overridden (the guard overrode the longitudinal law for more than
+    0.2 of the time after the first 2 s), or own (an event of the user)."""
     name: str = ""
     """Name of an event of the user's, that of its class; else empty."""
     at_s: float
@@ -32,7 +38,9 @@ class RunEvent:
     """Figures by kind. collision: closing_speed_mps. near_miss: gap_m_min,
     time_to_collision_s_min. lane_departure: excess_m_max, duration_s. path_lost, distrust:
     duration_s. slide: friction_ratio_max, slip_rad_max, duration_s. stop: known_m,
-    predicted_blind_m, duration_s."""
+    predicted_blind_m, duration_s. falls_behind: gap_excess_m_max, duration_s. stranded: duration_s.
+    overspeed: speed_excess_mps_max, duration_s. hard_braking: braking_mps2_max, duration_s.
+    overridden: overridden_ratio, duration_s."""
 
     @property
     def line(self) -> str:
@@ -55,6 +63,19 @@ class RunEvent:
         return "error" if self.kind == "collision" else "warning"
 
 
+OF_ONE: Mapping[EventKind, str] = {
+    "lane_departure": "{} across the edge of the lane",
+    "path_lost": "{} has no known path to steer along",
+    "slide": "{} uses all available friction",
+    "falls_behind": "the gap of {} is wider than its law and the age of its data explain",
+    "stranded": "{} stands although the lead drives",
+    "overspeed": "{} is faster than the lead was",
+    "hard_braking": "{} brakes hard although no vehicle ahead does",
+    "own": "{}",
+}
+"""Events that involve one vehicle, in words."""
+
+
 def _what(event: RunEvent) -> str:
     figures, (first, *others) = event.figures, event.vehicles
     match event.kind:
@@ -64,21 +85,18 @@ def _what(event: RunEvent) -> str:
             left = figures.get("time_to_collision_s_min")
             also = "" if left is None else f", {left:.1f} s from a collision"
             text = f"{others[0]} within {figures['gap_m_min']:.2f} m of {first}{also}"
-        case "lane_departure":
-            text = f"{first} across the edge of the lane"
-        case "path_lost":
-            text = f"{first} has no known path to steer along"
-        case "slide":
-            text = f"{first} uses all available friction"
         case "stop":
             known, blind = figures.get("known_m"), figures.get("predicted_blind_m")
             ends = "" if known is None else f"; {road_known(known)}"
             beyond = f"; predicted blind distance {blind:.1f} m" if blind else ""
             text = f"{first} brakes to a stop without a reliable source{ends}{beyond}"
-        case "own":
-            text = first
         case "distrust":
             text = f"{others[0]} distrusts {first}"
+        case "overridden":
+            share = figures["overridden_ratio"]
+            text = f"the guard of {first} overrode its longitudinal law, {share:.2f} of the time"
+        case kind:
+            text = OF_ONE[kind].format(first)
     return text
 
 
@@ -89,7 +107,7 @@ def road_known(known: float) -> str:
     return f"known path ended {-known:.1f} m behind the car"
 
 
-OF_DECISIONS: frozenset[EventKind] = frozenset({"path_lost", "stop", "distrust"})
+OF_DECISIONS: frozenset[EventKind] = frozenset({"path_lost", "stop", "distrust", "overridden"})
 """Events in the decisions of a follower; the others are in true poses."""
 
 

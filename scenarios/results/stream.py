@@ -14,6 +14,7 @@ from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.scenario_tables import EventsTable
 from scenarios.results.encounters import BodySize, Encounters, Episode, EventKind, TrueGap, body_of
 from scenarios.results.run_event import OwnMeasures
+from scenarios.results.traffic import OverrideWatch, TrafficWatch
 from scenarios.results.watches import (
     LaneWatch,
     PathWatch,
@@ -23,11 +24,15 @@ from scenarios.results.watches import (
     TrustWatch,
 )
 from vehicles.car.tyres import SLIDING_SHARE
+from vehicles.driver.controller import SpacingPolicy
 from vehicles.geometry.driven_path import CrossTrack, CrossTrackError, PathWalk
-from vehicles.messages import Message, RunStart, Tracking, TruePose
+from vehicles.messages import Change, Command, Message, RunStart, Tracking, TruePose
 from vehicles.schedule import MILLISECOND, SECOND
 
 ALL_EVENTS: tuple[EventKind, ...] = get_args(EventKind)
+OF_TRAFFIC: frozenset[EventKind] = frozenset(
+    {"falls_behind", "hard_braking", "overspeed", "stranded"}
+)
 
 
 class RoadError(NamedTuple):
@@ -62,13 +67,16 @@ class FigureStream:
         replayed: Collection[str] = (),
         *,
         own: OwnMeasures | None = None,
+        policies: Mapping[str, SpacingPolicy] | None = None,
+        away: Collection[str] = (),
+        control_rate_hz: float = 50.0,
     ) -> None:
         """Bodies, lead first, thresholds, and the yaw (rad) of the road at the start.
 
         `roads` are those of the vehicles, as far as known: the path of the scenario, and for
-        `replayed` vehicles their own drive.
+        `replayed` vehicles their own drive. `policies` are the gaps, bumper to bumper, of followers
+        that keep one; vehicles that are `away` join later.
         """
-        self.kinds: frozenset[type[Message]] = frozenset({RunStart, Tracking, TruePose})
         self.sizes = sizes
         self._lead, *self.followers = sizes
         self._rules = rules or EventsTable()
@@ -77,6 +85,8 @@ class FigureStream:
         self.own = own or OwnMeasures(())
         self._lane: LaneWatch | None = None
         self._encounters: Encounters | None = None
+        self._traffic = TrafficWatch(sizes, policies, away, replayed)
+        self.overrides = OverrideWatch(self.followers, control_rate_hz)
         self._slides = SlideWatch()
         self._of_lead: tuple[TrackingWatch, ...] = (StopWatch(),)
         self._watches: tuple[TrackingWatch, ...] = (
@@ -84,7 +94,7 @@ class FigureStream:
             *self._of_lead,
             TrustWatch(list(sizes)),
         )
-        self._on_error: list[TakeError] = []
+        self._on_foot: list[TakeError] = []
         self._on_road_error: list[TakeRoadError] = []
         self._on_gap: list[TakeGap] = []
         self._on_truth: list[TakeTruth] = []
@@ -96,8 +106,24 @@ class FigureStream:
         self.start_at: int | None = None
         self._first_at: int | None = None
 
+    @property
+    def kinds(self) -> frozenset[type[Message]]:
+        """Messages that the subscribers so far need."""
+        kinds: set[type[Message]] = {RunStart, Tracking, TruePose}
+        if self._watches_traffic:
+            kinds.add(Change)
+        if self._on_event["overridden"]:
+            kinds.add(Command)
+        return frozenset(kinds)
+
+    @property
+    def _watches_traffic(self) -> bool:
+        return any(self._on_event[kind] for kind in OF_TRAFFIC)
+
     @classmethod
     def of(cls, scenario: Scenario) -> "FigureStream":
+        gap, names = scenario.tables.speed.gap, scenario.vehicle_names
+        keep = names[1:] if scenario.tables.speed.followers == "gap" else ()
         return cls(
             sizes_of(scenario),
             scenario.tables.events,
@@ -105,13 +131,23 @@ class FigureStream:
             {name: PathWalk(*scenario.road_of(name)) for name in scenario.vehicle_names},
             scenario.replays.keys(),
             own=OwnMeasures.of(scenario),
+            policies=dict.fromkeys(keep, SpacingPolicy(gap.standstill_m, gap.headway_s)),
+            away=[name for name in names if scenario.joins_late(name)],
+            control_rate_hz=scenario.control_rate_hz,
         )
 
-    def on_error(self, take: TakeError) -> None:
-        """Subscribe to the true error of each follower, its foot point on the lead's path."""
-        if not self._on_error:
+    def on_foot(self, take: TakeError) -> None:
+        """Subscribe to the foot point of each follower on the lead's path, from the start on."""
+        if not self._on_foot:
             self._path.follow(self.followers)
-        self._on_error.append(take)
+        self._on_foot.append(take)
+
+    def on_error(self, take: TakeError) -> None:
+        """Subscribe to the true error of each follower once it has passed the lead's start.
+
+        On the stretch before, it starts its own motion, and there is no path that the lead drove.
+        """
+        self.on_foot(lambda foot: take(foot) if foot.station >= 0.0 else None)
 
     def on_road_error(self, take: TakeRoadError) -> None:
         """Subscribe to the true error of each vehicle with a known road."""
@@ -167,6 +203,10 @@ class FigureStream:
                 self.add_truth(message)
             elif isinstance(message, Tracking):
                 self.add_tracking(message)
+            elif isinstance(message, Command):
+                self.add_command(message)
+            elif isinstance(message, Change):
+                self.add_change(message)
 
     def add_truth(self, pose: TruePose) -> None:
         name, at = pose.vehicle, pose.true_at_ns
@@ -177,17 +217,17 @@ class FigureStream:
         if self._on_road_error:
             self._pass_road_error(pose)
         feet: list[CrossTrack] = []
-        if self._on_error or (lane is not None and name == self._lead):
+        if self._on_foot or (lane is not None and name == self._lead):
             feet = self._path.add(pose)
             if feet:
                 self._pass_errors(feet)
         body = body_of(pose, self.sizes[name])
-        if encounters is not None and (met := encounters.add(pose, body)):
-            self._pass_on(met)
+        if encounters is not None:
+            self._pass_on(encounters.add(pose, body))
         if pose.friction_ratio >= SLIDING_SHARE:
             self._pass_on(self._slides.add(pose))
-        if lane is not None and (departed := lane.add(pose, body, feet)):
-            self._pass_on(departed)
+        self._pass_on(lane.add(pose, body, feet) if lane is not None else ())
+        self._pass_on(self._traffic.add(pose, body) if self._watches_traffic else ())
         if self._on_gap:
             self._pass_gaps(name, at)
         self._pass_on(self.own.add(pose))
@@ -203,7 +243,7 @@ class FigureStream:
     def _pass_errors(self, feet: Iterable[CrossTrack]) -> None:
         for foot in feet:
             if foot.vehicle in self.sizes:
-                for take in self._on_error:
+                for take in self._on_foot:
                     take(foot)
 
     def _pass_gaps(self, name: str, at: int) -> None:
@@ -225,15 +265,30 @@ class FigureStream:
             if began := watch.add(tracking, place):
                 self._pass_on(began)
 
+    def add_command(self, command: Command) -> None:
+        if command.vehicle != self._lead:
+            place = self._places.get(command.vehicle, (0.0, 0.0))
+            self.overrides.add(command, self._beginning, place)
+
+    def add_change(self, change: Change) -> None:
+        self._traffic.add_change(change)
+
+    @property
+    def _beginning(self) -> int:
+        """Start of the run (ns) or, if that was not recorded, the first pose."""
+        return (self._first_at or 0) if self.start_at is None else self.start_at
+
     def finish(self) -> None:
         """Close events that are still open."""
+        if self._watches_traffic:
+            self._pass_on(self._traffic.finish())
+        self._pass_on(self.overrides.finish())
         if self._encounters is not None:
             self._pass_on(self._encounters.finish())
 
     def seconds(self, at: int) -> float:
         """Seconds from the start of the run or, if that was not recorded, from the first pose."""
-        start = self._first_at if self.start_at is None else self.start_at
-        return (at - (start or 0)) / SECOND
+        return (at - self._beginning) / SECOND
 
 
 def sizes_of(scenario: Scenario) -> dict[str, BodySize]:
@@ -285,7 +340,7 @@ class Deviations:
     def of(cls, stream: FigureStream) -> "Deviations":
         """Subscribe to the errors and gaps of a stream."""
         made = cls(stream.followers)
-        stream.on_error(made.take_error)
+        stream.on_foot(made.take_error)
         stream.on_gap(made.take_gap)
         return made
 

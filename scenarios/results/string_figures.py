@@ -92,10 +92,10 @@ class VehicleNorms:
 class StringNorms:
     """Gathers the norms of a run; its two methods take what the stream of figures passes.
 
-    The lateral error counts in the parts of the path that all followers have driven, the spacing
-    error and the acceleration at the instants at which all vehicles are known. The spacing error is
-    arc length to the predecessor along the lead's path, minus standstill spacing and headway times
-    own speed: positive if the gap is too wide. Without `policies` there is none.
+    The lateral error counts in the parts of the lead's path that all followers have driven, the
+    spacing error and the acceleration at the instants at which all vehicles are known. The spacing
+    error is arc length to the predecessor along the lead's path, minus standstill spacing and
+    headway times own speed: positive if the gap is too wide. Without `policies` there is none.
     """
 
     def __init__(self, names: Sequence[str], policies: Sequence[SpacingPolicy] = ()) -> None:
@@ -136,7 +136,8 @@ class StringNorms:
         frame = self._frame(foot.at_ns)
         frame.stations[place] = foot.station
         self._took(frame, foot.at_ns)
-        self._add_lateral(place - 1, foot.station, foot.lateral)
+        if foot.station >= 0.0:
+            self._add_lateral(place - 1, foot.station, foot.lateral)
 
     def _frame(self, at: int) -> _Frame:
         frame = self._frames.get(at)

@@ -35,9 +35,9 @@ Floats = NDArray[np.float64]
 class TrueFigures(NamedTuple):
     """Figures of one vehicle at its true poses (N), NaN if unknown.
 
-    `error_m` is the offset to the left of the lead's driven path, `station_m` the place along it
-    from the lead's first pose, and `gap_m` the distance between the bodies of the vehicle and of
-    the one ahead.
+    `error_m` is the offset to the left of the lead's driven path and the straight before it,
+    `station_m` the place along it, 0 at the lead's first pose, and `gap_m` the distance between the
+    bodies of the vehicle and of the one ahead. The figures of the summary begin at `station_m` 0.
     """
 
     error_m: Floats
@@ -56,7 +56,7 @@ def true_figures(scenario: Scenario, truth: Mapping[str, Columns]) -> dict[str, 
     stream = FigureStream.of(scenario)
     feet: dict[tuple[str, int], CrossTrack] = {}
     gaps: dict[tuple[str, int], float] = {}
-    stream.on_error(lambda foot: feet.update({(foot.vehicle, foot.at_ns): foot}))
+    stream.on_foot(lambda foot: feet.update({(foot.vehicle, foot.at_ns): foot}))
     stream.on_gap(lambda gap: gaps.update({(gap.vehicle, gap.now_at_ns): gap.now_m}))
     messages = [message for columns in poses for message in messages_of(columns, TruePose)]
     for pose in sorted(messages, key=lambda pose: pose.true_at_ns):

@@ -7,7 +7,7 @@ in its `summary`.
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
-from math import inf, isfinite
+from math import inf, isfinite, isnan
 from typing import Any, Literal, NamedTuple
 
 from scenarios.results.accumulators import Extremes, SelfEstimateErrors, TyreFigures
@@ -21,6 +21,7 @@ from scenarios.results.holes import (
 )
 from scenarios.results.reaction import NO_REACTION, Reaction, ReactionSummary
 from scenarios.results.string_figures import NO_STRING, StringFigures
+from vehicles.driver.longitudinal_laws import braking_held
 from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import GpsPose, Health, Tracking, TruePose
 from vehicles.schedule import SECOND
@@ -55,8 +56,8 @@ class VehicleSummary:
     heading_error_rad_max: float | None
     """Largest heading error relative to the same trajectory (self-estimate)."""
     cross_track_error_m_max: float | None
-    """Largest true distance from the path that the lead drove, extended by the road behind its
-    start; null for the lead."""
+    """Largest true distance from the path that the lead drove, once the vehicle has passed the
+    lead's start; null for the lead."""
     cross_track_error_m_rms: float | None
     """Root mean square of the same."""
     cross_track_error_max_at_s: float | None = None
@@ -86,6 +87,15 @@ class VehicleSummary:
     """Smallest estimated gap to the predecessor, bumper to bumper along the path."""
     estimated_gap_m_max: float | None = None
     """Largest estimated gap to the predecessor."""
+    held_braking_mps2_min: float | None = None
+    """Smallest braking of the predecessor that the estimated gap held at the age of its data: from
+    then on until it becomes known, with 8 m/s² of the own tyres (closed form, see `convoy check`).
+    Null with a gap sensor."""
+    overridden_ratio: float | None = None
+    """Share of the time, after the first 2 s, in which the guard overrode the longitudinal law;
+    null for the lead and without recorded commands."""
+    overrides: Mapping[str, float] = field(default_factory=dict)
+    """That share by reason: why the command differed from the law."""
     distance_m: float
     """Distance driven."""
     lateral_acceleration_mps2_max: float | None = None
@@ -165,6 +175,7 @@ class VehicleFigures:
         self.self_estimate = SelfEstimateErrors()
         self.tyres = TyreFigures()
         self.estimated_gap_min, self.estimated_gap_max = inf, -inf
+        self.held_braking_min = inf
         self.lateral_deviation_max = -1.0
         self._accuracy_max = 0.0
         self.reaction = Reaction()
@@ -203,6 +214,10 @@ class VehicleFigures:
             self.estimated_gap_min = gap
         if self.estimated_gap_max < gap < inf:
             self.estimated_gap_max = gap
+        if isnan(tracking.measured_gap_m):
+            held = braking_held(gap, tracking.predecessor_age_s)
+            if held < self.held_braking_min:  # noqa: PLR1730 - NaN
+                self.held_braking_min = held
         if tracking.lateral_deviation_m > self.lateral_deviation_max:  # noqa: PLR1730 - NaN
             self.lateral_deviation_max = tracking.lateral_deviation_m
 
@@ -375,6 +390,9 @@ class VehicleFigures:
             else None,
             estimated_gap_m_max=self.estimated_gap_max
             if isfinite(self.estimated_gap_max)
+            else None,
+            held_braking_mps2_min=self.held_braking_min
+            if isfinite(self.held_braking_min)
             else None,
             distance_m=self.distance,
             lateral_acceleration_mps2_max=tyres.lateral_acceleration if tyres.poses else None,

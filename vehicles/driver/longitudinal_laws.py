@@ -67,6 +67,20 @@ def gap_acceleration(
     return min(max(wanted, -limits.deceleration), limits.acceleration)
 
 
+TYRES: Final = 8.0  # Hardest braking (m/s²) of cars on a dry road
+
+
+def braking_held(gap: float, unknown: float, tyres: float = TYRES) -> float:
+    """Braking (m/s²) of a vehicle a `gap` (m) ahead that may stay unknown for a time (s).
+
+    At equal speeds it brakes at b from then on, and the follower `unknown` later at `tyres` b_m
+    (m/s²). A contact is avoidable while g > b T² b_m / (2 (b_m - b)) (kinematics).
+    """
+    if gap <= 0.0:
+        return 0.0
+    return gap * tyres / (gap + 0.5 * tyres * unknown * unknown)
+
+
 # ---- Shipped longitudinal controllers; SI units
 #
 # Symbols of the formulas: gap g to the predecessor, from bumper to bumper; own speed v and
@@ -291,24 +305,31 @@ class Flatbed(_RadioLaw):
 class ConsensusSettings(Fallback):
     """Parameters of the consensus law."""
 
-    position_gain: Annotated[float, Setting("k of each source", "per_s2", above=0)] = 0.86
+    first_gain: Annotated[
+        float, Setting("k of the lead, of its first follower", "per_s2", above=0)
+    ] = 0.46
+    lead_gain: Annotated[float, Setting("k of the lead, of others", "per_s2", 0)] = 0.08
+    predecessor_gain: Annotated[float, Setting("k of the predecessor", "per_s2", 0)] = 0.86
+    other_gain: Annotated[float, Setting("k of each other source", "per_s2", 0)] = 0.86
     speed_gain: Annotated[float, Setting("b", "per_s", above=0)] = 1.8
 
 
 class Consensus(_RadioLaw):
     """Consensus over all longitudinal sources (Santini et al., 2017), along the path.
 
-    u = -b (v - v_0) + (k / n) Σ_j (s_j - S_j), with the speed v_0 of the lead, the spacing s_j to
-    each of n sources, predicted to now at v_0, and its desired value S_j at v_0. Gains are those of
-    Plexe for a mass of 1000 kg.
+    u = -b (v - v_0) + 1/n Σ_j k_j (s_j - S_j), with the speed v_0 of the lead, the spacing s_j to
+    each of n sources, predicted to now at v_0, and its desired value S_j at v_0. The weights are
+    those of Plexe for a mass of 1000 kg, which has lead and predecessor as sources: 80 and 860, and
+    460 for the first follower, whose predecessor is the lead. Other sources have the predecessor's.
 
     Sources may be anywhere: spacings to vehicles behind are negative. Without the lead, v_0 is the
     mean speed of the sources (Ren and Atkins, 2007). The errors of a convoy then obey
-    s² + b s + k λ = 0 with the lead and s² + b λ s + k λ = 0 without it, for each eigenvalue λ of
-    I - D⁻¹ A, where A is the graph of the sources and D their numbers; if the lead reaches every
-    vehicle and all λ are real, as with any sources ahead and with both neighbours, all decay. It
-    falls back to ACC while the predecessor's data are old, or those of all sources if the
-    predecessor is none of them; without data of the predecessor at all, it then keeps its speed.
+    e'' + b e' + L e = 0 with the lead, where L has the sum of k_j/n of each vehicle on its diagonal
+    and -k_j/n for its sources; they decay if the lead reaches every vehicle, L has real
+    eigenvalues and b is as large as here. A source that is not received counts in n, without a
+    share in the sum. It falls back to ACC while the predecessor's data are old, or those of all
+    sources if the predecessor is none of them; without data of the predecessor at all, it then
+    keeps its speed.
     """
 
     needs_predecessor: ClassVar[bool] = False
@@ -318,6 +339,10 @@ class Consensus(_RadioLaw):
         super().__init__(setup, settings)
         self._settings = settings
         self._needs_predecessor = not setup.policies or setup.predecessor in setup.policies
+        gains = {setup.lead: settings.lead_gain, setup.predecessor: settings.predecessor_gain}
+        if setup.lead == setup.predecessor:
+            gains = {setup.lead: settings.first_gain}
+        self._gains = {name: gains.get(name, settings.other_gain) for name in setup.policies}
 
     def _has_data(self, ahead: VehiclesAhead) -> bool:
         if self._needs_predecessor:
@@ -337,10 +362,8 @@ class Consensus(_RadioLaw):
         total = 0.0
         for name, source in sources.items():
             spacing = source.spacing + source.age * common
-            total += spacing - policies[name].desired(common)
-        return settings.position_gain * total / max(len(sources), 1) - settings.speed_gain * (
-            speed - common
-        )
+            total += self._gains[name] * (spacing - policies[name].desired(common))
+        return total / max(len(policies), 1) - settings.speed_gain * (speed - common)
 
     def _mean_speed(self, sources: Mapping[str, SourceMotion], ahead: VehiclesAhead) -> float:
         """Mean speed (m/s) of the sources, that of the predecessor predicted to now."""

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
-from math import gcd, inf, prod, sqrt
+from math import inf, prod, sqrt
 from typing import Protocol
 
 import numpy as np
@@ -261,14 +261,6 @@ def source_key(tables: ScenarioTables, link: tuple[str, str], key: str) -> str:
     return f"links.{key}{_value(tables.links, key)}"
 
 
-def rules_of(tables: ScenarioTables, link: tuple[str, str]) -> Iterator[str]:
-    for entry in _entries(tables, link):
-        yield f"{_place(tables, entry)} ({entry.sender} → {entry.receiver})"
-        if entry.preset:
-            return
-    yield "links"
-
-
 def _entries(tables: ScenarioTables, link: tuple[str, str]) -> list[LinkEntry]:
     """Return the entries of a link, the most specific first."""
     about = entries_about(tables.link, vehicle_names(tables), *link)
@@ -396,39 +388,3 @@ def _delay(table: LinkTable, effects: Sequence[Effect]) -> tuple[float | None, f
         spread += delays.variance * (1.0 + tied) / (1.0 - tied)
     inflation = spread / variance if variance else 1.0
     return mean / MILLISECOND, sqrt(variance) / MILLISECOND, inflation
-
-
-def expected_age_ms(
-    expected: ExpectedChannel, rate_hz: float, control_rate_hz: float | None = None
-) -> float | None:
-    """Return the mean age (ms) of the newest message of a source at a rate; None if unknown.
-
-    Without much overtaking it is the mean delay plus E[X²] / (2 E[X]) periods, where X is the
-    number of periods between received messages (renewal theory: Cox 1962, section 5.2). Losses are
-    modelled as a two-state chain with mean loss p and burst b: exact for independent losses, with
-    delay + T (1 / (1 - p) - 1/2), and for Gilbert's law.
-
-    Commands at `control_rate_hz` meet a constant delay in phases that are a greatest common divisor
-    of both periods apart.
-    """
-    loss, delay = expected.loss_ratio, expected.latency_ms_mean
-    if loss is None or delay is None or loss == 1.0:
-        return None
-    burst = expected.burst_messages if loss else 1.0
-    if burst is None:
-        return None
-    begins, ends = loss / (burst * (1.0 - loss)), 1.0 / burst
-    mean = 1.0 + begins / ends
-    square = 1.0 + begins * (2.0 / ends + (2.0 - ends) / ends**2)
-    age = delay + 1000.0 / rate_hz * 0.5 * square / mean
-    if control_rate_hz is not None and not expected.latency_ms_deviation:
-        step = 1000.0 * _common_period_s(Fraction(rate_hz), Fraction(control_rate_hz))
-        age += -delay % step - 0.5 * step
-    return age
-
-
-def _common_period_s(one: Fraction, other: Fraction) -> float:
-    """Return the greatest common divisor (s) of the periods of two rates (Hz)."""
-    # gcd(a/b, c/d) = gcd(ad, cb) / bd, of the periods 1/one and 1/other
-    a, b, c, d = one.denominator, one.numerator, other.denominator, other.numerator
-    return gcd(a * d, c * b) / (b * d)

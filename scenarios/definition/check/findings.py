@@ -11,7 +11,8 @@ import numpy as np
 
 from scenarios.definition.check.confirmation import confirmation_lines, lap_warnings
 from scenarios.definition.check.drive_report import DriveReport, drive_report, drive_warnings
-from scenarios.definition.check.link_forecast import LinkForecast, laws_in_brief, link_forecasts
+from scenarios.definition.check.held_braking import HeldBraking, held_braking
+from scenarios.definition.check.link_forecast import laws_in_brief
 from scenarios.definition.check.preview import history_warnings, preview_warnings
 from scenarios.definition.check.steering_loop import (
     certificate_warnings,
@@ -116,6 +117,9 @@ STRAIGHT = 1e-6
 GROWTH_M = 1.0
 """Growth of a gap by a follower's limit of acceleration up to which there is no warning."""
 
+BRAKING_SLACK_MPS2 = 0.2
+"""Resolution of the held braking."""
+
 STEP = 0.05
 """Time step (s) at which the lead's planned run is sampled."""
 
@@ -133,7 +137,7 @@ class CheckReport:
     path of segments: omitted points, holes, noise, the half width of the smoothing, the offset
     subtracted from coordinates, and the distance of the path from the points (rms) and between
     them as well (max). `drive` has more about it.
-    `explained` has the links on request.
+    `held_braking` is the braking of the lead that the gaps hold.
     """
 
     name: str
@@ -183,7 +187,7 @@ class CheckReport:
     deviation_m_max: float | None
     warnings: tuple[str, ...]
     drive: DriveReport | None = None
-    explained: tuple[LinkForecast, ...] = ()
+    held_braking: HeldBraking | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -214,20 +218,25 @@ class _Run:
         return float(np.min(self.speeds)), float(np.max(self.speeds))
 
 
-def whole_report(
-    scenario: Scenario, drive: DriveInPlane | None = None, *, explain: bool = False
-) -> CheckReport:
-    """Report on a scenario and its recorded drive, with the warnings that need SciPy.
-
-    `explain` adds the forecasts of all links.
-    """
-    report = report_of(scenario)
+def whole_report(scenario: Scenario, drive: DriveInPlane | None = None) -> CheckReport:
+    """Report on a scenario and its recorded drive, with the findings that take longer."""
+    report, held = report_of(scenario), held_braking(scenario)
+    braking = _braking_warnings(report.braking_mps2_max, held)
     return replace(
         report,
-        warnings=(*report.warnings, *certificate_warnings(scenario)),
+        held_braking=held,
+        warnings=(*report.warnings, *certificate_warnings(scenario), *braking),
         drive=drive_report(drive, scenario) if drive is not None else None,
-        explained=link_forecasts(scenario) if explain else (),
     )
+
+
+def _braking_warnings(planned: float, held: HeldBraking | None) -> Iterator[str]:
+    if held is not None and planned > held.simulated_mps2 + BRAKING_SLACK_MPS2:
+        yield (
+            f"the lead brakes at up to {planned:.1f} m/s², the gaps hold "
+            f"{held.simulated_mps2:.1f} m/s² in a simulation without losses: a collision is "
+            "possible. Raise the gaps or gnss.rate_hz, or lower the braking."
+        )
 
 
 def check(

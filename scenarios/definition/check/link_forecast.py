@@ -1,8 +1,8 @@
-"""Rules, laws and expected figures of each directed link."""
+"""Laws of a directed link in words, and a sample of it."""
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -11,15 +11,10 @@ from numpy.typing import NDArray
 from scenarios.definition.channel.build import (
     OF_VEHICLES,
     USUAL_MESSAGE_BYTES,
-    expected_age_ms,
-    expected_channel,
     link_effects,
     link_stages,
-    rules_of,
-    source_key,
     vehicles_between,
 )
-from scenarios.definition.check.preview import spacing_to
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.link_tables import LinkTable
 from transport.links.inbox import judge_stream
@@ -120,95 +115,19 @@ class StraightDrive:
             )
 
 
-# ---- Link forecast
+# ---- Laws of a link in words
 
 
 PLAIN = {"rate_hz", "loss_ratio", "latency_ms", "jitter_ms"}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LawDescription:
-    """Description of a law, and the key that sets it."""
-
-    words: str
-    key: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkForecast:
-    """Settings of one directed link, and its long-run figures.
-
-    `rules` apply to the link, the most specific first. Figures that depend on more than the laws
-    are None. Those of a radio are for `distance_m`, the spacing at the lead's first speed, with all
-    vehicles in between obstructing it. `age_ms_mean` is the age of the newest message at a command,
-    for periodic messages and losses of a two-state chain.
-    """
-
-    sender: str
-    receiver: str
-    rules: tuple[str, ...]
-    preset: str | None
-    preset_source: str | None
-    laws: tuple[LawDescription, ...]
-    rate_hz: float
-    distance_m: float | None
-    loss_ratio: float | None
-    burst_messages_mean: float | None
-    latency_ms_mean: float | None
-    latency_ms_deviation: float | None
-    age_ms_mean: float | None
-
-
-def link_forecasts(scenario: Scenario) -> tuple[LinkForecast, ...]:
-    return tuple(link_forecast(scenario, link) for link in scenario.links)
-
-
-def link_forecast(scenario: Scenario, link: tuple[str, str]) -> LinkForecast:
-    sender, receiver = link
-    table, source, setup = (
-        scenario.links[link],
-        scenario.vehicle(sender),
-        scenario.vehicle(receiver),
-    )
-    speed = scenario.route.profile.at(0.0)[0]
-    distance_m = spacing_to(scenario, setup.place, sender, speed) if table.radio else None
-    between = partial(vehicles_between, scenario.route, source.place, setup.place)
-    expected = expected_channel(table, source.highest_rate_hz, distance_m, between)
-    if scenario.link_setting(sender, receiver, 0).off:
-        expected = replace(expected, loss_ratio=None, burst_messages=None)
-    sent_hz = source.usual_rate_hz(speed)
-    rate_hz = min(sent_hz, table.rate_hz or sent_hz)
-    age_ms = None
-    if source.even_rate_hz is not None:
-        age_ms = expected_age_ms(expected, rate_hz, scenario.control_rate_hz)
-    return LinkForecast(
-        sender=sender,
-        receiver=receiver,
-        rules=tuple(rules_of(scenario.tables, link)),
-        preset=table.preset,
-        preset_source=table.preset_source,
-        laws=tuple(
-            LawDescription(
-                words=words, key=key if "." in key else source_key(scenario.tables, link, key)
-            )
-            for key, words in _laws(scenario, link)
-        ),
-        rate_hz=rate_hz,
-        distance_m=distance_m,
-        loss_ratio=expected.loss_ratio,
-        burst_messages_mean=expected.burst_messages,
-        latency_ms_mean=expected.latency_ms_mean,
-        latency_ms_deviation=expected.latency_ms_deviation,
-        age_ms_mean=None if age_ms is None else age_ms + source.gnss.latency / MILLISECOND,
-    )
-
-
 def laws_in_brief(scenario: Scenario, link: tuple[str, str]) -> str:
     """Describe the laws of a link except latency, jitter, independent loss and rate."""
-    return "; ".join(words for key, words in _laws(scenario, link) if key not in PLAIN)
+    return "; ".join(words for key, words in laws_of(scenario, link) if key not in PLAIN)
 
 
-def _laws(scenario: Scenario, link: tuple[str, str]) -> Iterator[tuple[str, str]]:
+def laws_of(scenario: Scenario, link: tuple[str, str]) -> Iterator[tuple[str, str]]:
+    """Yield the key and the description of each law of a link."""
     sender, receiver = link
     table, source = scenario.links[link], scenario.vehicle(sender)
     setting = scenario.link_setting(sender, receiver, 0)

@@ -21,6 +21,7 @@ from scenarios.definition.schema.path_tables import (
 from scenarios.definition.schema.scenario_tables import ScenarioTables, SpeedTable
 from scenarios.definition.traces.recorded_drive import NO_TIMES
 from scenarios.definition.vehicle_setup import VehicleSetup, empty_car
+from transport.links.link import keyed_draw
 from vehicles.car.parameters import least_spacing
 from vehicles.driver.controller import SpacingPolicy
 from vehicles.driver.speed import SpeedProfile
@@ -177,7 +178,7 @@ def plan_route(tables: ScenarioTables) -> Route:
         if smoothed is not None and start == smoothed.start:
             path = _straight_before(path, start)
     else:
-        wanted, ratio = _wanted(tables.speed, tables.duration_s or 0.0), 1.0
+        wanted, ratio = _wanted(tables, tables.duration_s or 0.0), 1.0
         until = tables.duration_s or LONGEST
         profile = slowed(wanted, path, start, _limits(tables.speed), until)
     first_speed = profile.at(0.0)[0]
@@ -284,13 +285,17 @@ def curvature(segment: SegmentTable) -> float:
     return segment.curvature_per_m or 0.0
 
 
-def _wanted(table: SpeedTable, duration: float) -> SpeedProfile:
+def _wanted(tables: ScenarioTables, duration: float) -> SpeedProfile:
     """Return the configured speed over `duration` (s), before it is lowered in curves."""
+    table = tables.speed
     if table.lead == "oscillating":
         return _oscillating(table, duration)
     if table.lead != "profile":
         return SpeedProfile((0.0,), (table.set_mps,))
-    times = tuple(point.at_s for point in table.profile)
+    delay = table.profile_delay_s_max
+    if delay:
+        delay *= keyed_draw(tables.seed, "speed", "")("profile_delay_s_max", 0)
+    times = tuple(point.at_s + delay for point in table.profile)
     return SpeedProfile(times, tuple(point.speed_mps for point in table.profile))
 
 

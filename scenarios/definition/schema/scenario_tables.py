@@ -340,6 +340,9 @@ class SpeedTable(Table):
                                    further on. Default: on a closed path
     set_mps                        set speed
     profile                        points of the profile
+    profile_delay_s_max            the profile begins later by a time that the seed draws, up to
+                                   this: with the period of the messages, braking begins anywhere
+                                   between two of them
     oscillation                    sinusoidal speed around set_mps
     followers                      "same" speed as the lead at the same time, or keep a "gap"
     lateral_acceleration_mps2_max  set speeds and profiles are lowered in curves to keep it
@@ -358,6 +361,7 @@ class SpeedTable(Table):
     lead_keeps_gap: bool | None = None
     set_mps: float = Field(default=20.0, ge=0.1, le=100)
     profile: Annotated[tuple[ProfilePoint, ...], Field(strict=False)] = ()
+    profile_delay_s_max: float = Field(default=0.0, ge=0, le=60)
     oscillation: OscillationTable = OscillationTable()
     followers: Literal["same", "gap"] = "same"
     lateral_acceleration_mps2_max: float = Field(default=3.0, ge=0.1, le=20)

@@ -65,6 +65,7 @@ VEHICLE_CELLS: Sequence[Cell] = (
     ("friction used, %", lambda row: row.friction_ratio_max, 100.0, ".0f"),
     ("stops", lambda row: row.reaction.stops, 1.0, "d"),
     ("blind, m", lambda row: row.reaction.blind_m, 1.0, ".1f"),
+    ("overridden, %", lambda row: row.overridden_ratio, 100.0, ".0f"),
     ("distance, m", lambda row: row.distance_m, 1.0, ".0f"),
 )
 LINK_CELLS: Sequence[Cell] = (

@@ -16,7 +16,6 @@ from scenarios.results.encounters import EventKind
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import METADATA_NAME, log_in, summary_of
 from scenarios.results.summary import RunIdentity, RunSummary
-from scenarios.studies.comparison.message_diff import MessageComparison, compare_messages
 from scenarios.studies.many.plan import LINK_FIELDS, VEHICLE_FIELDS, SweepFigure
 from transport.log.errors import LogError
 from transport.log.reader import LogReader
@@ -106,6 +105,11 @@ def figure_differences(
     values_a, values_b = _values(a, names), _values(b, names)
     compared = (_difference(name, values_a[name], values_b[name]) for name in names)
     return tuple(one for one in compared if one.is_beyond_rounding or one.low != one.high)
+
+
+def _compared(a: Sequence[RunSummary], b: Sequence[RunSummary]) -> int:
+    """Count the figures of two runs; 0 if the summary of one is unknown."""
+    return len({name for summary in (*a, *b) for name in _names(summary)}) if a and b else 0
 
 
 def _names(summary: RunSummary) -> Iterator[str]:
@@ -303,12 +307,12 @@ SEED = "seed"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunDiff:
-    """Differences of A and B. `messages` is None with several runs a side."""
+    """Differences of A and B. `compared` counts the figures of two runs; None with several."""
 
     a: tuple[Path, ...]
     b: tuple[Path, ...]
     settings: tuple[SettingDifference, ...]
-    messages: MessageComparison | None
+    compared: int | None
     figures: tuple[FigureDifference, ...]
     faults: tuple[str, ...]
     """Damage, interruption, holes and missing parts of the logs, a line each."""
@@ -316,18 +320,19 @@ class RunDiff:
     @property
     def is_equal(self) -> bool:
         """Whether the runs are equal; of several, whether no difference exceeds the noise."""
-        if self.messages is not None:
-            return not self.settings and self.messages.is_equal
+        if self.compared is not None:
+            differs = self.settings or self.figures or self.faults
+            return bool(self.compared) and not differs
         return not any(figure.exceeds_noise for figure in self.figures)
 
     @property
     def sentence(self) -> str:
-        if self.messages is None:
+        if self.compared is None:
             return self._noise_sentence
         if self.is_equal:
-            return f"identical: all settings and all {self.messages.equal} messages are equal"
-        if self.messages.is_equal:
-            return f"different settings, equal messages ({self.messages.equal})"
+            return f"identical: all settings and all {self.compared} figures are equal"
+        if self.compared and not self.figures:
+            return f"different settings, equal figures ({self.compared})"
         return "different" if self.settings else "different, with equal settings"
 
     @property
@@ -386,7 +391,7 @@ def diff_runs(
         a=of_a,
         b=of_b,
         settings=settings,
-        messages=compare_messages(first_a, first_b) if is_single else None,
+        compared=_compared(*summaries) if is_single else None,
         figures=figure_differences(*summaries) if all(summaries) else (),
         faults=tuple(faults),
     )
@@ -404,7 +409,6 @@ def _summary(log: Path, faults: list[str], *, is_needed: bool) -> list[RunSummar
 
 
 def to_json(diff: RunDiff) -> str:
-    messages = diff.messages
     content = {
         "schema": SCHEMA,
         "a": [str(log) for log in diff.a],
@@ -413,7 +417,6 @@ def to_json(diff: RunDiff) -> str:
         "sentence": diff.sentence,
         "log_faults": list(diff.faults),
         "settings": [asdict(setting) for setting in diff.settings],
-        "messages": None if messages is None else _messages(messages),
         "figures": [
             asdict(figure)
             | {"difference": figure.difference, "exceeds_noise": figure.exceeds_noise}
@@ -421,14 +424,3 @@ def to_json(diff: RunDiff) -> str:
         ],
     }
     return json.dumps(content, indent=2, default=list) + "\n"
-
-
-def _messages(messages: MessageComparison) -> Mapping[str, Any]:
-    first = messages.first
-    return {
-        "equal": messages.equal,
-        "differing": dict(messages.differing),
-        "only_in_a": dict(messages.only_in_a),
-        "only_in_b": dict(messages.only_in_b),
-        "first": None if first is None else asdict(first) | {"sentence": first.sentence},
-    }

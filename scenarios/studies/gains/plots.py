@@ -14,19 +14,15 @@ from scenarios.studies.gains.results import GainsReport, Subject
 from scenarios.studies.job import write_files
 from scenarios.studies.picture_style import (
     BLUE,
-    COLUMN_IN,
     GREEN,
     GREY,
-    ORANGE,
     PAGE_IN,
     RED,
     SEQUENCE,
-    SKY,
     STYLE,
 )
 from vehicles.car.parameters import Gains
 from vehicles.theory.gain_sets import (
-    abscissa,
     boundary_curve,
     gain_extremes,
     spectral_abscissa,
@@ -163,85 +159,11 @@ def intersection(subject: Subject) -> Figure:
 # ---- Plots of the gains report: its curves, and the list of all. Needs matplotlib
 
 
-DRY_ASPHALT = 9.81
-"""Acceleration limit on dry asphalt, about 1 g (m/s²)."""
-
 SINE_FREQUENCY = 0.4 * np.pi
 """Frequency (rad/s) of the lead's sine: 0.2 Hz, as in a lane change of 5 s."""
 
 SLOW_ROOTS = 10.0
 """Imaginary part (rad/s) below which a root belongs to the path, not to the steering."""
-
-
-def abscissa_over_speed(subject: Subject, report: GainsReport) -> Figure:
-    """Largest real part of the roots against speed, for the empty car and all loadings."""
-    varying = report.varying_speed
-    speeds = np.linspace(varying.slowest_mps, varying.fastest_mps, 200).tolist()
-    curves = np.array([abscissa(car, subject.gains, speeds) for car in subject.cars])
-    figure = Figure(figsize=(COLUMN_IN, 3.3), layout="constrained")
-    axes = figure.subplots()
-    axes.fill_between(
-        speeds, curves.min(axis=0), curves.max(axis=0), color=SKY, alpha=0.4, label="all loadings"
-    )
-    nominal = abscissa(subject.parameters, subject.gains, speeds)
-    axes.plot(speeds, nominal, color=BLUE, label="empty car")
-    rows = report.speeds
-    axes.plot(
-        [row.speed_mps for row in rows],
-        [row.abscissa_per_s for row in rows],
-        color=BLUE,
-        marker="o",
-        markersize=4.5,
-        linestyle="none",
-    )
-    if varying.stable_at_every_speed:
-        axes.axhline(
-            -varying.decay_per_s,
-            color=ORANGE,
-            linestyle="--",
-            label=rf"proven for all speeds: $\sigma$ = {varying.decay_per_s:.3f} 1/s",
-        )
-    axes.axhline(0.0, color=RED, linewidth=1.0, label="stability limit")
-    axes.set_xlabel("speed, m/s")
-    axes.set_ylabel("largest real part, 1/s")
-    axes.set_title("Slowest root of the closed loop")
-    figure.legend(loc="outside lower center", ncols=2)
-    return figure
-
-
-def certified_acceleration(_subject: Subject, report: GainsReport) -> Figure:
-    """Bounds on acceleration that keep the loop certainly stable, against speed."""
-    table = report.varying_speed.table
-    figure = Figure(figsize=(COLUMN_IN, 3.3), layout="constrained")
-    axes = figure.subplots()
-    axes.set_xlabel("speed, m/s")
-    axes.set_ylabel("certified |acceleration|, m/s²")
-    axes.set_title("Acceleration that keeps the loop stable")
-    if not table:
-        text = "not stable at every constant speed:\nnothing is certified"
-        axes.text(0.5, 0.5, text, ha="center", transform=axes.transAxes)
-        return figure
-    speeds = [row.speed_mps for row in table]
-    for bounds, label, colour, line in (
-        ([row.certified for row in table], "tuned Q, weighted over speed", BLUE, "-"),
-        ([row.tuned_q_only for row in table], "tuned Q, not weighted", GREEN, "--"),
-        ([row.unit_q_only for row in table], "Q = 1, not weighted", ORANGE, ":"),
-    ):
-        smaller = [min(bound.braking, bound.accelerating) for bound in bounds]
-        axes.semilogy(speeds, smaller, color=colour, linestyle=line, label=label)
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.axhline(DRY_ASPHALT, color=GREY, linewidth=1.0)
-    axes.annotate(
-        "dry asphalt",
-        (speeds[-1], DRY_ASPHALT),
-        (0, -10),
-        textcoords="offset points",
-        ha="right",
-        color=GREY,
-        fontsize=8.0,
-    )
-    figure.legend(loc="outside lower center")
-    return figure
 
 
 def error_propagation(subject: Subject, report: GainsReport) -> Figure:
@@ -344,51 +266,13 @@ def roots_over_loadings(subject: Subject, report: GainsReport) -> Figure:
     return figure
 
 
-def lowest_rates(_subject: Subject, report: GainsReport) -> Figure:
-    """Lowest stable rates of inertial sensor, fixes alone and control, against speed."""
-    figure = Figure(figsize=(COLUMN_IN, 3.3), layout="constrained")
-    axes = figure.subplots()
-    speeds = [row.speed_mps for row in report.sampled]
-    for rates, label, colour, marker in (
-        (
-            [row.lowest_rate_without_imu_hz for row in report.sampled],
-            "own motion from fixes alone",
-            RED,
-            "s",
-        ),
-        (
-            [row.lowest_imu_rate_hz for row in report.sampled],
-            "inertial sensor, fixes at 20 Hz",
-            BLUE,
-            "o",
-        ),
-        (
-            [row.lowest_control_rate_hz for row in report.sampled],
-            "control, with its inertial sensor",
-            ORANGE,
-            "^",
-        ),
-    ):
-        values = [np.nan if rate is None else rate for rate in rates]
-        axes.plot(speeds, values, color=colour, marker=marker, markersize=4.5, label=label)
-    axes.set_ylim(bottom=0.0)
-    axes.set_xlabel("speed, m/s")
-    axes.set_ylabel("lowest stable rate, Hz")
-    axes.set_title("Lowest stable rates")
-    figure.legend(loc="outside lower center")
-    return figure
-
-
 OF_SETS: dict[str, Callable[[Subject], Figure]] = {
     "stabilising_slices": stabilising_slices,
     "intersection": intersection,
 }
 OF_NUMBERS: dict[str, Callable[[Subject, GainsReport], Figure]] = {
-    "abscissa": abscissa_over_speed,
-    "certified_acceleration": certified_acceleration,
     "propagation": error_propagation,
     "roots_over_loadings": roots_over_loadings,
-    "lowest_rates": lowest_rates,
 }
 
 

@@ -62,8 +62,6 @@ class RerunResult:
 
 
 class RerunObserver:
-    kinds: frozenset[type[Message]] = KINDS
-
     def __init__(self, scenario: Scenario, criteria: RerunCriteria, start_at: int) -> None:
         self.criteria = criteria
         self._start_at = start_at
@@ -73,6 +71,7 @@ class RerunObserver:
         else:
             self._stream.on_gap(self._record_gap)
         self._live = LiveLimit(criteria.limit, self._stream, scenario.vehicle_names)
+        self.kinds: frozenset[type[Message]] = KINDS | self._stream.kinds
         self._series: dict[str, list[list[float]]] = {
             name: [] for name in scenario.vehicle_names[1:]
         }

@@ -165,13 +165,16 @@ class String:
             left = math.exp(-CONTROL / LAG)  # a at the end of the period, under u
             wanted = (aim - 2.4 * left * a[i]) / (1.0 + 2.4 * (1.0 - left))
         else:
-            sources = {0: lead, i - 1: ahead}
+            sources = {0: (0.08, lead), i - 1: (0.86, ahead)} if i > 1 else {0: (0.46, lead)}
             errors = [
-                one.place
-                + (now - one.at) * lead_speed
-                - x[i]
-                - (i - j) * (d + self.length + h * lead_speed)
-                for j, one in sources.items()
+                weight
+                * (
+                    one.place
+                    + (now - one.at) * lead_speed
+                    - x[i]
+                    - (i - j) * (d + self.length + h * lead_speed)
+                )
+                for j, (weight, one) in sources.items()
             ]
-            wanted = 0.86 * sum(errors) / len(errors) - 1.8 * (own - lead_speed)
+            wanted = sum(errors) / len(errors) - 1.8 * (own - lead_speed)
         return float(min(max(wanted, -HARDEST), STRONGEST))

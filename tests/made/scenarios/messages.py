@@ -126,6 +126,7 @@ def command(vehicle: str, seq: int) -> Command:
         feedback_rad=0.0,
         acceleration_mps2=0.0,
         target_speed_mps=20.0,
+        law_acceleration_mps2=0.0,
     )
 
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, timezone
 from functools import reduce
 from io import BytesIO
-from pathlib import Path
 
 from mcap.writer import Writer
 
@@ -256,20 +255,6 @@ def location_fixes(recording: Recording) -> bytes:
         writer.add_message(channel, nanoseconds, json.dumps(message).encode(), nanoseconds)
     writer.finish()  # type: ignore[no-untyped-call]
     return buffer.getvalue()
-
-
-def write_oxts(folder: Path, recording: Recording) -> None:
-    (folder / "data").mkdir(parents=True)
-    ats: list[str] = []
-    for k, fix in enumerate(recording.fixes):
-        latitude, longitude = fix.latitude_longitude
-        speed = fix.speed if isinstance(fix.speed, float) else 0.0
-        numbers = [latitude, longitude, 500.0, 0.0, 0.0, 0.3, 0.0, speed, speed, *[0.0] * 14]
-        text = " ".join(f"{value:.9f}" for value in numbers) + " 0.01 0.01 4 12 4 4 0"
-        (folder / "data" / f"{k:010d}.txt").write_text(text + "\n")
-        at = fix.time if isinstance(fix.time, float) else START
-        ats.append(f"{_date(at):%Y-%m-%d %H:%M:%S.%f}000")
-    (folder / "timestamps.txt").write_text("\n".join(ats) + "\n")
 
 
 WRITERS: dict[str, tuple[str, Callable[[Recording], bytes]]] = {

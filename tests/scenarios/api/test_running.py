@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
@@ -127,14 +128,13 @@ def test_a_check_of_a_recorded_drive_has_its_facts(tmp_path: Path) -> None:
     drive = tmp_path / "drive.csv"
     rows = [f"{0.1 * k:.1f},{k + 30 * (k > 200)},0" for k in range(400)]
     drive.write_text("\n".join(["t_s,east_m,north_m", *rows]))
-    done = command("check", drive, "--json", "--explain")
+    done = command("check", drive, "--json")
     assert done.exit_code == 0, done.output
-    report = convoy.check(drive, explain=True)
+    report = convoy.check(drive)
     assert json.loads(json.dumps(asdict(report))) == json.loads(done.stdout)
     assert report.drive is not None
     (hole,) = report.drive.holes
     assert hole.length_m == pytest.approx(31.0)
-    assert {(one.sender, one.receiver) for one in report.explained} >= {("v1", "v2"), ("v1", "v4")}
 
 
 def test_a_sweep_tabulates_what_the_command_writes(tmp_path: Path) -> None:
@@ -151,8 +151,10 @@ def test_a_sweep_tabulates_what_the_command_writes(tmp_path: Path) -> None:
     assert len(sweep.cells) == 4
     assert len(sweep.runs) == 8
     assert sweep.files == ()
-    medians = [cell.figures[0].median for cell in expected.cells]
-    assert sweep.cells["cross_track_error_m_max.median"].tolist() == medians
+    medians = [
+        np.nan if one.figures[0].median is None else one.figures[0].median for one in expected.cells
+    ]
+    assert np.array_equal(sweep.cells["cross_track_error_m_max.median"], medians, equal_nan=True)
     assert sweep.runs["links.loss_ratio"].tolist() == 4 * [0.0] + 4 * [0.8]
     assert sweep.worst_command.startswith("convoy run lane_change")
 

@@ -59,7 +59,6 @@ COMMANDS = {
     "sweep again": Command(SWEEP, SWEPT, repeated=True),
     "scenario-from": Command(f"scenario-from {LOG} -o out/again.toml", "again.toml"),
     "channel fit": Command(f"channel fit {LOG} -o out/links.toml", "links.toml"),
-    "channel show": Command("channel show bursty --messages 100 -o out/link.svg", "link.svg"),
     "export": Command(
         f"export {LOG} --format csv --format parquet --format gpx --out out",
         "vehicles.csv links.csv vehicles.parquet links.parquet v1.gpx v2.gpx",

@@ -127,10 +127,11 @@ def test_degradation_has_its_own_table() -> None:
         blind_m=12.34, predicted_blind_m_max=12.5, hazards=1,
     )  # fmt: skip
     lead, second, third = figures.vehicles
-    text = printed(replace(figures, vehicles=(lead, replace(second, reaction=did), third)))
+    second = replace(second, reaction=did, overridden_ratio=0.254, overrides={"alone": 0.254})
+    text = printed(replace(figures, vehicles=(lead, second, third)))
     table = text[text.index("degradation") : text.index("links:")]
-    assert row(table, "v2 ") == ["v2", "7", "2", "3.2", "/", "4.0", "1", "1", "12.3", "/", "12.5"]
-    assert row(table, "v3 ") == ["v3", "0", "0", "-", "/", "-", "0", "0", "0.0", "/", "-"]
+    assert row(table, "v2 ") == ["v2", "7", "2", "3.2", "/", "4.0", "25", "1", "12.3", "/", "12.5"]
+    assert row(table, "v3 ") == ["v3", "0", "0", "-", "/", "-", "-", "0", "0.0", "/", "-"]
     assert "v1" not in table
 
 

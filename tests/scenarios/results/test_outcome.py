@@ -97,3 +97,20 @@ def test_a_failure_begins_with_its_reason() -> None:
         "FAILED: stopped by SIGINT; 2 more reasons; ran 35.0 s; 3 of 4 vehicles left the lane, "
         "worst v2 2.80 m at 8.18 s; 0 collisions"
     )
+
+
+def test_the_worst_that_a_traffic_engineer_would_notice_replaces_the_ok() -> None:
+    braked = event("hard_braking", 10.3, "v3", braking_mps2_max=6.0)
+    behind = event("falls_behind", 12.8, "v3", gap_excess_m_max=332.4)
+    further = event("falls_behind", 14.0, "v4", gap_excess_m_max=340.0)
+    rest = "; worst error 6.2 cm (v4); 0 collisions; limits: none set"
+    assert line(events=(braked,)) == (
+        f"v3 brakes at up to 6.0 m/s² without a cause ahead, at 10.30 s{rest}"
+    )
+    assert line(events=(braked, behind, further)) == (
+        f"v4 falls behind by up to 340 m, at 14.00 s (2 of 4 vehicles); also: hard braking{rest}"
+    )
+    guarded = event("overridden", 2.0, "v2", overridden_ratio=0.31)
+    assert "v2 overridden by its guard for 0.31 of the time, at 2.00 s" in line(events=(guarded,))
+    stood = event("stranded", 9.0, "v2", duration_s=26.0)
+    assert line(events=(guarded, stood)).startswith("v2 stands for 26 s although the lead drives")

@@ -21,10 +21,7 @@ from scenarios.definition.traces.recorded_drive import (
 # ---- Text of a file in any common encoding; damaged bytes spoil only their own line
 
 
-FORMATS: Final = (
-    "CSV, GPX, KML, GeoJSON, NMEA 0183, MCAP (log of a run, LocationFix, NavSatFix) or a folder "
-    "of KITTI oxts"
-)
+FORMATS: Final = "CSV, GPX, KML, GeoJSON, NMEA 0183 or MCAP (log of a run, LocationFix, NavSatFix)"
 """Formats that are read, for messages."""
 
 BOMS: Final = (

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Final
 
 from scenarios.definition.traces.formats.geojson import read_geojson
-from scenarios.definition.traces.formats.kitti import is_oxts, read_oxts, read_oxts_folder
 from scenarios.definition.traces.formats.logs import MCAP_MAGIC, read_mcap
 from scenarios.definition.traces.formats.markup import (
     FORMATS,
@@ -63,7 +62,6 @@ TEXT_FORMATS: Final = (
         "KML", (".kml",), _tag("kml", "Placemark", "LineString", "coordinates", "coord"), read_kml
     ),
     Format("GeoJSON", (".geojson", ".json"), _is_json, read_geojson),
-    Format("KITTI oxts", (), is_oxts, read_oxts),
     Format("CSV", (".csv", ".tsv", ".txt", ".pos", ".dat"), _is_table, read_table),
 )
 """The first format that a text matches reads it; without any its suffix decides."""
@@ -78,8 +76,6 @@ def read_recorded(
     TraceError for a file that is missing, too large, or of another format.
     """
     data = _content(path)
-    if data is None:
-        return replace(read_oxts_folder(path), format_name="KITTI oxts")
     if data.startswith(MCAP_MAGIC):
         return replace(read_mcap(path, vehicle, topic), format_name="MCAP")
     for key, value in (("vehicle", vehicle), ("topic", topic)):
@@ -100,11 +96,10 @@ def _read_text(text: str, suffix: str) -> tuple[str, RecordedDrive]:
     return chosen.name, chosen.read(text)
 
 
-def _content(path: Path) -> bytes | None:
-    """Return the content of a file, None for a folder."""
+def _content(path: Path) -> bytes:
     try:
         if path.is_dir():
-            return None
+            raise TraceError(f"a folder, allowed a file: {FORMATS}")
         size = path.stat().st_size
         if path.is_file() and size <= MAX_BYTES:
             return path.read_bytes()

@@ -1,4 +1,4 @@
-"""`convoy channel show` and `fit`, and `convoy check --explain`."""
+"""`convoy channel show` and `fit`, and the laws in `convoy check`."""
 
 import json
 import re
@@ -139,31 +139,11 @@ def test_too_few_messages_are_refused() -> None:
     assert convoy("channel", "show", "clear", "--messages", "0").exit_code == 2
 
 
-@pytest.mark.parametrize("name", ["bursty", "ieee80211p_dense", "lead_lost"])
-def test_a_plot_is_drawn_and_never_overwritten(name: str, tmp_path: Path) -> None:
-    picture = tmp_path / "channel.png"
-    assert f"written: {picture}" in printed("channel", "show", name, *QUICK, "-o", picture)
-    drawn = picture.read_bytes()
-    assert drawn.startswith(b"\x89PNG")
-    assert refused("channel", "show", name, *QUICK, "-o", picture).endswith("file exists")
-    assert picture.read_bytes() == drawn
-
-
-@pytest.mark.parametrize(("suffix", "start"), [("svg", b"<?xml"), ("pdf", b"%PDF")])
-def test_the_extension_selects_the_format(suffix: str, start: bytes, tmp_path: Path) -> None:
-    plot = tmp_path / f"channel.{suffix}"
-    printed("channel", "show", "lossy", *QUICK, "-o", plot)
-    assert plot.read_bytes().startswith(start)
-    assert ".svg" in refused("channel", "show", "lossy", *QUICK, "-o", tmp_path / "channel.doc")
-
-
 def test_a_missing_extra_is_named_only_where_it_is_needed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    for package in ("matplotlib", "scipy"):
-        monkeypatch.setitem(sys.modules, package, None)
+    monkeypatch.setitem(sys.modules, "scipy", None)
     assert "loss" in printed("channel", "show", "lossy", *QUICK)
-    assert "needs matplotlib" in refused("channel", "show", "lossy", "--output", "lossy.png")
     assert "needs scipy" in refused("channel", "fit", "run.mcap")
 
 
@@ -209,49 +189,6 @@ def test_an_unknown_link_or_log_is_refused_in_one_line(bursty: Path, tmp_path: P
     other = tmp_path / "other.mcap"
     other.write_text("not a log", encoding="utf-8")
     assert refused("channel", "fit", other)
-
-
-# ---- check --explain
-
-
-def test_equal_links_share_a_block() -> None:
-    text = printed("check", "lane_change", "--explain", "--set", "links.preset=bursty")
-    assert max(map(len, text.splitlines())) <= 80
-    assert "v1 → v2, v1 → v3, v2 → v3, v1 → v4, v3 → v4" in text
-    flat = " ".join(text.split())
-    assert "settings from [links] preset bursty source no measurement" in flat
-    assert "loss 20 %, bursts of 8 messages on average" in flat
-    assert "delay 20 ± 0 ms" in flat
-    assert "at a command: 120 ms on average, at a sending rate of 20 Hz" in flat
-
-
-def test_unpredictable_figures_are_marked() -> None:
-    flat = " ".join(printed("check", "--explain", "--set", "links.preset=tunnel").split())
-    assert "loss not predictable" in flat
-    assert "from 300 to 450 m · links.outages" in flat
-    flat = " ".join(printed("check", "--explain", "--set", "links.preset=congested").split())
-    assert "delay not predictable" in flat
-
-
-def test_different_links_have_separate_blocks() -> None:
-    entry = 'link=[{sender="lead",receiver="*",loss_ratio=0.1}]'
-    flat = " ".join(printed("check", "--explain", "--set", entry).split())
-    assert "v1 → v2, v1 → v3, v1 → v4 settings from link[0] (lead → *), over [links]" in flat
-    assert "independent loss 0.1 · link[0].loss_ratio = 0.1 (lead → *)" in flat
-    assert "v2 → v3, v3 → v4 settings from [links]" in flat
-
-
-def test_json_has_the_same_figures() -> None:
-    figures = json.loads(printed("check", "--explain", "--json", "--set", "links.loss_ratio=0.2"))
-    first = figures["explained"][0]
-    assert (first["sender"], first["receiver"], first["loss_ratio"]) == ("v1", "v2", 0.2)
-    assert first["laws"][0] == {"words": "independent loss 0.2", "key": "links.loss_ratio = 0.2"}
-    assert figures["name"] == "lane_change"
-    assert json.loads(printed("check", "--json"))["explained"] == []
-
-
-def test_a_single_vehicle_has_no_links() -> None:
-    assert "none: " in printed("check", "--explain", "--set", "convoy.vehicles=1")
 
 
 def test_check_summarizes_the_laws() -> None:

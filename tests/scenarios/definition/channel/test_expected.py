@@ -1,6 +1,6 @@
 """What links should achieve: by closed forms, by drawn chains, and by the very effects."""
 
-from math import isclose, sqrt
+from math import sqrt
 
 import numpy as np
 import pytest
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from scenarios.definition.channel.build import (
     USUAL_MESSAGE_BYTES,
-    expected_age_ms,
     expected_channel,
     link_effects,
 )
@@ -156,30 +155,6 @@ def test_delays_add_up(keys: dict[str, object]) -> None:
     error = found.latency_ms_deviation * sqrt(found.latency_inflation / len(delays))
     assert abs(delays.mean() - found.latency_ms_mean) < 4.0 * error
     assert delays.std() == pytest.approx(found.latency_ms_deviation, rel=0.06)
-
-
-@pytest.mark.parametrize(("p", "r"), [(0.2, 0.8), (0.03, 0.125), (0.5, 0.1)])
-def test_the_age_at_a_command_is_that_of_a_drawn_chain(p: float, r: float) -> None:
-    """Messages each 50 ms, known 27 ms later; commands each 20 ms, and at any instant."""
-    lost = chain(p, r, 1, 60_000)[0]
-    known = np.flatnonzero(~lost) * 50.0
-    law = {"kind": "gilbert_elliott", "good_to_bad_ratio": p, "bad_to_good_ratio": r}
-    expected = expected_channel(link_table(loss=law, latency_ms=27.0))
-    random = np.random.default_rng(2)
-    for commands, rate_hz in (
-        (np.arange(100.0, 2.9e6, 20.0), 50.0),
-        (random.uniform(100.0, 2.9e6, 200_000), None),
-    ):
-        last = np.searchsorted(known, commands - 27.0, side="right") - 1
-        age = (commands - known[np.maximum(last, 0)])[last >= 0].mean()
-        assert expected_age_ms(expected, 20.0, rate_hz) == pytest.approx(age, rel=0.05)
-
-
-@given(st.floats(0.0, 0.95), st.floats(1.0, 100.0))
-def test_the_age_under_independent_losses_has_its_closed_form(loss: float, rate_hz: float) -> None:
-    found = expected_age_ms(expected_channel(LinkTable(loss_ratio=loss)), rate_hz)
-    assert found is not None
-    assert isclose(found, 20.0 + 1000.0 / rate_hz * (1.0 / (1.0 - loss) - 0.5), rel_tol=1e-9)
 
 
 def reported_links(table: LinkTable, seeds: int, count: int = 700) -> int:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.made.spoiled.drive_files import TABLES, Table, gpx, kml, nmea, write_oxts
+from tests.made.spoiled.drive_files import TABLES, Table, gpx, kml, nmea
 from tests.made.spoiled.driven_paths import driven, written
 from tests.made.spoiled.record_faults import moved_by
 from tests.made.spoiled.synthetic_drives import START, Drive, Fix, Recording
@@ -167,15 +167,6 @@ def test_the_drive_has_its_figures(tmp_path: Path, known: Known) -> None:
 def _quiet(warnings: str) -> bool:
     """Whether no warning is about the file."""
     return not re.search(r"\ba\.(csv|gpx|nmea|kml)", warnings)
-
-
-@pytest.mark.parametrize("given", ["drive", "drive/oxts", "drive/oxts/data"])
-def test_a_folder_of_oxts_files_is_a_drive(tmp_path: Path, given: str) -> None:
-    write_oxts(tmp_path / "drive" / "oxts", GOOD)
-    drive = driven(tmp_path, given)
-    assert drive.length == pytest.approx(LENGTH_M, abs=0.2)
-    assert drive.scenario.duration_s == pytest.approx(DURATION_S, abs=0.6)
-    assert drive.speed_at(60.0) == pytest.approx(SPEED, abs=0.2)
 
 
 def test_times_in_milliseconds_are_reported(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scenarios.definition.schema.scenario_tables import EventsTable
 from scenarios.results.encounters import PARTED_M, QUIET_NS, BodySize, body_of, separation
 from scenarios.results.run_event import EventLog, RunEvent
-from scenarios.results.stream import FigureStream
+from scenarios.results.stream import ALL_EVENTS, OF_TRAFFIC, FigureStream
 from tests.made.examples import examples
 from tests.made.scenarios.messages import start, tracking, truth
 from vehicles.messages import Message, Tracking, TruePose
@@ -27,7 +27,7 @@ def detected(
 ) -> tuple[RunEvent, ...]:
     stream = FigureStream(dict.fromkeys(names, SIZE), EventsTable(**table), 0.0)
     log = EventLog(stream.seconds)
-    stream.on_event(log.add)
+    stream.on_event(log.add, [kind for kind in ALL_EVENTS if kind not in OF_TRAFFIC])
     stream.listen(0, start())
     for message in messages:
         stream.listen(0, message)

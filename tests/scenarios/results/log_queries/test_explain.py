@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from math import hypot
 from pathlib import Path
@@ -28,10 +29,11 @@ from scenarios.results.explain import (
 )
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
+from tests.made.transport.changed_logs import changed_log
 from transport import convoy_pb2
 from transport.log.reader import LogReader
 from vehicles.geometry.geodesy import LocalPlane
-from vehicles.messages import Tracking
+from vehicles.messages import Command, Message, Tracking
 from vehicles.schedule import SECOND
 
 INSTANTS = 40
@@ -178,6 +180,30 @@ def test_the_command_prints_the_sentence_and_its_twin_for_machines(log: Path) ->
     table = json.loads(CliRunner().invoke(explain_command, [*arguments, "--json"]).output)
     assert table["sentence"] == found.sentence
     assert [one["sender"] for one in table["sources"]] == ["v1", "v3"]
+
+
+def test_an_override_is_explained_with_its_evidence(log: Path, tmp_path: Path) -> None:
+    reason = "braking: v2 announced a stop, last pose 0.40 s ago"
+
+    def overridden(message: Message) -> Message:
+        if message.vehicle != "v4":
+            return message
+        if isinstance(message, Command):
+            figures = {"acceleration_mps2": -4.0, "law_acceleration_mps2": 0.25}
+            return replace(message, override="announced stop", **figures)  # type: ignore[arg-type]
+        return replace(message, reason=reason) if isinstance(message, Tracking) else message
+
+    found = RecordedKnowledge(changed_log(log, tmp_path / "run.mcap", overridden), "v4").at(7.5)
+    assert (
+        "It braked at 4.0 m/s² where its longitudinal law requested +0.2 m/s²; overridden by "
+        f"'announced stop': brakes for a stop that the silent predecessor announced ({reason})."
+    ) in found.sentence
+    whole = Explanation(
+        vehicle="v4", decided_at_s=1.0, mode="composite", reason="", sources=(),
+        acceleration_mps2=-1.25, law_acceleration_mps2=-1.25,
+    )  # fmt: skip
+    assert "It braked at 1.2 m/s², as its longitudinal law requested." in whole.sentence
+    assert "It " not in replace(whole, acceleration_mps2=0.0).sentence
 
 
 def missing(fate: str, cause: str = "") -> MissingMessage:

@@ -132,7 +132,9 @@ heading_offset_deg = 3.0
 parameters.length_m = 5.6
 """
 DRIVEN = {
-    "lossy": SCENARIO.replace("[path]", "[links]\nloss_ratio = 0.5\n" + ASKEW + "[path]"),
+    "lossy": SCENARIO.replace("[path]", "[links]\nloss_ratio = 0.5\n" + ASKEW + "[path]")
+    .replace("gap_m = 7.0", "gap_m = 2.0")
+    .replace("set_mps = 10.0", "set_mps = 20.0"),
     "braking": BRAKING,
 }
 
@@ -201,7 +203,8 @@ def test_true_values_in_the_log_are_those_drawn(drawn: Drawn) -> None:
             known = {
                 ns: getattr(one, field) for ns, one in results if not isnan(getattr(one, field))
             }
-            assert known.items() <= at.items()
+            first = min(at)  # drawn from the lead's start on
+            assert {ns: one for ns, one in known.items() if ns >= first}.items() <= at.items()
             assert len(known) > 0.8 * min(len(at) / 5, len(results))
 
 
@@ -268,7 +271,7 @@ def test_a_part_has_the_rows_of_the_whole_run(drawn: Drawn, tmp_path: Path) -> N
     for entity in [f"/plots/{name}/v3" for name in ("cross_track", "true_gap", "tracking")]:
         expected = [row for row in curve_of(whole, entity) if 0.6 <= row[0] / 1e9 <= 1.4]
         assert curve_of(table, entity) == expected
-        assert len(expected) > 30
+        assert len(expected) > 20
     assert all(0.6 <= at / 1e9 <= 1.4 for at in table["/world/cars/v3"]["run_time"] if at >= 0)
 
 

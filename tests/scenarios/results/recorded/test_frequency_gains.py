@@ -2,6 +2,7 @@
 
 import math
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -83,7 +84,15 @@ def test_unrelated_signals_have_no_gain() -> None:
 class StraightRecord(RunRecord):
     """A run of vehicles on a straight road with given speeds (m/s) and gaps' errors (m)."""
 
-    def __init__(self, scenario: Scenario, speeds: list[Floats], errors: list[Floats]) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        speeds: list[Floats],
+        errors: list[Floats],
+        deviation: float = 0.0,
+    ) -> None:
+        """`deviation` (m) is the standard deviation of positions that the receivers report."""
+        self._gps = {"v2": DataTable({"position_accuracy_m": np.array([deviation])})}
         self.known_scenario = scenario
         self.vehicle_names = scenario.vehicle_names
         at = np.arange(speeds[0].size) * round(STEP * 1e9)
@@ -99,6 +108,9 @@ class StraightRecord(RunRecord):
             )
             for name, (speed, place) in zip(self.vehicle_names, tables, strict=True)
         }
+
+    def columns_of(self, topic: str) -> Any:
+        return self._gps if topic == "gps" else {}
 
     def topics_of(self, vehicle: str) -> set[str]:
         return {"truth"} if vehicle in self._true else set()
@@ -135,6 +147,18 @@ def test_spacing_errors_begin_with_the_first_follower() -> None:
     assert set(gains.vehicle) == {"v3"}
     assert gains.gain == pytest.approx(0.5)
     assert np.abs(gains.phase_rad).max() < 1e-6
+
+
+def test_spacing_errors_at_the_level_of_the_noise_have_no_gains() -> None:
+    """Two positions explain √2 times their standard deviation."""
+    run = recorded()
+    speeds = [run.true_table(name).speed_mps for name in run.vehicle_names]
+    error = 0.1 * np.gradient(speeds[1], STEP)
+    rms = float(np.sqrt(np.mean(error**2)))
+    for factor, has_gains in ((0.9, True), (1.1, False)):
+        deviation = factor * rms / math.sqrt(2.0)
+        noisy = StraightRecord(highway(), speeds, [error, 0.5 * error], deviation)
+        assert bool(len(frequency_gains(noisy, "spacing").vehicle)) == has_gains
 
 
 def test_equal_signals_have_a_gain_of_one_and_scaled_ones_their_factor() -> None:

@@ -13,14 +13,9 @@ from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
-from scenarios.studies.comparison.message_diff import compare_messages
 from scenarios.studies.comparison.run_diff import figure_differences, logs_of
-from tests.made.transport.changed_logs import changed_log
 from transport.log.errors import LogError
 from transport.log.mcap_file import McapFile
-from transport.log.reader import LogReader
-from vehicles.messages import LinkVerdict, Message, Outcome, TruePose
-from vehicles.schedule import SECOND
 
 
 @pytest.fixture(scope="module")
@@ -42,75 +37,6 @@ def test_two_runs_of_one_seed_are_identical(tmp_path: Path) -> None:
     assert "identical" in result.output
 
 
-def test_runs_that_start_at_other_times_have_equal_messages(tmp_path: Path) -> None:
-    """With sources between lead and predecessor, whose figures are NaN before their first pose."""
-    requested = ["duration_s=0.2", "information_flow.lateral={ahead=2}"]
-    for name, more in (("a", []), ("b", ["start_at=2026-02-03T00:00:00Z"])):
-        run_virtual(load_scenario("lane_change", requested + more), tmp_path / name, Stop())
-    logs = (LogReader(tmp_path / name / "run.mcap") for name in ("a", "b"))
-    assert compare_messages(*logs).is_equal
-
-
-def test_one_flipped_verdict_is_found(whole: Path, tmp_path: Path) -> None:
-    verdicts = [m for _, _, m in LogReader(whole).messages(("verdict",), ("v3",))]
-    chosen = verdicts[len(verdicts) // 2]
-    assert isinstance(chosen, LinkVerdict)
-    flipped: Outcome = "dropped" if chosen.outcome == "delivered" else "delivered"
-
-    def flip(message: Message) -> Message:
-        if message == chosen and isinstance(message, LinkVerdict):
-            return replace(message, outcome=flipped)
-        return message
-
-    other = changed_log(whole, tmp_path / "b.mcap", flip)
-    result = diff(whole, other, "--json")
-    assert result.exit_code == 1
-    found = json.loads(result.stdout)
-    assert found["settings"] == found["figures"] == found["log_faults"] == []
-    first = found["messages"].pop("first")
-    assert found["messages"] == {
-        "equal": found["messages"]["equal"],
-        "differing": {"verdict": 1},
-        "only_in_a": {},
-        "only_in_b": {},
-    }
-    assert first["fields"] == [{"name": "outcome", "a": chosen.outcome, "b": flipped}]
-    assert (first["topic"], first["vehicle"], first["number"]) == ("verdict", "v3", chosen.seq)
-    assert first["judged"] == [chosen.sender, chosen.pose_seq]
-    reader = LogReader(whole)
-    start_at = next(m.start_at_ns for _, _, m in reader.messages(("start",)))  # type: ignore[union-attr]
-    assert first["at_s"] == (chosen.received_at_ns - start_at) / SECOND
-
-
-def test_a_missing_message_is_the_first_difference_of_complete_logs_only(
-    whole: Path, tmp_path: Path
-) -> None:
-    at = next(m.true_at_ns for _, _, m in LogReader(whole).messages(("truth",)) if m.seq == 100)  # type: ignore[union-attr]
-
-    def without(message: Message) -> Message | None:
-        is_late = isinstance(message, TruePose) and message.true_at_ns > at
-        return None if is_late and message.vehicle == "v2" else message
-
-    shorter = changed_log(whole, tmp_path / "b.mcap", without)
-    result = compare_messages(LogReader(whole), LogReader(shorter))
-    assert result.first is not None
-    assert (result.first.only_in, result.first.vehicle) == ("A", "v2")
-    assert result.first.number == 101
-    assert result.only_in_a == {"truth": LogReader(whole).counts["v2", "truth"] - 101}
-
-    gap = changed_log(
-        whole,
-        tmp_path / "gap.mcap",
-        lambda m: None if isinstance(m, TruePose) and m.seq == 7 and m.vehicle == "v2" else m,
-    )
-    faulty = LogReader(gap)
-    assert faulty.faults
-    result = compare_messages(faulty, LogReader(whole))
-    assert result.first is None
-    assert result.only_in_b == {"truth": 1}
-    assert not result.is_equal
-
-
 def test_damage_of_either_log_is_named(whole: Path, tmp_path: Path) -> None:
     data = bytearray(whole.read_bytes())
     chunks = McapFile(whole).chunks
@@ -120,11 +46,10 @@ def test_damage_of_either_log_is_named(whole: Path, tmp_path: Path) -> None:
     damaged.write_bytes(data)
     for pair in ((whole, damaged), (damaged, whole)):
         result = diff(*pair, "--json")
-        assert result.exit_code == 1
         (fault,) = json.loads(result.stdout)["log_faults"]
         assert str(damaged) in fault
         assert fault in result.stderr
-        assert json.loads(result.stdout)["messages"]["first"] is None
+        assert result.exit_code == 1
 
 
 def test_settings_that_differ_are_listed(tmp_path: Path) -> None:

@@ -44,17 +44,27 @@ def sources_of(flow: str, place: int) -> list[int]:
     return [other for other in range(FOLLOWERS + 1) if FLOWS[flow](place, other)]
 
 
+def weight(place: int, other: int) -> float:
+    """Plexe's weight of a source, over the mass of 1000 kg."""
+    if other == 0:
+        return 0.46 if place == 1 else 0.08
+    return 0.86
+
+
 def system(flow: str) -> Floats:
     """State matrix of the errors e and e' of the followers, with that of the lead 0."""
-    coupling, damping = np.eye(FOLLOWERS), np.eye(FOLLOWERS)
+    coupling, damping = np.zeros((FOLLOWERS, FOLLOWERS)), np.eye(FOLLOWERS)
     for place in range(1, FOLLOWERS + 1):
         sources = sources_of(flow, place)
-        for other in (one for one in sources if one > 0):
-            coupling[place - 1, other - 1] -= 1.0 / len(sources)
-        if 0 not in sources:
-            damping[place - 1] = coupling[place - 1]
+        for other in sources:
+            share = weight(place, other) / len(sources)
+            coupling[place - 1, place - 1] += share
+            if other > 0:
+                coupling[place - 1, other - 1] -= share
+                if 0 not in sources:
+                    damping[place - 1, other - 1] -= 1.0 / len(sources)
     zero, one = np.zeros((FOLLOWERS, FOLLOWERS)), np.eye(FOLLOWERS)
-    return np.block([[zero, one], [-LAW.position_gain * coupling, -LAW.speed_gain * damping]])
+    return np.block([[zero, one], [-coupling, -LAW.speed_gain * damping]])
 
 
 def commands(flow: str, positions: Floats, speeds: Floats) -> list[float]:

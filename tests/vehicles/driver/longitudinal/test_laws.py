@@ -103,8 +103,9 @@ def formula(law: str, state: Sequence[list[float]], i: int) -> float:
         return -2.4 * a[i] + 0.6 * (v[i - 1] - v[i]) + pull
     sources = {0, i - 1}
     wanted = {j: (i - j) * (d + LENGTH + h * v[0]) for j in sources}
-    total = sum(x[j] - x[i] - wanted[j] for j in sources)
-    return 0.86 * total / len(sources) - 1.8 * (v[i] - v[0])
+    weights = {0: 0.08, i - 1: 0.86} if i > 1 else {0: 0.46}
+    total = sum(weights[j] * (x[j] - x[i] - wanted[j]) for j in sources)
+    return total / len(sources) - 1.8 * (v[i] - v[0])
 
 
 def initial(law: str, headway: float) -> Floats:
@@ -158,7 +159,7 @@ def controllers(law: str, headway: float) -> list[LongitudinalController]:
                 predecessor=f"v{i - 1}",
                 policies={
                     f"v{j}": SpacingPolicy((i - j) * policy.standstill, (i - j) * headway)
-                    for j in range(i)
+                    for j in {0, i - 1}
                 },
             ),
             settings,
