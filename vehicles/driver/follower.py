@@ -96,10 +96,10 @@ class Follower:
         either direction of control (see `Source`: 0 is the lead, k the k-th vehicle ahead).
         `periods` (s) between messages, `delays` (s) of the first message, drive `lags` (s), spacing
         `policies` and receiver `noises` are by source; without noise only jumps are refused.
-        `bends` by source limit the speed. `least_spacing` (m) to the predecessor is that at which the bumpers
-        touch. `drive_lag` (s) is the car's. The lead's message repeats the predecessor's announced
-        stop at the index `relay`. `draw` has the random numbers of controllers, fusion and
-        reaction.
+        `bends` by source limit the speed. `least_spacing` (m) to the predecessor is that at which
+        the bumpers touch. `drive_lag` (s) is the car's. The lead's message repeats the
+        predecessor's announced stop at the index `relay`. `draw` has the random numbers of
+        controllers, fusion and reaction.
         """
         self._draw, self._drive_lag = draw, drive_lag
         self._chosen: Mode | None = None

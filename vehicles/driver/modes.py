@@ -161,23 +161,24 @@ class ModesByReach:
 
 
 def _missing_reason(source: Source) -> str:
-    state, name = source.state, source.name
+    """Why a source is not relied on."""
+    state = source.state
     if state.leaving:
-        return f"{name} has left the convoy"
-    if state.status == "unheard":
-        return f"{name} not received yet"
-    if state.status == "distrusted":
-        return f"{name} distrusted as {source.refusal} for {state.silence:.1f} s"
-    if state.status == "probation":
-        return f"{name} on probation"
-    if state.status == "lost":
+        why = "has left the convoy"
+    elif state.status == "unheard":
+        why = "not received yet"
+    elif state.status == "probation":
+        why = "on probation"
+    elif state.status == "distrusted":
+        why = f"distrusted as {source.refusal} for {state.silence:.1f} s"
+    elif state.status == "lost" or state.silence > LONGEST_SILENCE:
         pose = f"newest pose {state.age:.1f} s old"
-        return f"{name} silent for {state.silence:.1f} s, {pose}, {_path_end(state.known)}"
-    if source.has_left_path:
-        return f"{name} may be off the path in mode {state.mode}"
-    if state.silence > LONGEST_SILENCE:
-        return f"{name} silent for {state.silence:.1f} s"
-    return f"{name} has too few poses"
+        why = f"silent for {state.silence:.1f} s, {pose}, {_path_end(state.known)}"
+    elif source.has_left_path:
+        why = f"may be off the path in mode {state.mode}"
+    else:
+        why = "has too few poses"
+    return f"{source.name} {why}"
 
 
 def _path_end(known: float) -> str:

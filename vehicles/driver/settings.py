@@ -37,10 +37,10 @@ class Braking:
 class DegradationSettings:
     """Thresholds of degradation and braking levels (s, m/s²; beyond the paper).
 
-    The shortest silence of a lost source follows openpilot, the gates follow PX4's EKF2. Comfortable
-    braking is the upper end of what passengers accept (Hoberock, "A survey of longitudinal
-    acceleration comfort studies in ground transportation vehicles", 1977), emergency braking is
-    hard braking on a dry road, as in [speed.gap].
+    The shortest silence of a lost source follows openpilot, the gates follow PX4's EKF2.
+    Comfortable braking is the upper end of what passengers accept (Hoberock, "A survey of
+    longitudinal acceleration comfort studies in ground transportation vehicles", 1977), emergency
+    braking is hard braking on a dry road, as in [speed.gap].
     """
 
     reaction: Annotated[

@@ -24,7 +24,7 @@ LASTING: Final = -2.5
 """Harder announced braking (m/s²) is assumed to last to a standstill: it rarely ends sooner."""
 FADES_FROM: Final = 0.3
 FADES_FOR: Final = 0.5
-"""Age (s) from which an announced acceleration fades as a feedforward, and the time (s) it takes."""
+"""Age (s) from which an announced acceleration fades as a feedforward, and the time (s) taken."""
 
 
 class Motion(NamedTuple):

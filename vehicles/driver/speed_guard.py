@@ -142,7 +142,7 @@ class SpeedGuard:
         self._comfort = settings.comfortable.deceleration
         self._at: int | None = None
         self._last = 0.0
-        self._assumed = nan
+        self._assumed = _View(car.initial_spacing - car.least_spacing, nan, 0.0)
         self._headway = 0.0
         self._sensed, self._sensed_speed = 0.0, nan
         self._reference = nan
@@ -157,7 +157,7 @@ class SpeedGuard:
         self._at = now
         speed, state = pose.speed, situation.state
         hardest = TYRES_USED * friction_left(self._car.friction, speed * pose.yaw_rate)
-        view = self._view(ahead, situation, speed, span)
+        view = self._view(now, ahead, situation, speed, span)
         seen = self._seen(ahead, situation, view, speed, span)
         usual = self._usual(now, pose, seen, situation, view)
         law = wanted = usual.acceleration
@@ -200,10 +200,13 @@ class SpeedGuard:
 
     # ---- The vehicle ahead, and what the law sees
 
-    def _view(self, ahead: VehiclesAhead, situation: Situation, speed: float, span: float) -> _View:
+    def _view(
+        self, now: int, ahead: VehiclesAhead, situation: Situation, speed: float, span: float
+    ) -> _View:
         """The vehicle ahead by the gap sensor while its poses are old, else as received.
 
-        Without the predecessor it is assumed to move as the lead.
+        Without the predecessor it is assumed to move as the lead, from its last or initial place,
+        until it stops as it announced, if the lead repeats that.
         """
         predecessor, lead_speed = situation.predecessor, ahead.lead_speed
         rate = ahead.measured_gap_rate
@@ -214,18 +217,26 @@ class SpeedGuard:
                 change = (its_speed - self._sensed_speed) / span
                 self._sensed += share * (min(max(change, -12.0), 12.0) - self._sensed)
             self._sensed_speed = its_speed
+        assumed, emergency = self._assumed, self._settings.emergency_deceleration
         alone = situation.state == "alone" and not isnan(lead_speed)
-        if alone and not isnan(self._assumed):
-            self._assumed += (lead_speed - speed) * span
+        stops = alone and 0 < predecessor.stops_at <= now
+        if stops:
+            assumed.speed = max(assumed.speed - emergency * span, 0.0)
+        elif alone or isnan(assumed.speed):
+            assumed.speed = speed if isnan(lead_speed) else lead_speed
+        if alone or isnan(ahead.spacing):
+            assumed.gap += (assumed.speed - speed) * span
         else:
-            self._assumed = ahead.spacing - self._car.least_spacing
+            assumed.gap = ahead.spacing - self._car.least_spacing
         is_old = not predecessor.age <= OLD_AFTER * predecessor.period
         if is_old and isfinite(ahead.measured_gap):
             return _View(ahead.measured_gap, self._sensed_speed, self._sensed, by_sensor=True)
         self._sensed = min(self._sensed, 0.0) if isnan(rate) else self._sensed
         if alone:
-            return _View(self._assumed, lead_speed, ahead.lead_acceleration)
-        view = _View(self._assumed, ahead.predecessor_speed, ahead.predecessor_acceleration)
+            braking = -emergency if stops and assumed.speed > 0.0 else ahead.lead_acceleration
+            return _View(assumed.gap, assumed.speed, 0.0 if isnan(braking) else braking)
+        gap = ahead.spacing - self._car.least_spacing
+        view = _View(gap, ahead.predecessor_speed, ahead.predecessor_acceleration)
         self._join(view, ahead, situation)
         return view
 

@@ -21,7 +21,7 @@ from vehicles.driver.longitudinal_laws import TYRES, braking_held
 from vehicles.driver.own_state import Pose
 from vehicles.driver.situation import Situation, SourceState
 from vehicles.driver.speed import GapKeeping
-from vehicles.driver.speed_guard import GuardedCar, NoOverride, SpeedGuard, SpeedOverride
+from vehicles.driver.speed_guard import GuardedCar, NoOverride, SpeedGuard
 from vehicles.schedule import MILLISECOND, SECOND
 
 SETTLING_S = 1.0
@@ -74,7 +74,7 @@ class _Car:
     least: float = 0.0
     delays: dict[str, float] = field(default_factory=dict)
     sources: tuple[str, ...] = ()
-    guard: SpeedOverride | None = None
+    guard: SpeedGuard | NoOverride | None = None
     sensor_delay: float = nan
     command: float = 0.0
     achieved: float = 0.0
@@ -187,7 +187,7 @@ def _convoy(scenario: Scenario, names: tuple[str, ...], speed: float) -> list[_C
     return cars
 
 
-def _guard(scenario: Scenario, name: str, policy: SpacingPolicy) -> SpeedOverride:
+def _guard(scenario: Scenario, name: str, policy: SpacingPolicy) -> SpeedGuard | NoOverride:
     setup, limits = scenario.vehicle(name), scenario.gap_limits
     keeps_gap = scenario.tables.speed.followers == "gap"
     law = scenario.longitudinal_controller(name) if keeps_gap else None

@@ -218,9 +218,10 @@ class Outbox:
         if fix is not None:
             self._add_pose(now, body, fix, announcement, path)
         if fresh:
-            rolls = command is None
-            tyres = rolling_use(body, self._parameters) if rolls else self._use(body, command)
-            self._add_truth(now, body, tyres)
+            if command is None:
+                self._add_truth(now, body, rolling_use(body, self._parameters))
+            else:
+                self._add_truth(now, body, self._use(body, command))
         if self._health.is_due(now):
             self._add_health(now, final=False)
         self._sink.flush()

@@ -268,7 +268,7 @@ class VehicleBuilder:
 
     def _first_phase(self, context: VehicleContext) -> VehiclePhase:
         if self._scenario.joins_late(self.name):
-            return HumanDriving(context, context.start_at)
+            return HumanDriving(context, context.start_at, None)
         start_at = context.start_at
         return Driving(context, self._software(start_at, context, set_off=False))
 

@@ -263,7 +263,7 @@ class CarRecord:
         path_end = -inf
         for row, pose in self.known():
             stands = pose.speed_mps < STANDING
-            if row.mode not in NO_SOURCE and (row.mode == "creep" or row.known_m >= 0.0):
+            if row.mode not in NO_SOURCE and row.known_m >= 0.0:
                 began, path_end = None, -inf
             elif pose.distance_m + row.known_m > path_end + GROWN_M:
                 began, path_end = None if stands else row, pose.distance_m + row.known_m

@@ -8,6 +8,7 @@ link, independently or in bursts (Gilbert).
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from math import exp
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +60,7 @@ Lead = Callable[[float, float], float]
 class Unsteered:
     """Neither fits a trajectory nor steers."""
 
-    separate = False
+    separate: ClassVar[bool] = False
 
     def fuse(self, _sources: Sequence[SourceWindow], _settings: FitSettings) -> Trajectories:
         return []
@@ -109,7 +110,7 @@ class StraightConvoy:
     overrides: list[list[str]] = field(default_factory=list)
     states: list[list[str]] = field(default_factory=list)
 
-    def run(self, seconds: float) -> "StraightConvoy":
+    def run(self, seconds: float) -> "StraightConvoy":  # noqa: C901 - one loop over time
         count, ticks = self.count, round(seconds / STEP)
         random = np.random.default_rng(self.seed)
         policy = SpacingPolicy(self.standstill + LENGTH, self.headway)
@@ -156,7 +157,8 @@ class StraightConvoy:
                 gap = None
                 if self.sensor:
                     rate = v[place - 1] - v[place]
-                    gap = GapMeasurement(now, x[place - 1] - x[place] - LENGTH, rate)
+                    measured = x[place - 1] - x[place] - LENGTH
+                    gap = GapMeasurement(now, now + SECOND, measured, rate)
                 decision = drivers[place - 1].step(now, None, body, received, gap)
                 u[place] = decision.actuation.acceleration
                 announced[place] = decision.announcement
@@ -251,18 +253,19 @@ class StraightConvoy:
             lead="v1",
             predecessor=predecessor,
         )
-        controller = {
+        controllers: dict[str, Callable[[], LongitudinalController]] = {
             "acc": lambda: Acc(setup, AccSettings()),
             "cacc": lambda: Cacc(setup, CaccSettings()),
             "ploeg": lambda: Ploeg(setup, PloegSettings()),
             "flatbed": lambda: Flatbed(setup, FlatbedSettings()),
-        }[self.law]()
-        return GapKeeping(policy, self.limits, controller)
+        }
+        return GapKeeping(policy, self.limits, controllers[self.law]())
 
     @property
     def gaps(self) -> Floats:
         """True gaps (m) between the bumpers, by instant and follower."""
-        return self.places[:, :-1] - self.places[:, 1:] - LENGTH
+        found: Floats = self.places[:, :-1] - self.places[:, 1:] - LENGTH
+        return found
 
     @property
     def contacts(self) -> bool:
@@ -270,7 +273,8 @@ class StraightConvoy:
 
     def hardest(self, since: float = 0.0) -> Floats:
         """Hardest commanded braking (m/s²) of each follower."""
-        return -self.accelerations[round(since / STEP) :, 1:].min(axis=0)
+        found: Floats = -self.accelerations[round(since / STEP) :, 1:].min(axis=0)
+        return found
 
 
 def _message(

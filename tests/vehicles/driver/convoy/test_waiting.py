@@ -73,7 +73,7 @@ def test_the_lead_waits_for_a_follower_that_announces_trouble(mode: Mode, hazard
     assert why.endswith(f"v2 in mode {mode}")
     later = 2 * TICK
     assert reason(convoy, later, [pose_of("v2", TICK // 2)]) != ""  # an older pose changes nothing
-    soon, after = later + round(0.9 * SECOND), later + round(1.1 * SECOND)
+    soon, after = later + round(0.4 * SECOND), later + round(0.6 * SECOND)
     for now in range(later + TICK, after, TICK):
         why = reason(convoy, now, [pose_of("v2", now), pose_of("v3", now)])
         assert why or now > soon

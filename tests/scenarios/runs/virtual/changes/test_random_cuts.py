@@ -126,7 +126,7 @@ def ticks_late(car: CarRecord, scenario: Scenario, begin: int, end: int) -> int:
 
 def has_resumed(car: CarRecord, end: int, speed_mps: float) -> bool:
     """Whether the car drives on by its sources after the cut."""
-    lost = NO_SOURCE | {"creep", "straight"}
+    lost = NO_SOURCE | {"straight"}
     return any(
         row.decided_at_ns >= end and row.mode not in lost and pose.speed_mps >= RESUMED * speed_mps
         for row, pose in car.known()

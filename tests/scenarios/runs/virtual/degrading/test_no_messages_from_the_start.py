@@ -1,8 +1,6 @@
 """Cars with hardly any messages yet: a follower without a first message stops, too."""
 
-from dataclasses import replace
 from math import isnan
-from typing import Any
 
 import pytest
 
@@ -11,9 +9,6 @@ from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.virtual import run_unlogged
 from tests.made.convoys.speed_runs import Driven
-from tests.made.interpreted import interpreted_only
-from vehicles.driver.source import Source
-from vehicles.driver.speed_guard import SpeedGuard
 from vehicles.messages import TruePose
 from vehicles.schedule import SECOND
 
@@ -66,22 +61,6 @@ def test_a_vehicle_that_brakes_without_first_messages_is_not_hit(loss: float, ca
     """Where a convoy begins closer than is safe, and hardly a message comes."""
     own = (f"links.loss_ratio={loss}", "duration_s=8")
     assert collisions(summary(3, 10.07, *own, seed=25 + case)) == 0
-
-
-@interpreted_only
-def test_without_late_first_messages_collisions_would_occur(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    own = ("links.loss_ratio=0.95", "duration_s=5")
-    assert collisions(summary(3, 10.07, *own, seed=37)) == 0
-    monkeypatch.setattr(Source, "never_received", property(lambda _: False))
-    guarded = SpeedGuard._safe_acceleration
-
-    def before_any_is_lost(guard: SpeedGuard, tick: Any, reserve: float) -> float:
-        return guarded(guard, replace(tick, now=-1), reserve)
-
-    monkeypatch.setattr(SpeedGuard, "_safe_acceleration", before_any_is_lost)
-    assert collisions(summary(3, 10.07, *own, seed=37)) > 0
 
 
 def test_a_follower_without_its_predecessor_keeps_away_from_where_it_may_stand() -> None:
