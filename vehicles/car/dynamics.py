@@ -200,7 +200,7 @@ class Actuation:
 def achieved_acceleration(before: float, command: float, span: float, lag: float) -> float:
     """Acceleration (m/s²) at the end of `span` (s) with a constant command, from that before.
 
-    Exact solution of lag da/dt + a = command, the drive model of Plexe.
+    Exact solution of the first-order lag, lag da/dt + a = command, the drive model of Plexe.
     """
     if lag == 0.0:
         return command

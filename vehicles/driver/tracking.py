@@ -150,9 +150,9 @@ class Rejoining:
     """Returns the car smoothly to a path that has jumped, as after driving without a known path.
 
     A steering law would react to the whole error at once. Therefore the error is measured from a
-    cubic that leads from the car's position and heading to the path, long enough for a mild lateral
-    acceleration and a small angle. The speed is limited to that for which the return is planned,
-    and to a low one while the car is far beside the path. A car that cannot return stops.
+    Hermite cubic that leads from the car's position and heading to the path, long enough for a mild
+    lateral acceleration and a small angle. The speed is limited to that for which the return is
+    planned, and to a low one while the car is far beside the path. A car that cannot return stops.
     """
 
     def __init__(self, remarks: list[str], *, enabled: bool = True) -> None:

@@ -88,7 +88,7 @@ def lowest_stable_rate(
 ) -> int | None:
     """Lowest whole rate (Hz) such that `loop_at(rate)` is stable from there up to `highest`.
 
-    The search goes downwards, since below an unstable rate there may be stable ones, where all
+    Stability of the sampled loop of Section III-E. The search goes downwards, since below an unstable rate there may be stable ones, where all
     readings happen to precede a decision. None if the loop is not stable at `highest`.
     """
     unstable = (

@@ -30,7 +30,10 @@ LANE_CHANGE_BAND = 2.0 * pi  # rad/s, 1 Hz: well below the steering's mode
 
 
 def squared_magnitude(polynomial: Array) -> np.poly1d:
-    """|p(j w)|² as a polynomial in x = w²: p(s) p(-s) has even powers only, and s² = -x."""
+    """|p(j w)|² as a polynomial in x = w² (spectral factorisation).
+
+    p(s) p(-s) has even powers only, and s² = -x.
+    """
     powers = np.arange(len(polynomial))[::-1]
     product = np.convolve(polynomial, polynomial * (-1.0) ** powers)[::2]
     return np.poly1d(product * (-1.0) ** powers)

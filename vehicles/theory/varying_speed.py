@@ -291,7 +291,7 @@ def error_growth(
 ) -> float:
     """Largest growth of an error over a linear change of speed, see `transition`, in the norm of P.
 
-    P is that at the first speed. For comparison with `integral_bound`.
+    P is that at the first speed (Lyapunov). For comparison with `integral_bound`.
     """
     certificate = certify(parameters, gains, min(before, after), max(before, after))
     root = energy_root(parameters, gains, before, certificate.weights)

@@ -91,7 +91,7 @@ def test_if_a_bridge_counted_as_known_it_would_leave_the_path(
 
 
 def creeping(rows: list[Tracking]) -> Iterator[Tracking]:
-    return (row for row in rows if row.mode == "creep")
+    return (row for row in rows if row.hazard and row.mode not in {"stop", "straight"})
 
 
 def test_a_short_hole_on_a_gentle_road_is_crossed_at_walking_pace() -> None:
