@@ -88,8 +88,9 @@ def lowest_stable_rate(
 ) -> int | None:
     """Lowest whole rate (Hz) such that `loop_at(rate)` is stable from there up to `highest`.
 
-    Stability of the sampled loop of Section III-E. The search goes downwards, since below an unstable rate there may be stable ones, where all
-    readings happen to precede a decision. None if the loop is not stable at `highest`.
+    Stability of the sampled loop of Section III-E. The search goes downwards, since below an
+    unstable rate there may be stable ones, where all readings happen to precede a decision. None if
+    the loop is not stable at `highest`.
     """
     unstable = (
         rate for rate in range(highest, 0, -1) if not sampled_stability(loop_at(rate), speed).stable
