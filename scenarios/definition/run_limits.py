@@ -182,7 +182,7 @@ def _about(tables: ScenarioTables, key: str, limit: DeadlineTable) -> Iterator[P
                 f"{key}.mode",
                 f"given {toml_repr(limit.mode)}, but {limit.vehicle} steers along "
                 f"{', '.join(flow.lateral)} only, allowed "
-                f"{either([*modes, 'coast', 'stop', 'creep', 'straight'])}",
+                f"{either([*modes, 'coast', 'stop', 'straight'])}",
             )
     if isinstance(limit, SourceLimit):
         yield from _source(flow.received(names), key, limit)

@@ -207,16 +207,18 @@ def summary_of(
     if reader.damage and not {SUMMARY_NAME, ATTACHED_AS} & attachments.keys():
         raise LogError(f"{reader.damage}; with it the scenario")
     faults = "" if running else reader.faults
-    if faults:
-        warn(faults)
     is_complete = not reader.truncated and REPAIRED not in reader.metadata()
     if SUMMARY_NAME in attachments and is_complete:
         try:
             written = from_json(attachments[SUMMARY_NAME].decode())
-            return with_outcome_line(replace(written, log_faults=faults))
         except ValueError as error:
             raise LogError(f"{log} ({SUMMARY_NAME}): {error}") from error
+        if faults:
+            warn(faults)
+        return with_outcome_line(replace(written, log_faults=faults))
     scenario = scenario_in(reader)
+    if faults:
+        warn(faults)
     metrics = Metrics.of(scenario)
     for at, _, message in reader.messages(metrics.topics):
         metrics.listen(at, message)

@@ -286,7 +286,7 @@ def documented_fields() -> dict[str, dict[str, str]]:
 def field_docs(kind: type) -> dict[str, str]:
     """Map the fields of a dataclass to their docstrings, each in one line.
 
-    Fields without a docstring are left out. `kind` must not be compiled.
+    Fields without a docstring are left out.
     """
     (definition,) = ast.parse(dedent(getsource(kind))).body
     if not isinstance(definition, ast.ClassDef):
@@ -363,4 +363,6 @@ def from_json(text: str) -> RunSummary:
             context=RECORDED,
         )
     except ValidationError as error:
-        raise ValueError(f"not a summary: {error}") from error
+        first = error.errors()[0]
+        key = ".".join(map(str, first["loc"]))
+        raise ValueError(f"not a summary: {key}: {first['msg']}") from error

@@ -54,7 +54,7 @@ OVERRIDDEN_RATIO = 0.2
 """Share of the time from which overrides are an event: the run shows the guard, not the law."""
 
 
-class _Row(NamedTuple):
+class _TrafficRow(NamedTuple):
     """State of a vehicle at an instant; the acceleration (m/s²) is the mean since `since_ns`."""
 
     since_ns: int
@@ -68,7 +68,7 @@ class _Row(NamedTuple):
 class _Vehicle:
     """Recent rows of a vehicle, and what is known of it."""
 
-    rows: deque[_Row] = field(default_factory=deque)
+    rows: deque[_TrafficRow] = field(default_factory=deque)
     period: int = -1
     has_driven: bool = False
     was_close: bool = False
@@ -103,7 +103,7 @@ class TrafficWatch:
         self._names, self._lead = list(sizes), next(iter(sizes))
         self._policies = policies or {}
         self._replayed = replayed
-        self._frames: dict[int, dict[str, _Row]] = {}
+        self._frames: dict[int, dict[str, _TrafficRow]] = {}
         self._open: dict[tuple[EventKind, str], Episode] = {}
         self._reported: set[tuple[EventKind, str]] = set()
 
@@ -132,7 +132,7 @@ class TrafficWatch:
         if last is not None and 0 < at - last.at_ns <= LONGEST_STEP_NS:
             since = last.at_ns
             acceleration = (pose.speed_mps - last.speed) * SECOND / (at - since)
-        row = _Row(since, at, pose.speed_mps, acceleration, body)
+        row = _TrafficRow(since, at, pose.speed_mps, acceleration, body)
         vehicle.rows.append(row)
         if at - vehicle.rows[0].at_ns > LONGEST_MEMORY_NS:
             vehicle.rows.popleft()
@@ -156,7 +156,7 @@ class TrafficWatch:
                     yield from self._judge(name, frame[name], lead, frame.get(ahead))
 
     def _judge(
-        self, name: str, row: _Row, lead: _Row | None, ahead: _Row | None
+        self, name: str, row: _TrafficRow, lead: _TrafficRow | None, ahead: _TrafficRow | None
     ) -> Iterator[Episode]:
         vehicle, at = self._vehicles[name], row.at_ns
         if ahead is not None:
@@ -179,7 +179,7 @@ class TrafficWatch:
             faster = row.speed - SPEED_RATIO * self._fastest_lead(row) - SPEED_MARGIN_MPS
         yield from self._follow("overspeed", name, row, faster)
 
-    def _gap_excess(self, name: str, row: _Row, ahead: _Row) -> float:
+    def _gap_excess(self, name: str, row: _TrafficRow, ahead: _TrafficRow) -> float:
         """Gap (m) beyond that which law and data age explain."""
         vehicle, policy = self._vehicles[name], self._policies.get(name)
         if policy is None and vehicle.first_gap is None:
@@ -200,7 +200,7 @@ class TrafficWatch:
             if at - CAUSE_NS <= row.at_ns <= at
         )
 
-    def _fastest_lead(self, row: _Row) -> float:
+    def _fastest_lead(self, row: _TrafficRow) -> float:
         """Largest speed (m/s) of the lead since it was where the follower is, at least for 10 s."""
         rows = [one for one in self._vehicles[self._lead].rows if one.at_ns <= row.at_ns]
         east, north = row.body.east, row.body.north
@@ -209,7 +209,7 @@ class TrafficWatch:
         return max(one.speed for one in rows if one.at_ns >= since)
 
     def _follow(
-        self, kind: EventKind, name: str, row: _Row, value: float, least_ns: int = 0
+        self, kind: EventKind, name: str, row: _TrafficRow, value: float, least_ns: int = 0
     ) -> Iterator[Episode]:
         """Follow a condition, which holds while `value` > 0; yields its event after `least_ns`."""
         key, at = (kind, name), row.at_ns

@@ -115,7 +115,7 @@ class VehicleSummary:
     """Figures of the user's classes, by the name of the class."""
     ticks_by_mode: Mapping[str, int]
     """Number of steering commands by mode: path (the lead), composite, lead, predecessor, coast,
-    stop, creep or straight."""
+    stop or straight."""
     reaction: ReactionSummary = NO_REACTION
     """Reaction to missing messages, see vehicles[].reaction."""
     ticks: int

@@ -22,8 +22,7 @@ PACKAGES = ("convoy-emulator", "eclipse-zenoh", "mcap", "numpy", "protobuf", "py
 OWN = (vehicles, transport, scenarios)
 OWN_NAMES = {package.__name__ for package in OWN}
 HASHED_SUFFIXES = {".py", ".toml", ".csv"}
-"""Suffixes of files that a run depends on: code, library scenarios, traces. Compiled installations
-ship the sources, too."""
+"""Suffixes of files that a run depends on: code, library scenarios, traces."""
 DIGITS = 12
 """Digits of a digest: 48 bits, enough to detect accidental differences."""
 

@@ -23,7 +23,7 @@ RARELY_NS = SECOND
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SourceState:
+class ReportedSource:
     """A source as its follower judges it; None for values that are not known."""
 
     status: SourceStatus
@@ -47,9 +47,9 @@ class VehicleStatus:
     true_error_m: float | None
     true_gap_m: float | None
     known_m: float | None
-    lead: SourceState | None
-    predecessor: SourceState | None
-    others: dict[str, SourceState] = field(default_factory=dict)
+    lead: ReportedSource | None
+    predecessor: ReportedSource | None
+    others: dict[str, ReportedSource] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,9 +89,11 @@ class RunStatus:
             vehicles = [
                 VehicleStatus(
                     **{key: row[key] for key in row.keys() - {"lead", "predecessor", "others"}},
-                    others={name: SourceState(**one) for name, one in row["others"].items()},
-                    lead=SourceState(**row["lead"]) if row["lead"] else None,
-                    predecessor=SourceState(**row["predecessor"]) if row["predecessor"] else None,
+                    others={name: ReportedSource(**one) for name, one in row["others"].items()},
+                    lead=ReportedSource(**row["lead"]) if row["lead"] else None,
+                    predecessor=ReportedSource(**row["predecessor"])
+                    if row["predecessor"]
+                    else None,
                 )
                 for row in fields.pop("vehicles")
             ]
@@ -201,15 +203,15 @@ class StatusBoard:
         )
 
 
-def _source(tracking: Tracking, source: str) -> SourceState:
+def _source(tracking: Tracking, source: str) -> ReportedSource:
     figures = ("status", "age_s", "received_ratio", "known_m")
     return _state(*(getattr(tracking, f"{source}_{figure}") for figure in figures))
 
 
 def _state(
     status: SourceStatus, age_s: float, received_ratio: float, known_m: float
-) -> SourceState:
-    return SourceState(
+) -> ReportedSource:
+    return ReportedSource(
         status=status,
         age_s=_finite_or_none(age_s),
         received_ratio=_finite_or_none(received_ratio),
@@ -217,7 +219,7 @@ def _state(
     )
 
 
-def _others(tracking: Tracking) -> dict[str, SourceState]:
+def _others(tracking: Tracking) -> dict[str, ReportedSource]:
     figures = (tracking.other_age_s, tracking.other_received_ratio, tracking.other_known_m)
     return {
         name: _state(status, *row)

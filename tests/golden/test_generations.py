@@ -147,7 +147,7 @@ def test_explain_reads_the_log(folder: Path) -> None:
 
 def test_laws_are_fitted_to_its_links(folder: Path) -> None:
     fitted = convoy("channel", "fit", folder)
-    assert fitted.count("[[link]]") == 3
+    assert fitted.count("[[link]]") == 4
 
 
 def truth(log: Path) -> list[tuple[int, str, Message]]:

@@ -375,6 +375,8 @@ class Follower:
             measured = self._measured.at(now)
             ahead.measured_gap, ahead.measured_gap_rate, ahead.measured_gap_age = measured
         lead, place = self._sources.lead, self._place_of_left(pose.speed)
+        if lead in self._longitudinal and lead is not None and not isnan(lead.state.age):
+            _, ahead.lead_speed, ahead.lead_acceleration = lead.state.predicted()
         predecessor = self._sources.predecessor
         if predecessor is not None:
             state = predecessor.state
@@ -382,8 +384,6 @@ class Follower:
                 return ahead
             driven, ahead.predecessor_speed, ahead.predecessor_acceleration = state.predicted()
             ahead.spacing = state.spacing + driven - margin - place
-        if lead in self._longitudinal and lead is not None and not isnan(lead.state.age):
-            _, ahead.lead_speed, ahead.lead_acceleration = lead.state.predicted()
         sources = dict[str, SourceMotion]()
         for source in self._longitudinal:
             state = source.state

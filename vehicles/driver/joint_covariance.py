@@ -6,6 +6,8 @@ out. Each is a state of the filter, per axis, as a first-order Gauss–Markov pr
 P. Y. C. Hwang, "Introduction to Random Signals and Applied Kalman Filtering"). The unknown load of
 the car is considered but not estimated (S. F. Schmidt, "Application of State-Space Methods to
 Navigation Problems", 1966): in a long bend its error of the slip does not average out either.
+
+No result depends on a linear-algebra library, so runs give the same bytes on other processors.
 """
 
 import math
@@ -118,7 +120,7 @@ class JointCovariance:
             q[2 * index, 2 * index] = q[2 * index + 1, 2 * index + 1] = error.growth(span)
         if self._stated.lasting:
             self.errors *= f.diagonal()[FIRST_ERROR:]
-        self.values = f.dot(self.values).dot(f.T)
+        self.values = _product(_product(f, self.values), f.T)
         self.values += q
 
     def enter(self, state: FixState, at: int) -> None:
@@ -159,10 +161,12 @@ class JointCovariance:
         rows, p = self._rows[state], self.values
         left = off
         if self._stated.lasting:
-            left = np.subtract(off, rows[:, FIRST_ERROR:].dot(self.errors)).tolist()
+            left = np.subtract(
+                off, np.einsum("ij,j->i", rows[:, FIRST_ERROR:], self.errors)
+            ).tolist()
         away = math.hypot(left[EAST], left[NORTH])
-        gains = rows.dot(p)
-        spread = gains.dot(rows.T)
+        gains = _product(rows, p)
+        spread = _product(gains, rows.T)
         spread.flat[:: MEASURED + 1] += noise
         east, north, heading, speed, gyro = spread.diagonal().tolist()
         turned = abs(off[HEADING]) - free[1]
@@ -171,10 +175,10 @@ class JointCovariance:
         for column, variance in ((SPEED_BIAS, speed), (GYRO_BIAS, gyro)):
             if off[column] ** 2 > GATE**2 * variance:
                 spread[column, column] = IGNORED
-        weights = np.linalg.solve(spread, gains)
-        change = np.dot(left, weights)
+        weights = _solved(spread, gains)
+        change = np.einsum("i,ij->j", left, weights)
         load = p[LOAD, LOAD]
-        p -= gains.T.dot(weights)
+        p -= _product(gains.T, weights)
         p[LOAD, LOAD] = load
         self.values = 0.5 * (p + p.T)  # otherwise errors of rounding grow
         self.errors += change[FIRST_ERROR:]
@@ -187,3 +191,18 @@ class JointCovariance:
         square = cos * cos * p[EAST, EAST] + sin * sin * p[NORTH, NORTH]
         square += 2.0 * cos * sin * p[EAST, NORTH] + self._stated.common_variance
         return math.sqrt(max(square, 0.0))
+
+
+def _product(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Matrix product without a linear-algebra library."""
+    return np.asarray(np.einsum("ij,jk->ik", left, right))
+
+
+def _solved(spread: FloatArray, gains: FloatArray) -> FloatArray:
+    """Solve spread · x = gains; Gauss-Jordan without pivots, as `spread` is positive definite."""
+    rows = np.concatenate((spread, gains), axis=1)
+    for pivot in range(len(spread)):
+        own = rows[pivot] / rows[pivot, pivot]
+        rows -= rows[:, pivot : pivot + 1] * own
+        rows[pivot] = own
+    return rows[:, len(spread) :]

@@ -8,7 +8,7 @@ from dataclasses import InitVar, dataclass, field
 from math import inf, sqrt
 from typing import Final
 
-from vehicles.car.dynamics import Actuation, Body
+from vehicles.car.dynamics import Actuation, Body, achieved_acceleration
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
 from vehicles.car.sensors import GapMeasurement
@@ -102,7 +102,7 @@ class Leader:
     followers, `ahead` keeps its distance from them, and `position_limit` slows it down while its
     position is uncertain. All three are optional and require a `WaitingProfile` as the speed law.
     `draw` has the random numbers of the controller. The lead repeats the announced stops of its
-    `followers`, from front to back.
+    `followers`, from front to back. `drive_lag` (s) is the car's.
     """
 
     own_state: OwnState
@@ -118,6 +118,9 @@ class Leader:
     position_limit: PositionLimit | None = None
     draw: InstantDraw | None = None
     followers: InitVar[Sequence[str]] = ()
+    drive_lag: float = 0.0
+    _achieved: float = 0.0
+    _decided_at: int = 0
     _held: SourceState | None = None
     _decision: Decision | None = None
 
@@ -147,11 +150,14 @@ class Leader:
         if self.ahead is not None:
             self.ahead.observe(received)
         if self._decision is not None and not self.control.due(now):
-            self._decision = self._decision.held()
-            return self._decision
+            self._decision = decision = self._decision.held()
+            decision.achieved = self._reached(now)
+            return decision
         if self.draw is not None:
             self.draw.now = now
         own = self.own_state.at(now)
+        self._achieved = self._reached(now) if own.speed > 0.0 else 0.0
+        self._decided_at = now
         errors = self._track(own)
         steering = self.limit.limited(self.controller.steer(errors, own.speed))
         self.load.record_command(steering.steering)
@@ -163,11 +169,19 @@ class Leader:
             mode="path",
             reason=reason,
             target_speed=speed.target_speed,
+            achieved=self._achieved,
             lateral_deviation=self.own_state.lateral_deviation,
             own_pose=own,
             situation=self._situation(own.speed),
         )
         return self._decision
+
+    def _reached(self, now: int) -> float:
+        """Acceleration (m/s²) that the drive has reached at `now` (ns) by the last command."""
+        if self._decision is None:
+            return 0.0
+        span, command = (now - self._decided_at) / SECOND, self._decision.actuation.acceleration
+        return achieved_acceleration(self._achieved, command, span, self.drive_lag)
 
     def _speed(self, now: int, pose: Pose, station: float) -> tuple[SpeedCommand, str]:
         """Planned speed, unless the lead waits or must keep its distance, and the reason."""

@@ -135,7 +135,7 @@ def heading_deviations(before: ReceivedPose, pose: ReceivedPose, noise: GnssNois
 
 
 @dataclass(slots=True)
-class _Track:
+class _PoseTrack:
     """Consistent poses of a source, and the sum of their innovations since the `anchor`.
 
     Innovations of consecutive poses hide slow drifts. Their sum over up to a second has only the
@@ -144,19 +144,23 @@ class _Track:
 
     last: ReceivedPose
     anchor: ReceivedPose
+    anchor_inflation: float
     east: float = 0.0
     north: float = 0.0
     manoeuvre: float = 0.0
 
     def drift(self, found: Innovation, pose: ReceivedPose, inflation: float) -> float:
         """Sum of innovations up to `pose`, in standard deviations."""
-        stated = stated_variance(self.anchor.accuracy) + stated_variance(pose.accuracy)
-        deviation = hypot(self.manoeuvre + found.manoeuvre, inflation * sqrt(stated))
+        at_anchor = max(inflation, self.anchor_inflation)
+        stated = stated_variance(self.anchor.accuracy) * at_anchor * at_anchor
+        stated += stated_variance(pose.accuracy) * inflation * inflation
+        deviation = hypot(self.manoeuvre + found.manoeuvre, sqrt(stated))
         return max(abs(self.east + found.east), abs(self.north + found.north)) / deviation
 
-    def push(self, found: Innovation, pose: ReceivedPose) -> None:
+    def push(self, found: Innovation, pose: ReceivedPose, inflation: float) -> None:
         self.last = pose
         if pose.measured_at - self.anchor.measured_at >= ANCHOR_TIME:
+            self.anchor_inflation = inflation
             self.anchor, self.east, self.north, self.manoeuvre = pose, 0.0, 0.0, 0.0
             return
         self.east, self.north = self.east + found.east, self.north + found.north
@@ -192,8 +196,8 @@ class PoseJudge:
         self._used: ReceivedPose | None = None
         self._away: list[ReceivedPose] = []
         self._remarks = [] if remarks is None else remarks
-        self._trusted: _Track | None = None
-        self._suspects: _Track | None = None
+        self._trusted: _PoseTrack | None = None
+        self._suspects: _PoseTrack | None = None
         self._agreed, self._agreed_since = 0, 0
         self._accepted: deque[bool] = deque(maxlen=RECENT_POSES)
         self._last: deque[ReceivedPose] = deque(maxlen=2)
@@ -256,7 +260,7 @@ class PoseJudge:
         """Compare a pose with the trusted track of its source."""
         frozen, track = self._observe(pose, noise), self._trusted
         if track is None:
-            self._trusted = _Track(pose, pose)
+            self._trusted = _PoseTrack(pose, pose, self._inflation)
             return ""
         found, fault = self._compare(track, pose, noise)
         reason: Distrust = "frozen" if frozen else fault
@@ -264,7 +268,7 @@ class PoseJudge:
             return reason or self._confidence  # a late pose changes nothing
         self._accepted.append(not reason)
         if not reason:
-            track.push(found, pose)
+            track.push(found, pose, self._inflation)
             self._agreed = 0
             return self._confidence
         if reason != "frozen":
@@ -274,7 +278,7 @@ class PoseJudge:
         return self._suspect(pose, reason, noise)
 
     def _compare(
-        self, track: _Track, pose: ReceivedPose, noise: GnssNoise
+        self, track: _PoseTrack, pose: ReceivedPose, noise: GnssNoise
     ) -> tuple[Innovation, Distrust]:
         """Innovation of a pose, and how it contradicts a track; empty if it does not."""
         found, gate = innovation(track.last, pose, noise, self._inflation), self._gate
@@ -297,9 +301,9 @@ class PoseJudge:
             found, fault = self._compare(track, pose, noise)
             agrees = not fault
             if agrees and found.span > 0.0:
-                track.push(found, pose)
+                track.push(found, pose, self._inflation)
         if track is None or not agrees:
-            self._suspects = _Track(pose, pose)
+            self._suspects = _PoseTrack(pose, pose, self._inflation)
             self._agreed, self._agreed_since = 1, now
             return reason
         if not self._agreed:

@@ -22,12 +22,13 @@ OFF_PATH: tuple[Mode, ...] = SLOWING  # No other vehicle follows its poses
 PREDICTED_FOR: Final = 0.5  # Time (s) for which an announced acceleration is assumed to last
 LASTING: Final = -2.5
 """Harder announced braking (m/s²) is assumed to last to a standstill: it rarely ends sooner."""
+OVERDUE_AFTER: Final = 1.5  # Periods after which a message is missing
 FADES_FROM: Final = 0.3
 FADES_FOR: Final = 0.5
 """Age (s) from which an announced acceleration fades as a feedforward, and the time (s) taken."""
 
 
-class Motion(NamedTuple):
+class PredictedMotion(NamedTuple):
     """Distance driven (m) since a sample, present speed (m/s) and commanded acceleration (m/s²)."""
 
     driven: float
@@ -42,7 +43,7 @@ def predicted_motion(  # noqa: PLR0917 - a state
     age: float,
     lag: float,
     lasting: float = LASTING,
-) -> Motion:
+) -> PredictedMotion:
     """Predict a vehicle `age` (s) after a sample of its speed, achieved and commanded acceleration.
 
     The acceleration a approaches the command u with the drive lag τ (s), τ da/dt = u - a, for
@@ -57,13 +58,13 @@ def predicted_motion(  # noqa: PLR0917 - a state
     after = speed + command * span + rest * built
     if after <= 0.0:
         stopped = speed * speed / max(-2.0 * min(command, achieved), 0.1)
-        return Motion(stopped, 0.0, 0.0)
+        return PredictedMotion(stopped, 0.0, 0.0)
     driven = speed * span + 0.5 * command * span * span + rest * lag * (span - built)
     driven += after * (age - span)
     if not lasts and age > FADES_FROM:
         left = 1.0 - (age - FADES_FROM) / FADES_FOR
         command *= left if left > 0.0 else 0.0
-    return Motion(driven, after, command)
+    return PredictedMotion(driven, after, command)
 
 
 @dataclass(slots=True)
@@ -98,7 +99,12 @@ class SourceState:
     spacing: float = nan
     lag: float = 0.0
 
-    def predicted(self) -> Motion:
+    @property
+    def is_overdue(self) -> bool:
+        """Whether a message is missing."""
+        return self.silence > OVERDUE_AFTER * self.period
+
+    def predicted(self) -> PredictedMotion:
         """Motion predicted to now (see `predicted_motion`)."""
         return predicted_motion(self.speed, self.achieved, self.acceleration, self.age, self.lag)
 

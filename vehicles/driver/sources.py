@@ -270,6 +270,7 @@ class Sources:
         """Instant (ns) at which a car in `state` begins to stop without new data, 0 for never.
 
         It is the loss of the last source that keeps it going; while it stops, that instant stays.
+        Behind a silent predecessor that announced an earlier stop, it brakes from that stop on.
         """
         if not self._degrades:
             return 0
@@ -279,4 +280,7 @@ class Sources:
             one = source.state
             if one.status in AWAITED and not source.has_left_path and one.lost_at > self._stops_at:
                 self._stops_at = one.lost_at
+        ahead = self._situation.predecessor
+        if ahead.is_overdue and ahead.measured_at < ahead.stops_at < self._stops_at:
+            return ahead.stops_at
         return self._stops_at

@@ -26,6 +26,7 @@ from vehicles.driver.situation import (
     friction_left,
     needed_deceleration,
     predicted_motion,
+    stopping_distance,
 )
 from vehicles.driver.speed import GapKeeping, SpeedCommand, SpeedLaw
 from vehicles.messages import Override, State
@@ -53,7 +54,6 @@ BEFORE_HOLE: Final = 0.5  # Share of comfortable braking from which a car slows 
 OTHER_SPEED: Final = 1.0  # Difference (m/s) of a predecessor that does not drive the common speed
 PLAN_BRAKING: Final = 1.0  # Braking (m/s²) announced beyond the common plan
 OLD_AFTER: Final = 2.5  # Periods after which the gap sensor replaces the predecessor's pose
-OVERDUE_AFTER: Final = 1.5  # Periods after which a message of the predecessor is missing
 JOINT_AGE: Final = 0.1  # The lead's pose may be this (s) older than the predecessor's
 FAR: Final = 5.0  # Gap error (m) from which a car is catching up
 LEAST_CLOSING: Final = 0.2  # Closing speed (m/s) from which a contact is expected
@@ -164,7 +164,9 @@ class SpeedGuard:
         policy, least = self._car.policy, self._car.least_spacing
         override: Override = ""
         if state == "alone":
-            wanted, override = min(self._alone(seen, view, speed), usual.bend), "alone"
+            mildest = -self._evidence(situation, view, speed, span)
+            wanted = min(max(self._alone(seen, view, speed), mildest), usual.bend)
+            override = "alone"
         elif state == "return" and law > 0.0:
             wanted, override = 0.0, "return"
         elif (self._keeps_gap or self._following) and not isnan(view.gap):
@@ -228,7 +230,7 @@ class SpeedGuard:
             assumed.gap += (assumed.speed - speed) * span
         else:
             assumed.gap = ahead.spacing - self._car.least_spacing
-        is_old = not predecessor.age <= OLD_AFTER * predecessor.period
+        is_old = not predecessor.silence <= OLD_AFTER * predecessor.period  # also NaN
         if is_old and isfinite(ahead.measured_gap):
             return _View(ahead.measured_gap, self._sensed_speed, self._sensed, by_sensor=True)
         self._sensed = min(self._sensed, 0.0) if isnan(rate) else self._sensed
@@ -245,8 +247,7 @@ class SpeedGuard:
         lead, predecessor, braking = situation.lead, situation.predecessor, ahead.lead_acceleration
         if lead is predecessor or not braking < min(LASTING, predecessor.acceleration):
             return
-        missing = predecessor.silence > OVERDUE_AFTER * predecessor.period
-        if missing and lead.age < predecessor.age + JOINT_AGE:
+        if predecessor.is_overdue and lead.age < predecessor.age + JOINT_AGE:
             speed, achieved, age = predecessor.speed, predecessor.achieved, predecessor.age
             motion = predicted_motion(speed, achieved, braking, age, predecessor.lag)
             view.gap += motion.driven - predecessor.predicted().driven
@@ -388,19 +389,22 @@ class SpeedGuard:
         then on; braking that it announced before is assumed to last. Both brakes build up alike.
         """
         predecessor = situation.predecessor
-        if view.by_sensor or not predecessor.measured_at < predecessor.stops_at <= now:
-            return inf
         free = (predecessor.stops_at - predecessor.measured_at) / SECOND
+        if view.by_sensor or not 0 < predecessor.stops_at <= now:
+            return inf
+        if free <= 0.0 and not predecessor.is_overdue:
+            return inf  # its braking is received
         until = predicted_motion(
             predecessor.speed,
             predecessor.achieved,
             predecessor.acceleration,
-            free,
+            max(free, 0.0),
             predecessor.lag,
             lasting=-self._comfort / 3.0,
         )
         sample = ahead.spacing - predecessor.predicted().driven - self._car.least_spacing
-        its_stop = until.driven + until.speed**2 / (2.0 * self._settings.emergency_deceleration)
+        emergency = self._settings.emergency
+        its_stop = until.driven + stopping_distance(until.speed, until.acceleration, emergency)
         left = sample + its_stop - ANNOUNCED_MARGIN - speed * (self._car.drive_lag + 0.04)
         if isnan(left):
             return inf
@@ -420,10 +424,12 @@ class SpeedGuard:
             return -min(max(needed_deceleration(speed, max(left, LEAST_LEFT)), 1.0), emergency)
         if situation.hole > 0.0:
             final = CREEP_SPEED if situation.crossable else 0.0
-            if speed <= final:
-                return (final - speed) / LIMIT_TIME if left < BEFORE_HOLE or final else inf
+            mild = BEFORE_HOLE * self._comfort if left > 0.0 else 0.0
+            allowed = sqrt(final * final + 2.0 * mild * left)
+            if speed <= allowed:
+                return (allowed - speed) / LIMIT_TIME
             needed = (speed * speed - final * final) / (2.0 * max(left, LEAST_LEFT))
-            return -min(needed, emergency) if needed > BEFORE_HOLE * self._comfort else inf
+            return -min(needed, (speed - allowed) / LIMIT_TIME + mild, emergency)
         if known > (FALLEN_BACK if self._outrun > OUTRUN_FOR else 0.0) or isnan(known):
             self._outrun = 0.0
         elif situation.state != "start":
@@ -465,9 +471,12 @@ class SpeedGuard:
         if override == "announced stop":
             return f"announced a stop, last pose {predecessor.silence:.2f} s ago"
         if override == "known path":
-            return f"{max(situation.known, 0.0):.1f} m of known path"
+            known = f"{max(situation.known, 0.0):.1f} m of known path"
+            return f"{known} before a hole of {situation.hole:.1f} m" if situation.hole else known
         if override == "alone":
-            return f"predecessor silent for {predecessor.silence:.1f} s"
+            silence = predecessor.silence
+            how = "not received yet" if isnan(silence) else f"silent for {silence:.1f} s"
+            return f"predecessor {how}"
         if override == "catch-up":
             return f"at most {self._car.catch_up_ratio * self._reference:.1f} m/s"
         return ""

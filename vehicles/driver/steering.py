@@ -316,7 +316,7 @@ class PurePursuit:
         turns = step * np.asarray(errors.curvatures_ahead(0.5 * step, step, count))
         chords = step * np.exp(1j * (np.cumsum(turns) - 0.5 * turns))
         goals = np.concatenate(([0.0], np.cumsum(chords)))
-        away = np.abs(goals - complex(x, y))
+        away = np.hypot(goals.real - x, goals.imag - y)  # the same on every processor
         beyond = np.flatnonzero(away > reach)
         goal = goals[-1]
         if beyond.size:

@@ -13,7 +13,7 @@ from vehicles.messages import CompositeTrajectory
 PlanePose = tuple[float, float, float]  # East, north (m) and yaw (rad)
 STRAIGHT: Final = 1e-12
 """Curvature (1/m) below which a piece counts as a line: turn / curvature loses precision."""
-NODES: Final = (
+NODES = (
     (0.046910077030668018, 0.11846344252809454),
     (0.23076534494715845, 0.23931433524968324),
     (0.5, 0.28444444444444444),

@@ -73,7 +73,7 @@ def distances_along(points: FloatArray) -> FloatArray:
 def find_holes(steps: FloatArray) -> NDArray[np.int64]:
     """Indices of the `steps` (m) from point to point that are holes."""
     long = np.flatnonzero(steps > HOLE)
-    padded = np.pad(steps, NEARBY, constant_values=math.nan)
+    padded = np.pad(steps, (NEARBY, NEARBY + 1), constant_values=math.nan)  # none has a window
     nearby = sliding_window_view(padded, 2 * NEARBY + 1)[long]
     return np.asarray(long[steps[long] > UNUSUAL * np.nanmedian(nearby, axis=1)], dtype=np.int64)
 

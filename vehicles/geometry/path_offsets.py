@@ -38,13 +38,12 @@ def path_feet(path: SampledPath, points: FloatArray, near: FloatArray) -> FloatA
     """Station and lateral offset (m), shape (2, n), of points near stations, see `path_offsets`."""
     low, high = near - WINDOW, near + WINDOW
     station, lateral, moving = near.copy(), np.zeros(near.size), np.arange(near.size)
-    places = points[0] + 1j * points[1]
     for _ in range(8):  # each step squares the error; two or three are typical
         here = station[moving]
         foot, yaw, curvature = _at(path, here)
-        away = (places[moving] - foot) * np.exp(-1j * yaw)
-        lateral[moving] = away.imag
-        along = away.real / np.maximum(1.0 - curvature * away.imag, 0.2)
+        (east, north), (cos, sin) = points[:, moving] - foot, _directions(yaw)
+        aside = lateral[moving] = north * cos - east * sin
+        along = (east * cos + north * sin) / np.maximum(1.0 - curvature * aside, 0.2)
         target = np.clip(here + along, low[moving], high[moving])
         station[moving] = target
         moving = moving[np.abs(target - here) >= 1e-9]
@@ -53,21 +52,24 @@ def path_feet(path: SampledPath, points: FloatArray, near: FloatArray) -> FloatA
     return np.stack((station, lateral))
 
 
-def _at(
-    path: SampledPath, station: FloatArray
-) -> tuple[NDArray[np.complex128], FloatArray, FloatArray]:
-    """East + i north (m), yaw and curvature at stations (m), as `SampledPath.at`."""
+def _directions(yaw: FloatArray) -> FloatArray:
+    """Unit vectors (..., 2, n); complex products would depend on the processor."""
+    return np.stack((np.cos(yaw), np.sin(yaw)), axis=-2)
+
+
+def _at(path: SampledPath, station: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """East and north (m, shape (2, n)), yaw and curvature at stations (m), as `SampledPath.at`."""
     index = np.searchsorted(path.station, station, side="right") - 1
     index = np.clip(index, 0, path.station.size - 2) + np.array([[0], [1]])
     (start, end), inside = path.station[index], np.clip(station, *path.station[[0, -1]])
     share = (inside - start) / (end - start)
     weight, handle = share * share * (3.0 - 2.0 * share), share * (1.0 - share) * (end - start)
-    place, after = path.east[index] + 1j * path.north[index]
-    leaving, arriving = np.exp(1j * path.yaw[index])
+    place, after = np.stack((path.east[index], path.north[index]), axis=1)
+    leaving, arriving = _directions(path.yaw[index])
     yaw = np.interp(station, path.station, path.yaw)
     place = place + weight * (after - place)
     place += handle * ((1.0 - share) * leaving - share * arriving)
-    place += (station - inside) * np.exp(1j * yaw)
+    place += (station - inside) * _directions(yaw)
     return place, yaw, np.interp(station, path.station, path.curvature, 0.0, 0.0)
 
 

@@ -92,7 +92,8 @@ def _fit(t: FloatArray, values: FloatArray, at: FloatArray, reaches: FloatArray)
     inside = index < last[:, None]
     index = np.minimum(index, t.size - 1)
     u = (t[index] - at[:, None]) / reaches[:, None]
-    weight = np.where(inside, (1.0 - np.minimum(u * u, 1.0)) ** 3, 0.0)
+    fall = 1.0 - np.minimum(u * u, 1.0)
+    weight = np.where(inside, fall * fall * fall, 0.0)  # a power would depend on the processor
     reached = values[:, index]
     smoothed = np.zeros((values.shape[0], at.size))
     polynomial, previous = np.ones_like(u), np.zeros_like(u)

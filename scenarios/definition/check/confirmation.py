@@ -98,8 +98,8 @@ def _length(scenario: Scenario, speed: float, *, whole: bool) -> float:
 # ---- Confirmation
 
 
-VEHICLES_PER_CORE = 20
-"""A core carries ten vehicles in real time, and twenty with compiled modules (measured)."""
+VEHICLES_PER_CORE = 10
+"""Number of vehicles that a core carries in real time (measured)."""
 
 LATENCY_MS_MIN = 1.0
 """Messages between two processes take about this long."""

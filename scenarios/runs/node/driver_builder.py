@@ -65,6 +65,7 @@ class DriverBuilder:
             path=self._route.path,
             station=self.station(body),
             limit=self._command_limit(context.car),
+            drive_lag=self._setup.assumed_parameters.drive_lag,
             draw=self._draw,
         ), law
 
@@ -94,6 +95,7 @@ class DriverBuilder:
                 load=load,
                 draw=self._draw,
                 followers=self._relayed(),
+                drive_lag=setup.assumed_parameters.drive_lag,
             )
         steering = setup.steering
         reaction: ReactionPolicy = steering.degradation.reaction.build(draw=self._draw)

@@ -3,23 +3,29 @@
 A second implementation of the sampled laws with their delays, from the published formulas only.
 Cars drive on a straight with exact sensors. Each decides at 50 Hz and holds its command; its drive
 is of first order (LAG). It sends its state and its command at 10 Hz; they arrive after LATENCY and
-are predicted to the present with that command. The gap sensor of ACC measures at instants of
-control, with a rate and a latency of its own, and is predicted by the measured rate.
+are predicted to the present: its drive approaches that command for up to LASTS, or to a standstill
+if it brakes harder than HARD. The gap sensor of ACC measures at instants of control, with a rate
+and a latency of its own, and is predicted by the measured rate.
 """
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 Floats = NDArray[np.float64]
 LAG, SPEED = 0.5, 27.778
 CONTROL, BEACON, LATENCY = 0.02, 0.1, 0.02
 SENSOR, SENSOR_LATENCY = 0.05, 0.05
 FALLBACK_AFTER, FALLBACK_HEADWAY = 0.5, 1.2
+LASTS, HARD = 0.5, 2.5
+FADES_FROM, FADES_TO = 0.3, 0.8
+"""Age (s) of a command between which its share as a feedforward falls from 1 to 0."""
 HARDEST, STRONGEST = 9.0, 2.5
 """Largest braking and acceleration (m/s²) of followers."""
 CORRECTION, CORRECTION_MAX = 0.5, 2.0
@@ -34,22 +40,41 @@ GAPS = {
 """Standstill gap (m) and headway (s) of each law in Plexe's examples."""
 
 
+@cache
+def _transition(span: float) -> Floats:
+    """Transition of position, speed, acceleration and a held command over `span` (s)."""
+    drive = [
+        [0.0, 1.0, 0.0, 0.0],
+        [0.0, 0.0, 1.0, 0.0],
+        [0.0, 0.0, -1.0 / LAG, 1.0 / LAG],
+        [0.0] * 4,
+    ]
+    transition: Floats = expm(span * np.array(drive))
+    return transition
+
+
 @dataclass
 class _Received:
-    """Position, speed and command of one car at an instant (s)."""
+    """Position, speed, achieved acceleration and command of one car at an instant (s)."""
 
     at: float
     place: float
     speed: float
+    achieved: float
     command: float
 
     def predicted(self, now: float) -> tuple[float, float, float]:
-        """Position (m), speed (m/s) and acceleration (m/s²) at `now`; a braking car stops."""
-        age, command = now - self.at, self.command
-        if self.speed + command * age < 0.0:
-            return self.place - 0.5 * self.speed**2 / command, 0.0, 0.0
-        place = self.place + self.speed * age + 0.5 * command * age * age
-        return place, self.speed + command * age, command
+        """Position (m), speed (m/s) and feedforward (m/s²) at `now`; a braking car stops."""
+        age, command = round(now - self.at, 9), self.command
+        span = age if command < -HARD else min(age, LASTS)
+        state = np.array([self.place, self.speed, self.achieved, command])
+        place, speed, _, _ = _transition(span) @ state
+        if speed <= 0.0:
+            braking = -min(self.achieved, command)
+            return self.place + 0.5 * self.speed**2 / max(braking, 0.05), 0.0, 0.0
+        if command >= -HARD:
+            command *= np.interp(age, [FADES_FROM, FADES_TO], [1.0, 0.0])
+        return float(place + speed * (age - span)), float(speed), float(command)
 
 
 @dataclass
@@ -92,7 +117,7 @@ class String:
                     self.sensed[i].append((now, gaps[-1][i - 1], v[i - 1] - v[i]))
             if k % round(BEACON / CONTROL) == 0:
                 for i in range(count):
-                    self.sent[i].append(_Received(now, x[i], v[i], u[i]))
+                    self.sent[i].append(_Received(now, x[i], v[i], a[i], u[i]))
             x, v, a = self._moved(now, x, v, a, u)
         return np.array(instants), np.array(gaps).T
 

@@ -1,4 +1,4 @@
-"""Short sweeps: two vehicles, half a second, in this process."""
+"""Short sweeps: two vehicles, 0.8 s, in this process."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -9,7 +9,7 @@ from scenarios.studies.many.files import run_sweep
 from scenarios.studies.many.plan import SweepPlan, planned
 from scenarios.studies.workers import open_workers
 
-SETS = ("duration_s=0.5", "convoy.vehicles=2")
+SETS = ("duration_s=0.8", "convoy.vehicles=2")
 VARY = ("links.loss_ratio=0:0.8:0.8", "convoy.gap_m=3,10")
 METRICS = ("cross_track_error_m_max", "true_gap_m_min")
 LIMITS = ("lane", "error_m=0.02")

@@ -147,6 +147,7 @@ def command(vehicle: str, tick: int) -> Command:
         feedback_rad=0.002,
         acceleration_mps2=0.0,
         target_speed_mps=SPEED,
+        law_acceleration_mps2=0.0,
     )
 
 

@@ -36,6 +36,7 @@ def summary(reason: str = "", clock: ClockName = "wall") -> RunSummary:
     metrics = Metrics(
         ("v1", "v2", "v3"), {("v1", "v2"): requested, ("v1", "v3"): plain, ("v2", "v3"): plain}
     )
+    metrics.listen(0, truth("v1", -1, -20.0, 0.0))  # v2 begins after the start of the path
     for seq in range(21):
         metrics.listen(0, truth("v1", seq, 0.6 * seq, 0.0))
         metrics.listen(0, truth("v2", seq, 0.6 * seq - 15.0, 0.125))

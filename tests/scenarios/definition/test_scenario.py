@@ -33,10 +33,12 @@ def test_defaults_are_the_paper_s() -> None:
     assert scenario.start_at_ns == 1_767_225_600 * 10**9  # 2026-01-01, counted in days from 1970
 
 
-def test_followers_receive_from_lead_and_predecessor() -> None:
+def test_followers_receive_from_lead_and_predecessor_and_the_lead_from_all_but_the_last() -> None:
     scenario = scenario_from_text(STRAIGHT)
     sources = {name: scenario.vehicle(name).senders for name in scenario.vehicle_names}
-    assert sources == {"v1": (), "v2": ("v1",), "v3": ("v1", "v2"), "v4": ("v1", "v3")}
+    assert sources == {
+        "v1": ("v2", "v3"), "v2": ("v1",), "v3": ("v1", "v2"), "v4": ("v1", "v3"),
+    }  # fmt: skip
     assert scenario.vehicle("v3").predecessor == "v2"
     assert set(scenario.links) == {
         (sender, name) for name, senders in sources.items() for sender in senders

@@ -16,11 +16,11 @@ RATE_HZ = 20.0
 
 
 def test_an_entry_about_a_link_to_the_lead_counts_only_where_it_waits() -> None:
-    entry = 'link=[{sender="v3", receiver="lead", loss_ratio=0.5}]'
+    entry = 'link=[{sender="v4", receiver="lead", loss_ratio=0.5}]'
     with pytest.raises(ScenarioError, match="no such link"):
         load_scenario("lane_change", [entry])
     links = load_scenario("lane_change", [entry, "speed.lead_waits=true"]).links
-    assert links["v3", "v1"].loss_ratio == 0.5
+    assert links["v4", "v1"].loss_ratio == 0.5
     assert links["v2", "v1"].loss_ratio == 0.0
 
 
@@ -148,7 +148,7 @@ def test_links_are_the_union_of_both_directions(
 
     def uses(receiver: int, sender: int) -> bool:
         if receiver == 1:
-            return lead_receives
+            return lead_receives or sender < vehicles  # it repeats their announced stops
         rows = [flows["lateral"], own.get(f"v{receiver}", flows["longitudinal"])]
         return any(
             -row["behind"] <= receiver - sender <= row["ahead"] or (row["lead"] and sender == 1)

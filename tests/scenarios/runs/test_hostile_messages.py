@@ -181,8 +181,8 @@ def test_messages_of_no_run_change_only_counters(
     assert set(refused) <= set(REASONS)
     assert_inboxes_add_up(run)
     for name, node in run.nodes.items():
-        requested = run.hostile[key("v1", TOPICS["gps"])] if name != "v1" else 0
-        requested += run.hostile[key("v2", TOPICS["gps"])] if name == "v3" else 0
+        senders = {"v1": ("v2",), "v2": ("v1",), "v3": ("v1", "v2")}[name]
+        requested = sum(run.hostile[key(sender, TOPICS["gps"])] for sender in senders)
         assert node.inbox.rejected.total() == requested
         assert node.inbox.delivered == calm.nodes[name].inbox.delivered
     assert reported(run) == reported(calm)

@@ -8,7 +8,6 @@ import pytest
 
 from scenarios.definition.scenario import scenario_from_text
 from scenarios.runs.run_log import RunLog
-from tests.made.interpreted import interpreted_only
 from tests.made.scenarios.long_drive import TENTH_S, sent_in
 from tests.made.scenarios.messages import START, STRAIGHT, at
 from transport.codec import encode
@@ -46,11 +45,11 @@ def record(run: RunLog, first: int, last: int) -> int:
     return count
 
 
-@interpreted_only
 def test_each_message_leaves_little_memory_behind(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("vehicles.geometry.driven_path.DROP_EVERY", 50)  # to see it forget
+    monkeypatch.setattr("scenarios.results.traffic.LONGEST_MEMORY_NS", SECOND)
     run = open_run(tmp_path / "run")
     tracemalloc.start()
     try:

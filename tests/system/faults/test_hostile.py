@@ -286,17 +286,8 @@ def assert_refusals_counted(run: Run, sent: int) -> None:
     }
     # A busy machine sends less, and its router drops part of a flood.
     assert sum(refused.values()) > 0.5 * sent
-    # The lead receives no poses, but starts and ends of other runs.
-    assert {text.rpartition(" ")[2] for text in run.texts("v1") if "refused" in text} == {"foreign"}
-    for name in ("v2", "v3"):
+    for name in VEHICLES:
         assert run.vehicle(name)["rejected_messages"] > 0.02 * sent  # one in 25 without load
         reasons = {text.rpartition(" ")[2] for text in run.texts(name) if "refused" in text}
-        assert reasons >= {
-            "garbage",
-            "oversized",
-            "foreign",
-            "absurd",
-            "early",
-            "duplicate",
-            "sequence",
-        }
+        poses = {"absurd", "sequence"} if name != "v1" else set()  # sent as poses of the lead
+        assert reasons >= {"garbage", "oversized", "foreign", "early", "duplicate"} | poses

@@ -179,7 +179,7 @@ def takes_draw(plugged: type[Any]) -> bool:
     """Whether the constructor of a class has a parameter `draw`."""
     try:
         return "draw" in signature(plugged).parameters
-    except (TypeError, ValueError):  # of a compiled class
+    except (TypeError, ValueError):  # of a class of an extension module
         return False
 
 

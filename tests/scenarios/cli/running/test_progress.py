@@ -72,6 +72,7 @@ def live(clock: FakeTime, monkeypatch: pytest.MonkeyPatch) -> Iterator[Shown]:
 
 def drive(shown: Shown, seconds: float = 12.0) -> None:
     seq = round(seconds * 50)
+    shown.listen(START, truth("v1", seq - 2, -20.0, 0.0))  # v2 has passed the start of the path
     for name, error, east in (("v1", 0.02, 0.0), ("v2", -0.2, -15.0)):
         # At first v2 is 34.5 cm beside the path, then 10 cm, and estimates 20 cm.
         shown.listen(START, truth(name, seq - 1, east - 0.4, -0.345 if name == "v2" else 0.0))
@@ -137,11 +138,12 @@ def test_of_a_long_convoy_the_worst_have_a_row_and_all_a_line(
     with Progress(metrics, 35.0) as progress:
         shown = Shown(metrics, progress)
         shown.listen(START, start())
-        shown.listen(START, truth("v1", 0, 0.0, 0.0))
+        shown.listen(START, truth("v1", 0, -600.0, 0.0))
+        shown.listen(START, truth("v1", 1, 0.0, 0.0))
         for place, name in enumerate(convoy):
             off = 0.01 * (place % 20)  # v20 and v40 19 cm, v16 to v20 and v36 to v40 the worst ten
             if place:
-                shown.listen(START, truth(name, 0, -15.0 * place, off))
+                shown.listen(START, truth(name, 1, -15.0 * place, off))
         capsys.readouterr()
         clock.now += REDRAW_S
         shown.listen(START, gps("v1", 0))

@@ -145,7 +145,7 @@ def scenario(text: str) -> None:
         ('kind = "cut"\nsender = "v9"', 'change[0].sender: given "v9", allowed "v1", "v2", "v3", '
          '"v4", "lead", "predecessor", "follower", "*"'),
         ('kind = "heal"\nsender = "v4"', "change[0]: from v4 to *: no such link, allowed "
-         "v1 to v2, v1 to v3, v2 to v3, v1 to v4, v3 to v4"),
+         "v2 to v1, v3 to v1, v1 to v2, v1 to v3, v2 to v3, v1 to v4, v3 to v4"),
         ('kind = "link"', "change[0]: changes nothing, allowed at least one of loss_ratio, "
          "latency_ms, jitter_ms"),
         ('kind = "link"\nloss_ratio = 2.0', "change[0].loss_ratio: given 2.0, allowed 0 to 1, "

@@ -141,6 +141,6 @@ def test_a_link_that_the_log_does_not_hold_is_named_with_those_it_does(earlier: 
         scenario(earlier, "links.loss={kind='log', file='run/run.mcap', sender='v9'}")
     (line,) = caught.value.lines
     assert line == (
-        "--set: links.loss.file: run/run.mcap: no verdicts of v9 → v2, allowed v1 → v2, v1 → v3, "
-        "v1 → v4, v2 → v3, v3 → v4"
+        "--set: links.loss.file: run/run.mcap: no verdicts of v9 → v1, allowed v1 → v2, v1 → v3, "
+        "v1 → v4, v2 → v1, v2 → v3, v3 → v1, v3 → v4"
     )

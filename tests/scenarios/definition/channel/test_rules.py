@@ -28,7 +28,7 @@ def test_roles_stand_for_vehicles_by_their_place() -> None:
     assert {
         pair for pair, loss in losses('{sender="follower", receiver="*", loss_ratio=0.5}').items()
         if loss
-    } == {("v2", "v3"), ("v3", "v4")}  # fmt: skip
+    } == {("v2", "v1"), ("v3", "v1"), ("v2", "v3"), ("v3", "v4")}  # fmt: skip
 
 
 def test_a_name_comes_before_a_role_and_a_role_before_any_in_whatever_order() -> None:
@@ -43,7 +43,7 @@ def test_a_name_comes_before_a_role_and_a_role_before_any_in_whatever_order() ->
         scenario = with_entries(*order)
         assert {pair: link.loss_ratio for pair, link in scenario.links.items()} == {
             ("v1", "v2"): 0.3, ("v1", "v3"): 0.4, ("v1", "v4"): 0.5,
-            ("v2", "v3"): 0.1, ("v3", "v4"): 0.1,
+            ("v2", "v3"): 0.1, ("v3", "v4"): 0.1, ("v2", "v1"): 0.1, ("v3", "v1"): 0.1,
         }  # fmt: skip
         assert all(link.jitter_ms == 7.0 for link in scenario.links.values())
 

@@ -26,11 +26,11 @@ TWO = ["convoy.vehicles=2", "duration_s=1"]
 Module = Callable[[str], str]
 
 
-def with_example(key: str, name: str, *, of: str = "lane_change") -> Scenario:
+def with_example(key: str, name: str, *more: str, of: str = "lane_change") -> Scenario:
     """A short scenario with the lines of an example, whose module is called `name`."""
     toml = EXAMPLES[key].toml.replace("mine.", f"{name}.")
     head = f'extends = "{of}"\nname = "own"\nduration_s = 1.0\n'
-    return scenario_from_text(f"{head}{toml}", overrides=["convoy.vehicles=3"])
+    return scenario_from_text(f"{head}{toml}", overrides=["convoy.vehicles=3", *more])
 
 
 @pytest.mark.parametrize("key", EXAMPLES)
@@ -39,7 +39,9 @@ def test_the_example_of_a_point_runs_and_its_parameter_counts(
 ) -> None:
     """The stored scenario is the same, and the module is part of the run's identity."""
     name = module(EXAMPLES[key].code)
-    scenario = with_example(key, name)
+    # 18 m is the gap that [speed.gap] requests: far below it, all laws brake at the limit.
+    gap = ["convoy.gap_m=18"] if key == "control.longitudinal" else []
+    scenario = with_example(key, name, *gap)
     assert [one.partition(".")[0] for one in scenario.plug_ins] == [name]
     again = scenario_from_text(scenario.text)
     assert again.text == scenario.text
@@ -47,8 +49,8 @@ def test_the_example_of_a_point_runs_and_its_parameter_counts(
     summary = run_virtual(scenario, tmp_path / "own", Stop())
     assert summary.outcome == "completed", summary.reason
     assert list(summary.identity.plug_ins) == [name]
-    overrides = ["convoy.vehicles=3", "duration_s=1"]
-    overrides += ["speed.followers=gap"] if key == "control.longitudinal" else []
+    overrides = ["convoy.vehicles=3", "duration_s=1", *gap]
+    overrides += ["speed.followers=gap"] if gap else []
     usual = run_virtual(load_scenario("lane_change", overrides), tmp_path / "usual", Stop())
     assert (summary.vehicles, summary.events) != (usual.vehicles, usual.events)
 

@@ -11,8 +11,7 @@ from vehicles.schedule import SECOND
 
 CODE = """
 from dataclasses import dataclass
-from vehicles.driver.reactions import Degrade, Extrapolate
-from vehicles.driver.speed import SpeedCommand
+from vehicles.driver.reactions import Extrapolate
 
 class Always(Extrapolate):
     @dataclass
@@ -34,32 +33,6 @@ class StopWhenSilent(Extrapolate):
     def acceleration(self, situation, mode, speed, wanted):
         assert situation.ahead.own.step < 0.1
         return -4.0 if mode == "stop" and speed > 0.0 else wanted
-
-class Shipped(Degrade):
-    pass
-
-class Parts(Degrade):
-    def modes(self, settings):
-        return self
-    def guard(self, law, settings, car):
-        return Brakes(settings.comfortable.deceleration, car.least_spacing)
-    def decide(self, now, sources, situation, speed, *, fitted, has_path):
-        return "creep", f"{len(sources.all)} sources"
-
-class Brakes:
-    def __init__(self, braking, least_spacing):
-        self.braking, self.least = braking, least_spacing
-    def command(self, now, pose, ahead, situation, mode):
-        assert not ahead.spacing < self.least and mode == "creep"
-        return SpeedCommand(-self.braking, 0.0)
-
-class Faulty(Parts):
-    def decide(self, now, sources, situation, speed, *, fitted, has_path):
-        return "creep"
-
-class Wrong(Extrapolate):
-    def mode(self, situation, usual, speed):
-        return "path"
 """
 Module = Callable[[str], str]
 
@@ -112,18 +85,3 @@ def test_a_policy_of_ones_own_stops_a_car_and_warns(module: Module) -> None:
     assert {row.mode for row in rows if row not in stopping} <= {"composite", "straight", "coast"}
     assert all(row.hazard for row in stopping)
     assert all(row.reason.startswith("chosen by the policy") for row in stopping[:1])
-
-
-def test_both_parts_of_the_shipped_policy_are_replaced(module: Module) -> None:
-    name = module(CODE)
-    scenario = scenario_of(f"{name}.Parts")
-    tape = TrackingTape()
-    summary = run_unlogged(scenario, [tape])
-    assert {(row.mode, row.reason) for row in tape.rows} == {("creep", "2 sources")}
-    lead, *followers = summary.vehicles
-    braked = 0.5 * scenario.vehicle("v2").degradation.comfortable.deceleration * 1.5**2
-    for row in followers:
-        assert lead.distance_m - row.distance_m == pytest.approx(braked, abs=0.05)
-    faulty = run_unlogged(scenario_of(f"{name}.Faulty"))
-    assert faulty.outcome == "failed"
-    assert f"reaction '{name}.Faulty': modes().decide() returned 'creep', expected" in faulty.reason

@@ -44,7 +44,7 @@ REFUSED = {
     "a mode that the first follower cannot have": (
         ("modes", MODE, {"vehicle": '"v2"'}),
         'limits.modes[0].mode: given "predecessor", but v2 steers along v1 only, allowed '
-        '"lead", "coast", "stop", "creep" or "straight"',
+        '"lead", "coast", "stop" or "straight"',
     ),
     "beyond the end": (
         ("modes", MODE, {"within_s": "15.1"}),
@@ -53,7 +53,7 @@ REFUSED = {
     "an unknown mode": (
         ("modes", MODE, {"mode": '"fast"'}),
         'limits.modes[0].mode: given "fast", allowed "composite", "lead", "predecessor", '
-        '"intermediate", "coast", "stop", "creep" or "straight"',
+        '"intermediate", "coast", "stop" or "straight"',
     ),
     "no time at all": (
         ("recovery", RECOVERY, {"within_s": "0.0"}),

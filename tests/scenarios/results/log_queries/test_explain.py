@@ -76,7 +76,7 @@ def instants() -> Iterator[tuple[str, float]]:
 
 
 def senders(vehicle: str) -> list[str]:
-    return {"v1": [], "v2": ["v1"], "v3": ["v1", "v2"], "v4": ["v1", "v3"]}[vehicle]
+    return {"v1": ["v2", "v3"], "v2": ["v1"], "v3": ["v1", "v2"], "v4": ["v1", "v3"]}[vehicle]
 
 
 def check_source(
@@ -162,7 +162,7 @@ def test_explanations_of_many_instants_match_the_log(log: Path, plain: Record) -
         for source in found.sources:
             is_lead = source.sender == "v1"
             status = decision.lead_status if is_lead else decision.predecessor_status
-            assert source.status == status
+            assert source.status == ("" if vehicle == "v1" else status)
         assert all(source.sender in found.sentence for source in found.sources)
         reported += len(found.sources)
     assert reported > INSTANTS  # the draw is not of leads only

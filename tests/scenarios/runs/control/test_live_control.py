@@ -123,7 +123,7 @@ def test_a_change_that_one_vehicle_refuses_is_made_by_none() -> None:
 @pytest.mark.parametrize(
     ("name", "entry", "does"),
     [
-        ("v1", {"kind": "cut"}, ""),  # it has no sources
+        ("v1", {"kind": "cut"}, "cut"),
         ("v2", {"kind": "cut"}, "cut"),
         ("v2", {"kind": "cut", "receiver": "v3"}, ""),
         ("v3", {"kind": "cut", "sender": "predecessor"}, "cut"),
@@ -155,7 +155,7 @@ REFUSED = [
     (b'{"kind": "cut", "sender": "v9"}', 'sender: given "v9", allowed "v1", "v2", "v3", "v4", '
      '"lead", "predecessor", "follower", "*"'),
     (b'{"kind": "cut", "sender": "v4", "receiver": "v1"}', "from v4 to v1: no such link, "
-     "v1 receives from none"),
+     "v1 receives from v2, v3"),
     (b'{"kind": "link", "loss_ratio": NaN}', "loss_ratio: given nan, allowed a finite number"),
     (b'{"kind": "link"}', "changes nothing, allowed at least one of loss_ratio, latency_ms, "
      "jitter_ms"),

@@ -18,7 +18,6 @@ from scenarios.runs.processes.membership import (
 )
 from scenarios.runs.processes.vehicle_process import RunCancelledError, VehicleProcess, paced_ticks
 from scenarios.runs.stop import Stop
-from tests.made.interpreted import interpreted_only
 from transport.bus.bus import MemoryBus, MemoryNetwork
 from transport.clock import VirtualClock, late_threshold, ticks
 from transport.codec import encode
@@ -58,7 +57,6 @@ def test_a_late_join_is_judged_by_the_recorder_s_clock(
         vehicle.await_start(lambda _: None, 5.0)
 
 
-@interpreted_only
 @pytest.mark.parametrize("says_the_run_is_on", [True, False])
 def test_a_recorder_that_catches_up_is_waited_for_as_long_as_it_gives_signs(
     monkeypatch: pytest.MonkeyPatch, *, says_the_run_is_on: bool

@@ -2,7 +2,6 @@
 
 import pytest
 
-from tests.made.interpreted import interpreted_only
 from tests.scenarios.runs.simulation.plan import draw
 from tests.scenarios.runs.simulation.planted import PLANTED
 from tests.scenarios.runs.simulation.shrinking import simulate
@@ -12,7 +11,6 @@ QUICK = ("missing_messages_are_not_counted", "the_last_messages_are_dropped")
 MOST_SEEDS = 1000
 
 
-@interpreted_only
 @pytest.mark.campaign(len(QUICK), len(PLANTED))
 def test_a_planted_bug_is_found(case: int, monkeypatch: pytest.MonkeyPatch) -> None:
     name = [*QUICK, *(name for name in PLANTED if name not in QUICK)][case]

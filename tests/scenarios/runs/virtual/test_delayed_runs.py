@@ -126,7 +126,8 @@ def test_another_vehicle_or_another_link_s_rule_changes_no_verdict() -> None:
     def fates(one: Ran) -> list[tuple[int, str, int]]:
         return [(v.pose_seq, v.reason, v.visible_at_ns) for v in one.over("v1", "v2")]
 
-    longer = ran("convoy.vehicles=5")
-    ruled = ran("link=[{sender='v1', receiver='v3', queue={bytes_per_s=9999}, loss_ratio=0.5}]")
-    assert fates(longer) == fates(ran()) == fates(ruled)
+    own = "control.degradation.reaction='extrapolate'"  # else the lead's message is longer
+    longer = ran(own, "convoy.vehicles=5")
+    rule = "link=[{sender='v1', receiver='v3', queue={bytes_per_s=9999}, loss_ratio=0.5}]"
+    assert fates(longer) == fates(ran(own)) == fates(ran(own, rule))
     assert longer.over("v4", "v5")

@@ -22,6 +22,8 @@ BASE = """
 extends = "lane_change"
 name = "others"
 duration_s = 1.2
+[control.degradation]
+reaction = "extrapolate"    # else the lead's message repeats what its followers announce
 """
 OWN: tuple[Pair, ...] = (("v1", "v2"), ("v1", "v3"), ("v2", "v3"))
 """Links of a convoy of three."""

@@ -82,6 +82,7 @@ def test_a_replayed_vehicle_sends_the_recorded_messages(
             p,
             measured_at_ns=p.measured_at_ns - 300 * SECOND,
             sent_at_ns=p.sent_at_ns - 300 * SECOND,
+            relayed_stops_at_ns=tuple(at and at - 300 * SECOND for at in p.relayed_stops_at_ns),
         )
         for p in poses
     ]

@@ -73,7 +73,7 @@ def overlapping(log: Path) -> set[tuple[str, str]]:
     }
 
 
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", [1, 10])
 def test_collisions_are_reported_everywhere(
     crashed: tuple[Path, RunSummary, Stop], tmp_path: Path, seed: int
 ) -> None:

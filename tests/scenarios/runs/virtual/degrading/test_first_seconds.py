@@ -11,7 +11,9 @@ from scenarios.runs.virtual import run_unlogged
     ("loss_ratio", "seed"), [(0.8, 3), (0.8, 8), (0.8, 15), (0.9, 3), (0.9, 11), (0.9, 12)]
 )
 def test_a_car_with_few_messages_stays_on_the_straight_road(loss_ratio: float, seed: int) -> None:
-    requested = (f"links.loss_ratio={loss_ratio}", "convoy.gap_m=3", "duration_s=6")
+    # A source that is lost later than this lets a car drive blindly for a second more.
+    silence = "control.degradation.lost_s_max=0.5"
+    requested = (f"links.loss_ratio={loss_ratio}", "convoy.gap_m=3", "duration_s=6", silence)
     for row in run_unlogged(load_scenario("lane_change", requested, seed)).vehicles[1:]:
         assert row.cross_track_error_m_max is not None
         assert row.cross_track_error_m_max < 0.45, row.name  # it was 0.55 to 4.9 m

@@ -30,7 +30,8 @@ def test_the_lead_stops_behind_its_last_car() -> None:
         elif isinstance(message, TruePose):
             speeds.append(message.speed_mps)
 
-    scenario = load_scenario("lapped_convoy")
+    longer = "change=[{kind='cut', at_s=4.5, for_s=16, receiver='v3'}]"
+    scenario = load_scenario("lapped_convoy", (longer, "duration_s=24"))
     summary = run_unlogged(scenario, [OnMessage(listen, frozenset({Tracking, TruePose}))])
     assert [one for one in summary.events if one.kind == "collision"] == []
     assert any("v3" in reason for reason in reasons)

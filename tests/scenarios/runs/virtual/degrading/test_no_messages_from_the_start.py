@@ -9,11 +9,13 @@ from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.virtual import run_unlogged
 from tests.made.convoys.speed_runs import Driven
+from vehicles.driver.settings import DegradationSettings
+from vehicles.driver.source import Reception
 from vehicles.messages import TruePose
 from vehicles.schedule import SECOND
 
-LOST_S = 0.5
-"""A source of twenty messages a second is lost after such a silence."""
+LOST_S = Reception(0.05, DegradationSettings()).lost_after
+"""A source of twenty messages a second is lost after such a silence at the start."""
 DARK_S = 8.0
 
 
@@ -44,7 +46,9 @@ def test_vehicles_without_messages_stop_together_and_drive_on_with_them(gap_m: f
     driven = Driven()
     run = run_unlogged(scenario, [OnMessage(driven.take)])
     for name in ("v2", "v3", "v4"):
-        speeds = [speed_at(driven, scenario, name, at) for at in (LOST_S, 2.0, DARK_S, 24.0)]
+        speeds = [
+            speed_at(driven, scenario, name, at) for at in (LOST_S, LOST_S + 1.5, DARK_S, 24.0)
+        ]
         assert speeds[0] == pytest.approx(30.0, abs=0.2)
         # 6 m/s² from then on, half a second later at most: the jerk is 12 m/s³.
         assert 30.0 - 6.0 * 1.5 - 0.1 < speeds[1] < 30.0 - 6.0 * 1.2

@@ -2,7 +2,8 @@
 
 The integration (`integrated_string`) has the sampling and the delays of the run: control at 50 Hz,
 beacons at 10 Hz with 20 ms of latency, and the gap sensor. The rest, below 0.2 %, is rounding in
-the run, such as of positions between two refits of the path.
+the run, such as of positions between two refits of the path. The followers react by "extrapolate":
+"degrade" would brake for contacts that it expects, and less where nothing ahead is a reason.
 """
 
 import math
@@ -19,6 +20,7 @@ from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.messages import Message, TruePose
 
 Floats = NDArray[np.float64]
+BY_LAW_ALONE = "control.degradation.reaction=extrapolate"
 ENDS_AFTER = {"plexe_sinusoidal": 9.0, "plexe_braking": 9.4}
 """Length (s) of a short run: most of a period, or until the lead stands."""
 LEAST_CHANGE_M = 0.1
@@ -56,7 +58,7 @@ def driven(made: Scenario) -> tuple[Floats, Floats]:
 
 
 def compare(name: str, law: str, followers: int, seconds: float) -> None:
-    made = scenario(name, law, followers=followers, seconds=seconds)
+    made = scenario(name, law, BY_LAW_ALONE, followers=followers, seconds=seconds)
     profile = made.route.profile
     string = String(law, followers, LINCOLN_MKZ.length, lambda t: profile.at(t)[0])
     _, exact = string.gaps(seconds)
@@ -128,7 +130,9 @@ def sampled_gain(frequency: float, headway: float, latency: float) -> float:
     plant, hold = s * s * (LAG * s + 1.0), (1.0 - np.exp(-s * CONTROL)) / (s * CONTROL)
     age = latency + CONTROL * np.arange(round(BEACON / CONTROL))
     command = plant / hold  # of the predecessor, per position
-    place, speed = 1.0 + age * s + 0.5 * age * age * command, s + age * command
+    rest, built = s * s - command, LAG * (1.0 - np.exp(-age / LAG))
+    place = 1.0 + age * s + 0.5 * age * age * command + rest * LAG * (age - built)
+    speed = s + age * command + rest * built
     target = np.mean(np.exp(-age * s) * (command + 0.2 * place + 0.7 * speed))
     left = math.exp(-CONTROL / headway)
     law = hold * (1.0 - left) / (1.0 - left * np.exp(-s * CONTROL))
@@ -149,6 +153,7 @@ def test_ploeg_s_law_has_its_gain_and_is_string_stable_up_to_the_published_delay
         f"speed.oscillation.frequency_hz={frequency}",
         "speed.oscillation.from_s=0.5",
         f"links.latency_ms={1000.0 * latency:g}",
+        BY_LAW_ALONE,  # "degrade" replaces late poses by the gap sensor
     )
     _, speeds = driven(scenario("plexe_sinusoidal", "ploeg", *more, followers=2, seconds=seconds))
     found = amplitudes(speeds, seconds, frequency)
