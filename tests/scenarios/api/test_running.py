@@ -143,7 +143,7 @@ def test_a_sweep_tabulates_what_the_command_writes(tmp_path: Path) -> None:
         "lane_change",
         {"links.loss_ratio": [0, 0.8], "convoy.gap_m": "3,10"},
         seeds=2,
-        set={"duration_s": 0.5, "convoy.vehicles": 2},
+        set={"duration_s": 0.8, "convoy.vehicles": 2},
         metrics=METRICS,
         limits=LIMITS,
         workers=0,
