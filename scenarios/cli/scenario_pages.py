@@ -1,7 +1,7 @@
 """Reference pages about scenario files: scenario, links, presets, gnss, degradation, limits."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from scenarios.cli.table_keys import (
@@ -15,7 +15,8 @@ from scenarios.definition.channel.presets import presets, read_preset
 from scenarios.definition.schema.limit_rows import LIMITS
 from scenarios.definition.schema.settings_table import keys_with
 from vehicles.car.gnss_settings import PRESETS, GnssSettings
-from vehicles.messages import MODES
+from vehicles.driver.modes import FINDINGS, STATES, TRANSITIONS
+from vehicles.messages import MODES, OVERRIDES, State
 
 
 def _print_tables(key: str) -> None:
@@ -106,12 +107,24 @@ def degradation_page() -> None:
         "Reaction of a follower to missing data. Its sources are the vehicles of "
         "[information_flow], by default the lead and the predecessor. A source is fresh, late, "
         "lost, or distrusted as implausible. The follower steers along the sources that remain. "
-        "It keeps the safe distance to the predecessor only: while that is late, or the lead is "
-        "lost, it opens its gap, whatever else it receives. Without any lateral source, it slows "
-        "down so that it stops within its known path. A source that returns is used again after "
-        "a probation."
+        "Its longitudinal law acts on the predicted motion of the vehicles ahead. A source is lost "
+        "after a silence that its usual losses do not explain, and used again after a probation."
     )
     _print_tables("control.degradation")
+    print_section("states of a follower", STATES.items())
+    print_section("what is received", FINDINGS.items())
+    rows = [(finding, _next_states(TRANSITIONS[finding])) for finding in FINDINGS]
+    print_section("transitions by what is received", rows)
+    reasons = [(name or "none", text) for name, text in OVERRIDES.items()]
+    print_section("overrides of the longitudinal law", reasons)
+
+
+def _next_states(transitions: Mapping[State, State]) -> str:
+    """Next state by state, those with the same one together."""
+    before: dict[State, list[str]] = {}
+    for state in STATES:
+        before.setdefault(transitions.get(state, state), []).append(state)
+    return "; ".join(f"{', '.join(states)} → {after}" for after, states in before.items())
 
 
 def limits_page() -> None:

@@ -248,6 +248,12 @@ class Scenario:
     def spacing_policy(self, place: int) -> SpacingPolicy:
         return spacing_policy(self.tables, self.least_spacings[place])
 
+    def kept_spacing(self, place: int) -> SpacingPolicy:
+        """Spacing that the follower at `place` keeps; at a common speed that of the start."""
+        if self.tables.speed.followers == "same":
+            return SpacingPolicy(self.route.spacings[place])
+        return self.spacing_policy(place)
+
     @property
     def gap_limits(self) -> GapLimits:
         gap, speed = self.tables.speed.gap, self.tables.speed

@@ -73,7 +73,7 @@ OF_ONE: Mapping[EventKind, str] = {
     "hard_braking": "{} brakes hard although no vehicle ahead does",
     "own": "{}",
 }
-"""Events that involve one vehicle, in words."""
+"""Events that involve one vehicle, as text."""
 
 
 def _what(event: RunEvent) -> str:

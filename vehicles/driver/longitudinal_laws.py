@@ -392,4 +392,19 @@ def acc_acceleration(
     if math.isnan(gap):  # neither a sensor nor poses of the predecessor
         return 0.0
     standstill = setup.policy.standstill - setup.least_spacing
+    return headway_acceleration(gap, rate, speed, standstill, headway, gain)
+
+
+def headway_acceleration(  # noqa: PLR0917 - of one formula
+    gap: float,
+    rate: float,
+    speed: float,
+    standstill: float,
+    headway: float,
+    gain: float = AccSettings.gap_gain,
+) -> float:
+    """Acceleration (m/s²) of ACC for a gap (m), its rate and the speed (m/s): Rajamani, eq. 6.18.
+
+    `standstill` (m) and `headway` (s) give the desired gap, `gain` is λ (1/s).
+    """
     return (rate + gain * (gap - standstill - headway * speed)) / headway

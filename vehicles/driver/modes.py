@@ -38,21 +38,6 @@ FINDINGS: dict[Finding, str] = {
     "silent": "no source gives a path, or all are silent and the known path ends",
 }
 
-TRANSITIONS: dict[Finding, dict[State, State]] = {
-    "waiting": {"start": "start"},
-    "received": dict.fromkeys(("start", "follow", "alone", "return", "stop"), "follow"),
-    "back": {
-        "start": "follow",
-        "follow": "follow",
-        "alone": "return",
-        "return": "return",
-        "stop": "return",
-    },
-    "lead only": dict.fromkeys(("start", "follow", "alone", "return", "stop"), "alone"),
-    "silent": dict.fromkeys(("start", "follow", "alone", "return", "stop"), "stop"),
-}
-"""Next state by finding and state; a state that is missing is kept."""
-
 STATES: dict[State, str] = {
     "start": "before the first message of the predecessor: keeps its speed",
     "follow": "the longitudinal law acts on the predicted motion of the vehicles ahead",
@@ -60,6 +45,15 @@ STATES: dict[State, str] = {
     "return": "the predecessor is received again: as follow, but without accelerating",
     "stop": "stops within the known path",
 }
+
+TRANSITIONS: dict[Finding, dict[State, State]] = {
+    "waiting": {},
+    "received": dict.fromkeys(STATES, "follow"),
+    "back": {"start": "follow", "alone": "return", "stop": "return"},
+    "lead only": dict.fromkeys(STATES, "alone"),
+    "silent": dict.fromkeys(STATES, "stop"),
+}
+"""Next state by finding and state; a state that is missing is kept."""
 
 
 class StateMachine:

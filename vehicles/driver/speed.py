@@ -106,7 +106,7 @@ class SpeedCommand:
 
     `bend` is the largest acceleration that bends permit, `unbent` the one wanted without them. Of a
     follower, `law` is the acceleration of its longitudinal law, `override` why it was replaced, and
-    `evidence` says so in words and figures.
+    `evidence` states the reason with its figures.
     """
 
     acceleration: float

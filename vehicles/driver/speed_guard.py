@@ -11,7 +11,11 @@ from math import inf, isfinite, isnan, nan, sqrt
 from typing import Final
 
 from vehicles.driver.controller import GapLimits, SpacingPolicy, VehiclesAhead
-from vehicles.driver.longitudinal_laws import STABLE_HEADWAY
+from vehicles.driver.longitudinal_laws import (
+    STABLE_HEADWAY,
+    Fallback,
+    headway_acceleration,
+)
 from vehicles.driver.own_state import Pose
 from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import (
@@ -36,13 +40,11 @@ TYRES_USED: Final = 0.9  # Share of the friction that contact braking uses
 ANNOUNCED_MARGIN: Final = 1.5  # Gap (m) that remains behind a predecessor that stops as announced
 RELEASE_JERK: Final = 5.0  # Jerk (m/s³) at which an override lets the acceleration grow again
 LIMIT_TIME: Final = 0.5  # Time constant (s) with which a car slows to a speed limit
-LEAD_ONLY_SHARE: Final = (
-    0.92  # Share of the lead's speed of a car that does not receive its predecessor
-)
-LEAD_ONLY_HEADWAY: Final = 1.5  # Headway (s) up to which it falls back
-LEAD_ONLY_ACCELERATION: Final = 0.5  # Its largest acceleration (m/s²) beyond the lead's
-SENSOR_HEADWAY: Final = 1.2  # Least headway (s) by the gap sensor alone, and
-SENSOR_GAIN: Final = 0.1  # its gain (1/s) of the gap error (Rajamani, eq. 6.18)
+LEAD_ONLY_SHARE: Final = 0.92
+LEAD_ONLY_HEADWAY: Final = 1.5
+LEAD_ONLY_ACCELERATION: Final = 0.5
+"""A car that receives the lead, but not its predecessor, drives at this share of the lead's speed
+up to this headway (s), with at most this acceleration (m/s²) beyond the lead's."""
 SENSOR_FILTER: Final = 0.3  # Time constant (s) of the predecessor's acceleration by the gap sensor
 REFERENCE_FALL: Final = 0.1  # Relative rate (1/s) at which the speed limit of catching up may fall
 HEADWAY_RATE: Final = 0.5
@@ -314,15 +316,14 @@ class SpeedGuard:
     def _alone(self, seen: VehiclesAhead, view: _View, speed: float) -> float:
         """Acceleration (m/s²) of a car that receives the lead, but not its predecessor.
 
-        By the gap sensor it is that of ACC (Rajamani, eq. 6.18), else that of the lead, a little
-        slower until the headway would be safe behind a car that it does not receive.
+        By the gap sensor it is that of ACC, as in the fallback of the laws, else that of the lead,
+        a little slower until the headway would be safe behind a car that it does not receive.
         """
         if view.by_sensor:
             policy = self._car.policy
-            headway = max(policy.headway, SENSOR_HEADWAY)
+            headway = max(policy.headway, Fallback.fallback_headway)
             standstill = policy.standstill - self._car.least_spacing
-            error = view.gap - standstill - headway * speed
-            return (view.speed - speed + SENSOR_GAIN * error) / headway
+            return headway_acceleration(view.gap, view.speed - speed, speed, standstill, headway)
         lead_speed, lead_acceleration = seen.lead_speed, seen.lead_acceleration
         if isnan(lead_speed):
             lead_speed, lead_acceleration = speed, 0.0

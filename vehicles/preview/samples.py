@@ -9,8 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vehicles.geometry.sampled_path import PlacedPose, drivable
-from vehicles.received_pose import ReceivedPose
+from vehicles.geometry.sampled_path import PlacedPose
 from vehicles.schedule import SECOND
 
 Floats = NDArray[np.float64]
@@ -109,13 +108,6 @@ def step(start: PlacedPose, end: PlacedPose) -> float:
         return distance
     yaw += 0.5 * remainder(end_yaw - yaw, tau)
     return east * cos(yaw) + north * sin(yaw)
-
-
-def reachable(first: ReceivedPose, second: ReceivedPose) -> bool:
-    """Whether one car can have been at both positions at their instants."""
-    distance = hypot(second.east - first.east, second.north - first.north)
-    speed = max(abs(first.speed), abs(second.speed))
-    return drivable(distance, abs(second.measured_at - first.measured_at), speed)
 
 
 class Window(NamedTuple):

@@ -165,9 +165,7 @@ def _convoy(scenario: Scenario, names: tuple[str, ...], speed: float) -> list[_C
     for number, name in enumerate(names):
         setup = scenario.vehicle(name)
         rate = setup.usual_rate_hz(speed) or 1.0
-        policy = scenario.spacing_policy(number) if number else SpacingPolicy(0.0)
-        if number and scenario.tables.speed.followers == "same":
-            policy = SpacingPolicy(scenario.route.spacings[number])
+        policy = scenario.kept_spacing(number) if number else SpacingPolicy(0.0)
         place -= policy.desired(speed)
         car = _Car(name, place, speed, setup.parameters.drive_lag, 1.0 / rate)
         cars.append(car)

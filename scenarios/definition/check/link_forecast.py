@@ -1,4 +1,4 @@
-"""Laws of a directed link in words, and a sample of it."""
+"""Models of a directed link as text, and a sample of it."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -115,7 +115,7 @@ class StraightDrive:
             )
 
 
-# ---- Laws of a link in words
+# ---- Models of a link as text
 
 
 PLAIN = {"rate_hz", "loss_ratio", "latency_ms", "jitter_ms"}

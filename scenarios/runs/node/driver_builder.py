@@ -256,7 +256,7 @@ class DriverBuilder:
         place, policies = self._setup.place, dict[str, SpacingPolicy]()
         standstill = headway = 0.0
         for ahead in range(place, 0, -1):
-            kept = self._kept_spacing(ahead)
+            kept = self._scenario.kept_spacing(ahead)
             standstill, headway = standstill + kept.standstill, headway + kept.headway
             name = self._scenario.vehicle_names[ahead - 1]
             policies[name] = SpacingPolicy(standstill, headway)
@@ -270,7 +270,7 @@ class DriverBuilder:
         car = GuardedCar(
             least_spacing=scenario.least_spacings[setup.place],
             friction=setup.parameters.friction,
-            policy=self._kept_spacing(setup.place),
+            policy=self._scenario.kept_spacing(setup.place),
             limits=scenario.gap_limits,
             initial_spacing=self._route.spacings[setup.place],
             catch_up_ratio=scenario.tables.speed.catch_up_ratio,
@@ -287,15 +287,9 @@ class DriverBuilder:
         for place, name in enumerate(self._setup.senders, 1):
             station -= self._route.spacings[place]
             car, period = self._scenario.vehicle(name).parameters, self._usual_period(name)
-            policy = self._kept_spacing(place)
+            policy = self._scenario.kept_spacing(place)
             members.append(ConvoyMember(name, car, period, station, policy))
         return members
-
-    def _kept_spacing(self, place: int) -> SpacingPolicy:
-        """Spacing that the follower at `place` keeps; at a common speed that of the start."""
-        if self._scenario.tables.speed.followers == "same":
-            return SpacingPolicy(self._route.spacings[place])
-        return self._scenario.spacing_policy(place)
 
     def _convoy_ahead(self, now: int, body: Body) -> ConvoyAhead | None:
         scenario, setup, route = self._scenario, self._setup, self._route

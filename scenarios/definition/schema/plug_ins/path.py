@@ -19,7 +19,7 @@ from vehicles.driver.controller import (
     SourceMotion,
     VehiclesAhead,
 )
-from vehicles.driver.reactions import Extrapolate, ReactionPolicy
+from vehicles.driver.reactions import ReactionPolicy
 from vehicles.driver.situation import Situation
 from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
@@ -87,7 +87,6 @@ LATERAL = PlugInPoint(
 # ---- Path
 
 
-BASELINE = Extrapolate()
 MODES: tuple[Mode, ...] = tuple(mode for mode in get_args(Mode) if mode != "path")
 """Modes of a follower."""
 
