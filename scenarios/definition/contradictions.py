@@ -94,7 +94,7 @@ def _controllers(tables: ScenarioTables, setup: VehicleSetup) -> Iterator[tuple[
             setup.assumed_parameters,
             setup.lead,
             setup.predecessor or "",
-            source_policies(tables, setup),
+            policies=source_policies(tables, setup),
         )
         yield (
             _key(tables, name, "control", "longitudinal"),

@@ -353,26 +353,30 @@ class Scenario:
         default = max(min(floors, default=0.0) / 2.0, LEAST_CLOCK_UNCERTAINTY_MS)
         return round((default if given is None else given) * MILLISECOND)
 
-    def longitudinal_controller(
-        self, name: str, limits: GapLimits | None = None, draw: InstantDraw | None = None
-    ) -> LongitudinalController:
-        """Construct the longitudinal controller of a follower, which may `draw`.
-
-        `limits` replace those of [speed.gap]. Raises PlugInError.
-        """
+    def longitudinal_setup(self, name: str) -> LongitudinalSetup:
+        """Constants of a follower for its longitudinal control."""
         setup = self.vehicle(name)
-        start = LongitudinalSetup(
-            self.spacing_policy(setup.place),
-            limits or self.gap_limits,
+        return LongitudinalSetup(
+            self.kept_spacing(setup.place),
+            self.gap_limits,
             self.least_spacings[setup.place],
             1.0 / self.control_rate_hz,
             max(self.route.profile.speeds),
             setup.assumed_parameters,
             setup.lead,
             setup.predecessor or "",
+            self.route.spacings[setup.place],
+            self.tables.speed.catch_up_ratio,
             source_policies(self.tables, setup),
         )
-        controller: LongitudinalController = setup.steering.longitudinal.build(start, draw=draw)
+
+    def longitudinal_controller(
+        self, name: str, start: LongitudinalSetup, draw: InstantDraw | None = None
+    ) -> LongitudinalController:
+        """Construct the longitudinal controller of a follower, which may `draw`; PlugInError."""
+        controller: LongitudinalController = self.vehicle(name).steering.longitudinal.build(
+            start, draw=draw
+        )
         return controller
 
     @property

@@ -6,7 +6,6 @@ from math import inf
 from typing import Final
 
 from vehicles.driver.settings import DegradationSettings
-from vehicles.driver.speed import SpeedCommand
 from vehicles.driver.steering import SteeringCommand
 
 
@@ -44,9 +43,6 @@ REACTION_TIME: Final = 1.0
 """A car that is HEADING_ERROR (rad) off its lane's direction needs REACTION_TIME (s) to correct it
 before it leaves the lane. Autoware's localisation monitor warns at the same 1 degree."""
 WALKING_PACE: Final = 3.0  # Least limit (m/s), so that no car stops for this
-APPROACH: Final = 0.25  # Deceleration per excess speed (1/s), within comfortable jerk
-NO_EFFECT: Final = 2.0  # A limit (m/s²) without effect; see `GapLimits`
-MARGIN_RATE: Final = 0.5  # Rate (m/s) of the margin, so that the gap widens gently
 
 
 def speed_limit(deviation: float) -> float:
@@ -62,64 +58,32 @@ def speed_limit(deviation: float) -> float:
 
 
 class PositionLimit:
-    """Reduces the speed comfortably while the own lateral position is uncertain.
+    """Speed limit of a car that is uncertain of its lateral position.
 
-    `speed` (m/s) is the limit, infinite while the deviation is at most the configured one or
-    unknown. `predecessor_accuracy` (m) is that of the newest pose of the vehicle ahead.
+    `speed` (m/s) is infinite while the deviation is at most the configured one or unknown, `reason`
+    states why it is not.
     """
 
     def __init__(self, settings: DegradationSettings) -> None:
         self._allowed = settings.lateral_deviation_max if settings.reaction == "degrade" else inf
-        self._braking = settings.comfortable
-        self._acceleration = self.speed = inf
-        self._deviation = self._margin = self.predecessor_accuracy = 0.0
-
-    @property
-    def is_active(self) -> bool:
-        return self._acceleration < inf
-
-    def joined(self, reason: str) -> str:
-        """Append the reason of the limit, if there is one, to another reason."""
-        if self.speed == inf:
-            return reason
-        width = 3.0 * self._deviation
-        own = f"lateral position uncertain by {width:.2f} m (3σ): at most {self.speed:.1f} m/s"
-        return f"{reason}; {own}" if reason else own
+        self._deviation, self.speed = 0.0, inf
 
     def observe(self, deviation: float) -> None:
         """Set the limit by the lateral deviation (m) of the own position, NaN if unknown."""
         self._deviation = deviation
         self.speed = speed_limit(deviation) if deviation > self._allowed else inf
 
-    def gap_margin(self, span: float) -> float:
-        """Distance (m) by which to widen the gap, `span` (s) after the last call.
+    @property
+    def reason(self) -> str:
+        if self.speed == inf:
+            return ""
+        width = 3.0 * self._deviation
+        return f"lateral position uncertain by {width:.2f} m (3σ): at most {self.speed:.1f} m/s"
 
-        It approaches three standard deviations of the distance, which is the difference of two
-        positions; both axes of a position have similar deviations.
+    def gap_margin(self, accuracy: float) -> float:
+        """Distance (m) by which to widen the gap: 3 deviations of the difference of two positions.
+
+        `accuracy` (m) is that of the vehicle ahead; both axes of a position have similar
+        deviations.
         """
-        if self._margin == 0.0 and self.speed == inf:
-            return 0.0
-        deviation = math.hypot(self._deviation, self.predecessor_accuracy)
-        target, step = 3.0 * deviation if self.speed < inf else 0.0, MARGIN_RATE * span
-        self._margin = min(max(target, self._margin - step), self._margin + step)
-        return self._margin
-
-    def limited(
-        self, command: SpeedCommand, speed: float, last: float, span: float
-    ) -> SpeedCommand:
-        """Limit a command at a speed (m/s), `span` (s) after the `last` acceleration (m/s²).
-
-        The limit of acceleration changes with comfortable jerk, and ends when it has no effect.
-        """
-        if self.speed == inf and not self.is_active:
-            return command
-        braking, step = self._braking, self._braking.jerk * span
-        wanted = NO_EFFECT
-        if self.speed < inf:
-            wanted = max(APPROACH * (self.speed - speed), -braking.deceleration)
-        before = self._acceleration if self.is_active else max(last, wanted)
-        allowed = min(max(wanted, before - step), before + step)
-        self._acceleration = inf if self.speed == inf and allowed >= NO_EFFECT else allowed
-        if command.acceleration <= allowed:
-            return command
-        return SpeedCommand(allowed, min(command.target_speed, self.speed))
+        return 0.0 if self.speed == inf else 3.0 * math.hypot(self._deviation, accuracy)

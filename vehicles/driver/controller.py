@@ -148,6 +148,8 @@ class LongitudinalSetup:
     parameters     `VehicleParameters` assumed of the car
     lead           name of the lead
     predecessor    name of the predecessor
+    initial_spacing  spacing (m) to the predecessor at the start
+    catch_up_ratio  largest speed over the lead's
     policies       `SpacingPolicy` to each longitudinal source by its name; to the predecessor,
                    `policy`, and negative to vehicles behind
     """
@@ -160,6 +162,8 @@ class LongitudinalSetup:
     parameters: VehicleParameters = LINCOLN_MKZ
     lead: str = ""
     predecessor: str = ""
+    initial_spacing: float = nan
+    catch_up_ratio: float = 1.1
     policies: Mapping[str, SpacingPolicy] = field(default_factory=dict)
 
 

@@ -13,7 +13,7 @@ from vehicles.driver.own_state import Pose
 from vehicles.driver.situation import OFF_PATH, Situation
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
-from vehicles.messages import Announcement, Command, CompositeTrajectory, Mode, Override, Tracking
+from vehicles.messages import Announcement, Mode, Override
 from vehicles.preview.trajectory import Fit
 from vehicles.received_pose import ReceivedPose
 
@@ -65,64 +65,6 @@ class Decision:
             return None
         return Fix(0, now, own.east, own.north, own.yaw, own.speed, own.yaw_rate)
 
-    def tracking(self, vehicle: str, seq: int, now: int) -> Tracking:
-        """Message of the errors and the state of the sources (Sections III-A and III-B)."""
-        situation, lead, ahead = self.situation, self.situation.lead, self.situation.predecessor
-        rest = situation.others.values()
-        others = ", ".join([f"{name} {one.status}" for name, one in situation.others.items()])
-        return Tracking(
-            vehicle=vehicle,
-            seq=seq,
-            decided_at_ns=now,
-            mode=self.mode,
-            reason=self.reason,
-            lateral_error_m=self.errors.lateral,
-            heading_error_rad=self.errors.heading,
-            yaw_rate_error_radps=self.errors.yaw_rate,
-            curvature_per_m=self.errors.curvature,
-            estimated_gap_m=self.estimated_gap,
-            lateral_deviation_m=self.lateral_deviation,
-            measured_gap_m=self.measured_gap,
-            measured_gap_rate_mps=self.measured_gap_rate,
-            lead_age_s=lead.age,
-            predecessor_age_s=ahead.age,
-            lead_period_s=lead.period,
-            predecessor_period_s=ahead.period,
-            lead_received_ratio=lead.share,
-            predecessor_received_ratio=ahead.share,
-            lead_known_m=lead.known,
-            predecessor_known_m=ahead.known,
-            lead_status=lead.status,
-            predecessor_status=ahead.status,
-            known_m=situation.known,
-            blind_m=situation.blind,
-            predecessor_weight_ratio=situation.predecessor_weight,
-            hazard=situation.hazard,
-            other_sources=others,
-            other_age_s=tuple([one.age for one in rest]),
-            other_received_ratio=tuple([one.share for one in rest]),
-            other_known_m=tuple([one.known for one in rest]),
-            other_weight_ratio=tuple(
-                [situation.weights.get(name, 0.0) for name in situation.others]
-            ),
-            state=situation.state,
-        )
-
-    def command(self, vehicle: str, seq: int, now: int) -> Command:
-        """Message of the commands (Section III-C)."""
-        return Command(
-            vehicle=vehicle,
-            seq=seq,
-            decided_at_ns=now,
-            steering_rad=self.steering.steering,
-            feedforward_rad=self.steering.feedforward,
-            feedback_rad=self.steering.feedback,
-            acceleration_mps2=self.actuation.acceleration,
-            target_speed_mps=self.target_speed,
-            law_acceleration_mps2=self.law_acceleration,
-            override=self.override,
-        )
-
     def held(self) -> "Decision":
         """Copy of this decision for an instant between two control instants."""
         return replace(self, fresh=False)
@@ -144,31 +86,6 @@ class Decision:
             leaving=self.leaving,
             relayed_stops_at_ns=self.situation.relayed_stops,
             achieved_acceleration_mps2=self.achieved,
-        )
-
-    def trajectory(self, fit: Fit, vehicle: str, seq: int, now: int) -> CompositeTrajectory:
-        """Message of the composite trajectory of Section III-A."""
-        pieces = [
-            (piece.east, piece.north, piece.yaw, piece.curvature, piece.length, piece.rate)
-            for piece in fit.spline.pieces
-        ]
-        east, north, yaw, curvature, length, rate = zip(*pieces, strict=True)
-        return CompositeTrajectory(
-            vehicle=vehicle,
-            seq=seq,
-            decided_at_ns=now,
-            mode=self.mode,
-            piece_east_m=east,
-            piece_north_m=north,
-            piece_yaw_rad=yaw,
-            piece_curvature_per_m=curvature,
-            piece_length_m=length,
-            sample_east_m=tuple(fit.east.tolist()),
-            sample_north_m=tuple(fit.north.tolist()),
-            sample_source=tuple(fit.source.tolist()),
-            residual_m_rms=fit.residual_rms,
-            residual_m_max=fit.residual_max,
-            piece_curvature_rate_per_m2=rate,
         )
 
 

@@ -20,7 +20,6 @@ from typing import Final
 import numpy as np
 
 from vehicles.car.gnss import Fix
-from vehicles.driver.settings import PredecessorPath
 from vehicles.preview.samples import Window
 from vehicles.preview.trajectory import LEAD, Fit
 from vehicles.received_pose import ReceivedPose
@@ -71,10 +70,10 @@ class IntendedPath:
             del instants[:DROPPED_AT_ONCE]
             del numbers[: 4 * DROPPED_AT_ONCE]
 
-    def corrected(self, window: Window, instants: list[int], share: float) -> Window:
+    def corrected(self, window: Window, instants: list[int]) -> Window:
         """Move samples (preview data, Section III-A) of these `instants` (ns) to the lead's path.
 
-        Each moves by `share` times its offset, interpolated between the announced ones.
+        Each moves by its offset, interpolated between the announced ones.
         """
         announced = self._instants
         if not announced or not instants:
@@ -89,7 +88,7 @@ class IntendedPath:
         pairs = list(zip(offsets, yaws, strict=True))
         east = np.interp(sampled_at, at, [offset * sin(yaw) for offset, yaw in pairs])
         north = np.interp(sampled_at, at, [-offset * cos(yaw) for offset, yaw in pairs])
-        return window._replace(east=window.east + share * east, north=window.north + share * north)
+        return window._replace(east=window.east + east, north=window.north + north)
 
 
 def _largest_offset(pose: ReceivedPose) -> float:
@@ -99,29 +98,6 @@ def _largest_offset(pose: ReceivedPose) -> float:
 def is_beside(pose: ReceivedPose) -> bool:
     """Whether a car announces that it is too far from the lead's path to reconstruct it."""
     return abs(pose.message.path_offset_m) > _largest_offset(pose)
-
-
-class IntendedShare:
-    """Share of the offsets that is applied (0 to 1).
-
-    It is 1 for an `always_intended` path and 0 for a `driven` one. For an `intended` path it is 1
-    while the lead is not followed, and changes over `span` (s), so that the path does not
-    jump when the mode changes.
-    """
-
-    def __init__(self, span: float, path: PredecessorPath) -> None:
-        self.value = 1.0 if path == "always_intended" else 0.0
-        self._span = span
-        self._changes = path == "intended"
-
-    def advance(self, span: float, *, without_lead: bool) -> None:
-        """Update after `span` (s) in which a source was followed."""
-        if not self._changes:
-            return
-        if without_lead:
-            self.value = min(self.value + span / self._span, 1.0)
-        elif self.value:
-            self.value = max(self.value - span / self._span, 0.0)
 
 
 def path_offset(fit: Fit, fix: Fix) -> float:

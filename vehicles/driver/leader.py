@@ -194,7 +194,8 @@ class Leader:
         if self.position_limit is not None:
             self.position_limit.observe(self.own_state.lateral_deviation)
             law.limit = self.position_limit.speed
-            reason = self.position_limit.joined(reason)
+            limited = self.position_limit.reason
+            reason = f"{reason}; {limited}" if reason and limited else reason or limited
         planned = law.command(now, pose, VehiclesAhead())
         most = inf if ahead is None else ahead.acceleration(now, station, pose.speed)
         if ahead is None or most >= planned.acceleration:

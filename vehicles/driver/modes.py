@@ -30,6 +30,9 @@ although its sources send too rarely to be lost by then."""
 Finding = Literal["waiting", "received", "back", "lead only", "silent"]
 """What the sources of a follower amount to at a control instant."""
 
+Trajectory = Literal["none", "kept", "fitted"]
+"""Whether the last fit found a trajectory, kept an earlier one, or there has been none yet."""
+
 FINDINGS: dict[Finding, str] = {
     "waiting": "nothing received from the predecessor, and its first message is not overdue",
     "received": "the predecessor is received, and a source gives a path",
@@ -66,17 +69,20 @@ class StateMachine:
         self._relied: list[Source] = []
 
     def decide(
-        self, now: int, sources: Sources, situation: Situation, speed: float, *, has_path: bool
+        self,
+        now: int,
+        sources: Sources,
+        situation: Situation,
+        speed: float,
+        trajectory: Trajectory,
     ) -> tuple[Mode, str]:
-        """Update the state at `now` (ns) and `speed` (m/s); returns the mode and its reason.
-
-        `has_path` states whether any fit has found a trajectory.
-        """
+        """Update the state at `now` (ns) and `speed` (m/s); returns the mode and its reason."""
         finding = self._finding(now, sources, situation, speed)
         self.state = situation.state = TRANSITIONS[finding].get(self.state, self.state)
         relied = list(sources.relied.values())
         if self.state == "return" and not relied:
             relied = [source for source in sources.used.values() if source.usable]
+        has_path = trajectory != "none"
         mode, last = self._mode_along(sources, relied, has_path=has_path), self._mode
         missing = [_missing_reason(one) for one in sources.used.values() if one not in relied]
         why = [] if mode == last or not relied else self._recoveries(relied)
@@ -137,8 +143,15 @@ class ModesByReach:
     it coasts: along its last trajectory, or by its configured reaction.
     """
 
-    def decide(self, sources: Sources, *, fitted: bool, has_path: bool) -> tuple[Mode, str]:
-        """Mode and reason, with the last fit `fitted`."""
+    def decide(
+        self,
+        now: int,
+        sources: Sources,
+        situation: Situation,
+        speed: float,
+        trajectory: Trajectory,
+    ) -> tuple[Mode, str]:
+        """Mode and its reason, as of `StateMachine`."""
         reaching = [sources.mode_along(one) for one in sources.used.values() if one.reaches]
         silent = [source for source in sources.used.values() if not source.reaches]
         why = ", ".join(
@@ -147,9 +160,9 @@ class ModesByReach:
             else f"newest pose of {s.name} {s.state.age:.1f} s old"
             for s in silent
         )
-        if not has_path:
+        if trajectory == "none":
             return "straight", NOTHING_RECEIVED
-        if not fitted:
+        if trajectory == "kept":
             return "coast", why or NO_TRAJECTORY
         return ("composite" if len(reaching) > 1 else reaching[0]), why
 

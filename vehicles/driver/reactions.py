@@ -7,6 +7,9 @@ from vehicles.driver.situation import Situation
 from vehicles.driver.steering import SteeringCommand
 from vehicles.messages import Mode
 
+CHOSEN: tuple[Mode, ...] = ("coast", "stop", "straight")
+"""Modes that a policy may choose instead of the usual one."""
+
 
 class ReactionPolicy(Protocol):
     """Interface of a degradation policy, shipped or user-defined.
@@ -18,7 +21,7 @@ class ReactionPolicy(Protocol):
     class that inherits from `Degrade` decides after the shipped policy: implausible poses are
     rejected, and the car brakes where evidence requires it and stops within the known path.
 
-    `mode` is one of `convoy reference limits`; "coast" and "stop" are modes without a source.
+    `mode` is the usual one or one of `CHOSEN`, in which the last trajectory is kept.
     """
 
     degrades: ClassVar[bool]
@@ -26,10 +29,8 @@ class ReactionPolicy(Protocol):
     def mode(self, situation: Situation, usual: Mode, speed: float) -> Mode:
         """Mode to steer in, given the `usual` one, at `speed` (m/s).
 
-        "composite" fits all sources from the next refit on, "lead" and "predecessor" one of them,
-        "intermediate" those between.
-        The other modes keep the last trajectory. "stop" warns the followers behind. Without
-        `Degrade`, the usual mode is that of the sources whose samples reach ahead of the car.
+        "stop" warns the followers behind. Without `Degrade`, the usual mode is that of the sources
+        whose samples reach ahead of the car.
         """
         ...
 

@@ -16,12 +16,11 @@ hold         keep the last steering command, at full speed
 straight     turn the wheels straight, at full speed, as one production system does
 """
 
-PredecessorPath = Literal["always_intended", "intended", "driven"]
+PredecessorPath = Literal["intended", "driven"]
 """Path that the samples of the predecessor represent.
 
-always_intended  the lead's path, reconstructed from the offset that the predecessor announces
-intended         the same while the lead is lost, else the predecessor's own path
-driven           the predecessor's own path, with its errors, which add up along the convoy
+intended  the lead's path, reconstructed from the offset that the predecessor announces
+driven    the predecessor's own path, with its errors, which add up along the convoy
 """
 
 
@@ -92,12 +91,10 @@ class DegradationSettings:
     predecessor_path: Annotated[
         PredecessorPath,
         Setting(
-            'path of the samples of the predecessor. "always_intended": path of the lead, '
-            'reconstructed from the offset that the predecessor announces. "intended": the same '
-            'while the lead is lost, else the path of the predecessor. "driven": the path of the '
-            "predecessor"
+            'path of the samples of the predecessor. "intended": path of the lead, reconstructed '
+            'from the offset that the predecessor announces. "driven": the path of the predecessor'
         ),
-    ] = "always_intended"
+    ] = "intended"
     lateral_deviation_max: Annotated[
         float,
         Setting(

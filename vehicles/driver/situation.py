@@ -124,8 +124,8 @@ class Situation:
     announced instant at which the car begins to stop without new data; `relayed_stops` are those
     that a lead received from its followers, from front to back. The known path ends at a hole of
     about `hole` (m), 0 without one, which the car can cross if it is `crossable`. A return to the
-    path requires at most `speed_limit` (m/s). `ahead` is the motion of the vehicles ahead, once it
-    is computed.
+    path requires at most `speed_limit` (m/s), an uncertain position `position_limit`. `ahead` is
+    the motion of the vehicles ahead, once it is computed.
     """
 
     lead: SourceState = field(default_factory=SourceState)
@@ -139,6 +139,7 @@ class Situation:
     hole: float = 0.0
     crossable: bool = False
     speed_limit: float = inf
+    position_limit: float = inf
     state: State = ""
     others: Mapping[str, SourceState] = field(default_factory=dict)
     weights: Mapping[str, float] = field(default_factory=dict)

@@ -3,14 +3,18 @@
 SI units; instants in ns.
 """
 
-from math import hypot, log
+from math import hypot, log, sin
 from typing import Final
 
+from vehicles.car.noise import GnssNoise
+from vehicles.driver.controller import SpacingPolicy
 from vehicles.driver.intended_path import IntendedPath, is_beside
 from vehicles.driver.own_state import Pose
 from vehicles.driver.plausibility import REFUSED, PoseJudge
 from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import LOST, OFF_PATH, RELIED_ON, SourceState
+from vehicles.driver.steering import BendsAhead
+from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.samples import Window
 from vehicles.preview.trace import Trace
 from vehicles.received_pose import ReceivedPose
@@ -120,23 +124,29 @@ class Source:
     largest curvature (1/m) of its recent poses.
     """
 
-    def __init__(  # noqa: PLR0917 - usually fewer
+    def __init__(
         self,
         name: str,
         period: float,
         settings: DegradationSettings,
-        delay: float = 0.0,
-        judge: PoseJudge | None = None,
+        *,
         place: int = 0,
+        delay: float = 0.0,
         lag: float = 0.0,
+        noise: GnssNoise | None = None,
+        policy: SpacingPolicy | None = None,
+        bends: BendsAhead | None = None,
+        remarks: list[str] | None = None,
     ) -> None:
         """`period` (s) between messages and `delay` (s) of the first one are the expected ones.
 
-        `lag` (s) is the drive lag assumed of it.
+        `lag` (s) is the assumed drive lag, `noise` that of the receiver, by which poses are judged;
+        without it only jumps are refused, and lines for the log are appended to `remarks`.
+        `policy` is the spacing to keep, `bends` the limit of speed by the poses.
         """
-        self.name = name
-        self.place = place
-        self.trace = Trace(closes_holes=settings.reaction == "degrade")
+        self.name, self.place, self.policy, self.bends = name, place, policy, bends
+        self._degrades = settings.reaction == "degrade"
+        self.trace = Trace(closes_holes=self._degrades)
         self.state = SourceState(lag=lag)
         self.reception = Reception(period, settings)
         self.intended: IntendedPath | None = None
@@ -145,10 +155,11 @@ class Source:
         self.bend = 0.0
         self.refusal = ""
         self.may_leave_path = self.has_left_path = False
-        self._judge = judge or PoseJudge(name)
+        self._judge = PoseJudge(
+            name, noise, gate=settings.gate, settle=settings.probation, remarks=remarks
+        )
         self._moved = False
         self._settings = settings
-        self._degrades = settings.reaction == "degrade"
         self._refused_at: int | None = None
         self._returned_at = 0
         self._delay = round(delay * SECOND)
@@ -186,6 +197,8 @@ class Source:
                 self._measure_bend(last, pose)
             if self.intended is not None:
                 self.intended.add(pose, message.path_offset_m)
+            if newer and self.bends is not None:
+                self.bends.add(pose)
         if self.reception.add(now, pose.measured_at, message.seq):
             self._announce(pose)
             if state.status == "unheard":
@@ -239,6 +252,7 @@ class Source:
         driven = pose.speed * span
         if refit:
             state.known = self.trace.known_ahead(pose.east, pose.north)
+            self._measure_spacing(pose)
         else:
             state.known -= driven
             state.spacing -= driven
@@ -257,6 +271,24 @@ class Source:
             self._known_at_full_weight = 0.0
         elif self._degrades:
             self._weigh(span)
+
+    def _measure_spacing(self, pose: Pose) -> None:
+        """Spacing to the newest pose: along the trace, to a vehicle behind along an arc.
+
+        The arc has the directions of both poses as tangents: the chord times θ/2 over sin(θ/2) for
+        the angle θ between them.
+        """
+        newest = self.trace.newest
+        if newest is None:
+            return
+        if self.place >= 0:
+            spacing = self.trace.spacing(pose.east, pose.north)
+            if spacing is not None:
+                self.state.spacing = spacing
+            return
+        half = 0.5 * wrap_angle(pose.yaw - newest.yaw)
+        chord = hypot(pose.east - newest.east, pose.north - newest.north)
+        self.state.spacing = -chord * (half / sin(half) if half else 1.0)
 
     def _update_status(self, now: int, silence: float) -> None:
         """Set lost or distrusted at once, fresh again only after the probation."""

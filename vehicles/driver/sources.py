@@ -4,20 +4,18 @@ from collections.abc import Collection, Mapping, Sequence
 from math import isnan, nan
 from typing import Final
 
-from vehicles.driver.intended_path import IntendedPath, IntendedShare
+from vehicles.driver.intended_path import IntendedPath
 from vehicles.driver.own_state import Pose
 from vehicles.driver.settings import DegradationSettings
-from vehicles.driver.situation import UNUSED, Situation, stopping_distance
+from vehicles.driver.situation import RELIED_ON, UNUSED, Situation, stopping_distance
 from vehicles.driver.source import Source, reaches_ahead
 from vehicles.messages import Mode, State
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.samples import Window
-from vehicles.preview.trace import PathHole, Trace, known_path
+from vehicles.preview.trace import PathHole, known_path
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
-FOLLOWING: tuple[Mode, ...] = ("composite", "lead", "predecessor", "intermediate")
-"""Modes in which a follower steers along sources."""
 AWAITED: Final = ("unheard", "fresh", "late", "probation")  # Sources that keep a car going
 
 
@@ -25,9 +23,10 @@ class Sources:
     """The vehicles that a follower receives, and their use for the trajectory (Section III-A).
 
     `all` are in the order of the convoy, by name. `used` are the lateral ones, through whose poses
-    the trajectory is fitted; `relied` are those relied on at the last control instant. `lead` and
-    `predecessor` are one source for the first follower, None if they are not received. While the
-    predecessor has left the convoy, it is the next received vehicle ahead.
+    the trajectory is fitted, `longitudinal` those by which the speed is controlled; `relied` are
+    those of the lateral ones relied on at the last control instant. `lead` and `predecessor` are
+    one source for the first follower, None if they are not received. While the predecessor has left
+    the convoy, it is the next received vehicle ahead; `own_predecessor` is its name.
     """
 
     def __init__(
@@ -38,35 +37,31 @@ class Sources:
         lead: str,
         predecessor: str,
         lateral: Collection[str],
+        longitudinal: Collection[str] = (),
         relay: int = 0,
     ) -> None:
-        """`lateral` are the names of at least one source ahead.
+        """`lateral` and `longitudinal` name the sources of either direction of control.
 
-        The lead's message relays the predecessor's announced stop at the index `relay`.
+        At least one of the lateral ones is ahead. The lead's message relays the predecessor's
+        announced stop at the index `relay`.
         """
         self.all = {source.name: source for source in sources}
-        self.lead = self.all.get(lead)
-        self.predecessor = self._own_predecessor = self.all.get(predecessor)
+        self.lead, self.own_predecessor = self.all.get(lead), predecessor
+        self.predecessor = self._own = self.all.get(predecessor)
         self.used = {name: source for name, source in self.all.items() if name in lateral}
+        self.longitudinal = [self.all[name] for name in longitudinal]
         self.relied: dict[str, Source] = {}
         self._degrades = settings.reaction == "degrade"
-        corrects = False
         for source in self.used.values():
             if source is not self.lead and len(self.used) > 1 and self._degrades:
                 source.may_leave_path = True
-                if settings.predecessor_path != "driven":
+                if settings.predecessor_path == "intended":
                     source.intended = IntendedPath()
-                    corrects = True
-        path = settings.predecessor_path if corrects else "driven"
-        self._intended = IntendedShare(settings.probation, path)
+        chosen = self.lead, self.predecessor
         self._situation = Situation(
             self.lead.state if self.lead else UNUSED,
             self.predecessor.state if self.predecessor else UNUSED,
-            others={
-                name: source.state
-                for name, source in self.all.items()
-                if source is not self.lead and source is not self.predecessor
-            },
+            others={one.name: one.state for one in self.all.values() if one not in chosen},
         )
         self._relay = relay
         self._relayed_stop = 0
@@ -82,13 +77,13 @@ class Sources:
             return "lead"
         return "predecessor" if source is self.predecessor else "intermediate"
 
-    def receive(self, pose: ReceivedPose) -> Trace:
-        """Pass a pose to its source, and return the source's trace."""
+    def receive(self, pose: ReceivedPose) -> Source:
+        """Pass a pose to its source, and return that."""
         source, relayed = self.all[pose.message.vehicle], pose.message.relayed_stops_at_ns
         source.receive(pose)
         if 0 <= self._relay < len(relayed) and source is self.lead and source.trace.newest is pose:
             self._relayed_stop = relayed[self._relay]
-        return source.trace
+        return source
 
     # ---- Preview data
 
@@ -111,12 +106,11 @@ class Sources:
             if window is not None:
                 windows[name] = window
         windows = self._without_bridges(windows, behind)
-        share = self._intended.value
-        for name, window in windows.items() if share > 0.0 else ():
+        for name, window in windows.items():
             source = self.used[name]
             if source.intended is not None:
                 instants = source.trace.instants(window)
-                windows[name] = source.intended.corrected(window, instants, share)
+                windows[name] = source.intended.corrected(window, instants)
         return windows
 
     def have_bridge_points(self, windows: Mapping[str, Window]) -> bool:
@@ -159,17 +153,31 @@ class Sources:
                 return received
         return windows
 
-    def steer_along(self, mode: Mode, span: float) -> None:
-        """Blend between driven and intended path while steering along `mode` for `span` (s).
+    def bend_ahead(self, pose: Pose) -> tuple[float, float] | None:
+        """Bend of the received path that allows the lowest speed now (see `BendsAhead`).
 
-        The paper's followers without lead data follow the path driven (Section V-D.1).
+        By the lead alone while it is relied on: others turn to correct errors of their own.
         """
-        if mode not in FOLLOWING:
-            return
-        by_lead = mode == "lead" or (
-            mode == "composite" and self.lead is not None and self.lead.name in self.relied
-        )
-        self._intended.advance(span, without_lead=not by_lead)
+        lead = self.lead
+        if lead is not None and lead.bends is not None and lead.state.status in RELIED_ON:
+            return lead.bends.allowed(pose.east, pose.north)
+        bends = [source.bends for source in self.all.values() if source.bends is not None]
+        found = [one.allowed(pose.east, pose.north) for one in bends]
+        return min((bend for bend in found if bend is not None), default=None)
+
+    @property
+    def accuracy_ahead(self) -> float:
+        """Stated accuracy (m) of the newest pose of the predecessor."""
+        newest = self.predecessor.trace.newest if self.predecessor else None
+        return newest.accuracy if newest else 0.0
+
+    def place_of_left(self, speed: float) -> float:
+        """Spacing (m) that a predecessor which has left would keep to the next vehicle ahead."""
+        own, substitute = self._own, self.predecessor
+        if own is None or substitute is None or substitute is own:
+            return 0.0
+        near, far = own.policy, substitute.policy
+        return far.desired(speed) - near.desired(speed) if near and far else 0.0
 
     # ---- Weights
 
@@ -219,7 +227,7 @@ class Sources:
                 known = state.known
             if source.gives_path:
                 self.relied[name] = source
-        own = self._own_predecessor
+        own = self._own
         if own is not None and own.state.stops_at < self._relayed_stop:
             own.state.stops_at = self._relayed_stop
         hole = self._hole
@@ -238,7 +246,7 @@ class Sources:
 
     def _follow_next(self) -> None:
         """Take the next received vehicle ahead as predecessor while that has left the convoy."""
-        own = self._own_predecessor
+        own = self._own
         if own is None or (not own.state.leaving and self.predecessor is own):
             return
         ahead = [one for one in self.all.values() if one.place == 0 or one.place > own.place]

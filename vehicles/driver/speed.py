@@ -10,7 +10,6 @@ from vehicles.driver.controller import (
     GapLimits,
     LongitudinalController,
     LongitudinalSetup,
-    SpacingPolicy,
     VehiclesAhead,
 )
 from vehicles.driver.longitudinal_laws import GapLaw
@@ -167,14 +166,11 @@ class GapKeeping:
     """Keeps a gap by a longitudinal controller, and slows down in bends."""
 
     def __init__(
-        self,
-        policy: SpacingPolicy,
-        limits: GapLimits,
-        controller: LongitudinalController | None = None,
+        self, setup: LongitudinalSetup, controller: LongitudinalController | None = None
     ) -> None:
         """Without a `controller`, that of `GapLaw`."""
-        self._limits = limits
-        self._controller = controller or GapLaw(LongitudinalSetup(policy, limits))
+        self._limits = setup.limits
+        self._controller = controller or GapLaw(setup)
         self._needs_poses: bool = getattr(self._controller, "needs_poses", True)
 
     def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:

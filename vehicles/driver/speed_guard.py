@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from math import inf, isfinite, isnan, nan, sqrt
 from typing import Final
 
-from vehicles.driver.controller import GapLimits, SpacingPolicy, VehiclesAhead
+from vehicles.driver.controller import LongitudinalSetup, VehiclesAhead
 from vehicles.driver.longitudinal_laws import (
     STABLE_HEADWAY,
     Fallback,
@@ -70,40 +70,6 @@ IN_PACE: Final = 0.3
 speed (m/s) at which it resumes it."""
 
 
-class NoOverride:
-    """Leaves the speed law of a follower as it is, whatever is received."""
-
-    def __init__(self, law: SpeedLaw) -> None:
-        self._law = law
-        self.is_slowed = False
-
-    def command(
-        self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation
-    ) -> SpeedCommand:
-        usual = self._law.command(now, pose, ahead)
-        usual.law = usual.acceleration
-        return usual
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GuardedCar:
-    """Constants of a guarded car and of its position in the convoy.
-
-    `least_spacing` (m) to the predecessor, at which the bumpers touch; `friction` of the road;
-    `policy` and `limits` of gap keeping (at a common speed: the spacing at the start);
-    `initial_spacing` (m) at the start; `catch_up_ratio`, the largest speed over the lead's;
-    `drive_lag` (s) of the car.
-    """
-
-    least_spacing: float
-    friction: float
-    policy: SpacingPolicy
-    limits: GapLimits
-    initial_spacing: float
-    catch_up_ratio: float = 1.1
-    drive_lag: float = 0.0
-
-
 @dataclass(slots=True)
 class _View:
     """The vehicle ahead as received, measured or assumed at a control instant.
@@ -117,7 +83,13 @@ class _View:
     by_sensor: bool = False
 
 
-SMOOTH: tuple[Override, ...] = ("contact", "announced stop", "known path", "return")
+SMOOTH: tuple[Override, ...] = (
+    "contact",
+    "announced stop",
+    "known path",
+    "return",
+    "position",
+)
 """Overrides that limit the jerk while the car follows; contact braking begins at once."""
 BY_STATE: dict[State, Override] = {
     "start": "return",
@@ -136,21 +108,23 @@ class SpeedGuard:
     acceleration of all reasons is taken, and the one that decided is reported.
     """
 
-    def __init__(self, law: SpeedLaw, settings: DegradationSettings, car: GuardedCar) -> None:
+    def __init__(
+        self, law: SpeedLaw, settings: DegradationSettings, setup: LongitudinalSetup
+    ) -> None:
         self._law = law
         self._keeps_gap = isinstance(law, GapKeeping)
-        self._keeping = law if self._keeps_gap else GapKeeping(car.policy, car.limits)
-        self._settings, self._car = settings, car
-        self._comfort = settings.comfortable.deceleration
+        self._keeping = law if self._keeps_gap else GapKeeping(setup)
+        self._settings, self._setup = settings, setup
+        self._lag, self._friction = setup.parameters.drive_lag, setup.parameters.friction
+        self._comfort = settings.comfortable_deceleration
         self._at: int | None = None
         self._last = 0.0
-        self._assumed = _View(car.initial_spacing - car.least_spacing, nan, 0.0)
+        self._assumed = _View(setup.initial_spacing - setup.least_spacing, nan, 0.0)
         self._headway = 0.0
         self._sensed, self._sensed_speed = 0.0, nan
         self._reference = nan
         self._outrun = 0.0
         self._following = False
-        self.is_slowed = False
 
     def command(
         self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation
@@ -158,12 +132,12 @@ class SpeedGuard:
         span = 0.0 if self._at is None else (now - self._at) / SECOND
         self._at = now
         speed, state = pose.speed, situation.state
-        hardest = TYRES_USED * friction_left(self._car.friction, speed * pose.yaw_rate)
+        hardest = TYRES_USED * friction_left(self._friction, speed * pose.yaw_rate)
         view = self._view(now, ahead, situation, speed, span)
         seen = self._seen(ahead, situation, view, speed, span)
         usual = self._usual(now, pose, seen, situation, view)
         law = wanted = usual.acceleration
-        policy, least = self._car.policy, self._car.least_spacing
+        policy, least = self._setup.policy, self._setup.least_spacing
         override: Override = ""
         if state == "alone":
             mildest = -self._evidence(situation, view, speed, span)
@@ -181,7 +155,8 @@ class SpeedGuard:
             (max(min(self._barrier(view, speed), -1.1 * needed or inf), -hardest), "contact"),
             (self._announced_stop(now, ahead, situation, view, speed, hardest), "announced stop"),
             (self._path_end(situation, speed, span), "known path"),
-            (self._rejoining(situation, speed), "return"),
+            (self._towards(situation.speed_limit, speed), "return"),
+            (self._towards(situation.position_limit, speed), "position"),
         )
         for acceleration, reason in reasons:
             if acceleration < wanted:
@@ -231,7 +206,7 @@ class SpeedGuard:
         if alone or isnan(ahead.spacing):
             assumed.gap += (assumed.speed - speed) * span
         else:
-            assumed.gap = ahead.spacing - self._car.least_spacing
+            assumed.gap = ahead.spacing - self._setup.least_spacing
         is_old = not predecessor.silence <= OLD_AFTER * predecessor.period  # also NaN
         if is_old and isfinite(ahead.measured_gap):
             return _View(ahead.measured_gap, self._sensed_speed, self._sensed, by_sensor=True)
@@ -239,7 +214,7 @@ class SpeedGuard:
         if alone:
             braking = -emergency if stops and assumed.speed > 0.0 else ahead.lead_acceleration
             return _View(assumed.gap, assumed.speed, 0.0 if isnan(braking) else braking)
-        gap = ahead.spacing - self._car.least_spacing
+        gap = ahead.spacing - self._setup.least_spacing
         view = _View(gap, ahead.predecessor_speed, ahead.predecessor_acceleration)
         self._join(view, ahead, situation)
         return view
@@ -268,12 +243,12 @@ class SpeedGuard:
         At a stable headway the lead's speed is not needed (Swaroop and Hedrick, 1996).
         """
         lost = situation.lead.status in LOST and self._keeps_gap
-        missing = max(STABLE_HEADWAY - self._car.policy.headway, 0.0) if lost else 0.0
+        missing = max(STABLE_HEADWAY - self._setup.policy.headway, 0.0) if lost else 0.0
         if self._headway != missing:
             step = HEADWAY_RATE / max(speed, 1.0) * span
             self._headway = min(max(missing, self._headway - step), self._headway + step)
         lead_speed = nan if lost else ahead.lead_speed
-        spacing = view.gap + self._car.least_spacing - self._headway * speed
+        spacing = view.gap + self._setup.least_spacing - self._headway * speed
         if (
             spacing == ahead.spacing
             and view.speed == ahead.predecessor_speed
@@ -297,11 +272,12 @@ class SpeedGuard:
         usual = self._law.command(now, pose, seen)
         if self._keeps_gap or isnan(view.gap):
             return usual
-        error = view.gap + self._car.least_spacing - self._car.initial_spacing
+        error = view.gap + self._setup.least_spacing - self._setup.initial_spacing
         other = view.speed - usual.target_speed
         planned = min(usual.acceleration, 0.0) - PLAN_BRAKING
         brakes = view.acceleration < planned or seen.lead_acceleration < planned
-        off = abs(error) > OFF_PLACE or abs(other) > OTHER_SPEED or brakes or self.is_slowed
+        brakes = brakes or situation.position_limit < inf
+        off = abs(error) > OFF_PLACE or abs(other) > OTHER_SPEED or brakes
         if off or situation.state != "follow":
             self._following = True
         elif abs(error) < IN_PLACE and abs(other) < IN_PACE:
@@ -320,9 +296,9 @@ class SpeedGuard:
         a little slower until the headway would be safe behind a car that it does not receive.
         """
         if view.by_sensor:
-            policy = self._car.policy
+            policy = self._setup.policy
             headway = max(policy.headway, Fallback.fallback_headway)
-            standstill = policy.standstill - self._car.least_spacing
+            standstill = policy.standstill - self._setup.least_spacing
             return headway_acceleration(view.gap, view.speed - speed, speed, standstill, headway)
         lead_speed, lead_acceleration = seen.lead_speed, seen.lead_acceleration
         if isnan(lead_speed):
@@ -347,7 +323,7 @@ class SpeedGuard:
 
     def _room(self, view: _View, closing: float, span: float) -> float:
         """Distance (m) left for braking, behind the margin and after the car's own delay."""
-        room = view.gap - GUARD_MARGIN - closing * (self._car.drive_lag + span)
+        room = view.gap - GUARD_MARGIN - closing * (self._lag + span)
         return room if room > LEAST_ROOM else LEAST_ROOM
 
     def _contact(self, view: _View, speed: float, span: float) -> float:
@@ -403,10 +379,10 @@ class SpeedGuard:
             predecessor.lag,
             lasting=-self._comfort / 3.0,
         )
-        sample = ahead.spacing - predecessor.predicted().driven - self._car.least_spacing
+        sample = ahead.spacing - predecessor.predicted().driven - self._setup.least_spacing
         emergency = self._settings.emergency
         its_stop = until.driven + stopping_distance(until.speed, until.acceleration, emergency)
-        left = sample + its_stop - ANNOUNCED_MARGIN - speed * (self._car.drive_lag + 0.04)
+        left = sample + its_stop - ANNOUNCED_MARGIN - speed * (self._lag + 0.04)
         if isnan(left):
             return inf
         return -min(needed_deceleration(speed, max(left, LEAST_LEFT)), hardest)
@@ -418,7 +394,7 @@ class SpeedGuard:
         as behind messages that take longer than its gap.
         """
         known, emergency = situation.known, self._settings.emergency_deceleration
-        left = (0.0 if isnan(known) else known) - STOP_MARGIN - self._car.drive_lag * speed
+        left = (0.0 if isnan(known) else known) - STOP_MARGIN - self._lag * speed
         if situation.state == "stop":
             if speed < STANDSTILL:
                 return -self._comfort
@@ -437,10 +413,9 @@ class SpeedGuard:
             self._outrun += span
         return -self._comfort if self._outrun > OUTRUN_FOR else inf
 
-    def _rejoining(self, situation: Situation, speed: float) -> float:
-        """Acceleration (m/s²) towards the speed that a return to the path permits."""
-        limit = situation.speed_limit
-        return inf if limit == inf else max((limit - speed) / LIMIT_TIME, -self._comfort)
+    def _towards(self, limit: float, speed: float) -> float:
+        """Acceleration (m/s²) that brakes comfortably to a `limit` (m/s) of the speed."""
+        return max((limit - speed) / LIMIT_TIME, -self._comfort)
 
     def _catch_up(
         self, ahead: VehiclesAhead, situation: Situation, speed: float, span: float
@@ -460,7 +435,7 @@ class SpeedGuard:
             self._reference = known if known > fall else fall
         if isnan(self._reference):
             return inf
-        return (self._car.catch_up_ratio * max(self._reference, 0.5) - speed) / LIMIT_TIME
+        return (self._setup.catch_up_ratio * max(self._reference, 0.5) - speed) / LIMIT_TIME
 
     def _words(self, override: Override, view: _View, situation: Situation, needed: float) -> str:
         """The evidence for an override, with its figures."""
@@ -479,5 +454,5 @@ class SpeedGuard:
             how = "not received yet" if isnan(silence) else f"silent for {silence:.1f} s"
             return f"predecessor {how}"
         if override == "catch-up":
-            return f"at most {self._car.catch_up_ratio * self._reference:.1f} m/s"
+            return f"at most {self._setup.catch_up_ratio * self._reference:.1f} m/s"
         return ""

@@ -1,7 +1,7 @@
 """Braking of the lead that the gaps hold: simulated with usual data, and in closed form without."""
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import nan
 from typing import NamedTuple
@@ -10,18 +10,12 @@ from scenarios.definition.channel.build import usual_delay_ms
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.plug_ins.point import PlugInError
 from vehicles.car.dynamics import achieved_acceleration
-from vehicles.driver.controller import (
-    GapLimits,
-    OwnMotion,
-    SourceMotion,
-    SpacingPolicy,
-    VehiclesAhead,
-)
+from vehicles.driver.controller import OwnMotion, SourceMotion, SpacingPolicy, VehiclesAhead
 from vehicles.driver.longitudinal_laws import TYRES, braking_held
 from vehicles.driver.own_state import Pose
 from vehicles.driver.situation import Situation, SourceState
-from vehicles.driver.speed import GapKeeping
-from vehicles.driver.speed_guard import GuardedCar, NoOverride, SpeedGuard
+from vehicles.driver.speed import GapKeeping, SpeedLaw
+from vehicles.driver.speed_guard import SpeedGuard
 from vehicles.schedule import MILLISECOND, SECOND
 
 SETTLING_S = 1.0
@@ -74,7 +68,8 @@ class _Car:
     least: float = 0.0
     delays: dict[str, float] = field(default_factory=dict)
     sources: tuple[str, ...] = ()
-    guard: SpeedGuard | NoOverride | None = None
+    law: SpeedLaw | None = None
+    guard: SpeedGuard | None = None
     sensor_delay: float = nan
     command: float = 0.0
     achieved: float = 0.0
@@ -181,34 +176,26 @@ def _convoy(scenario: Scenario, names: tuple[str, ...], speed: float) -> list[_C
             source.period = max(source.period, 1.0 / link.rate_hz if link.rate_hz else 0.0)
         if setup.gap_sensor is not None:
             car.sensor_delay = setup.gap_sensor.latency / SECOND
-        car.guard = _guard(scenario, name, policy)
+        car.law, car.guard = _guard(scenario, name, policy)
     return cars
 
 
-def _guard(scenario: Scenario, name: str, policy: SpacingPolicy) -> SpeedGuard | NoOverride:
-    setup, limits = scenario.vehicle(name), scenario.gap_limits
+def _guard(
+    scenario: Scenario, name: str, policy: SpacingPolicy
+) -> tuple[SpeedLaw, SpeedGuard | None]:
+    setup, start = scenario.vehicle(name), scenario.longitudinal_setup(name)
     keeps_gap = scenario.tables.speed.followers == "gap"
-    law = scenario.longitudinal_controller(name) if keeps_gap else None
-    keeping = GapKeeping(policy, limits, law)
+    law = GapKeeping(start, scenario.longitudinal_controller(name, start) if keeps_gap else None)
     if setup.degradation.reaction != "degrade":
-        return NoOverride(keeping)
-    car = GuardedCar(
-        least_spacing=scenario.least_spacings[setup.place],
-        friction=setup.parameters.friction,
-        policy=policy,
-        limits=GapLimits(limits.acceleration, limits.deceleration),
-        initial_spacing=policy.desired(max(scenario.route.profile.speeds)),
-        catch_up_ratio=scenario.tables.speed.catch_up_ratio,
-        drive_lag=setup.assumed_parameters.drive_lag,
-    )
-    return SpeedGuard(keeping, setup.degradation, car)
+        return law, None
+    start = replace(start, initial_spacing=policy.desired(max(scenario.route.profile.speeds)))
+    return law, SpeedGuard(law, setup.degradation, start)
 
 
 def _commanded(place: int, cars: list[_Car], now: float, span: float) -> float:
     """Acceleration (m/s²) that a follower commands at `now` (s)."""
     car, ahead = cars[place], cars[place - 1]
-    guard = car.guard
-    if guard is None:
+    if car.law is None:
         return 0.0
     lead = _received(car, cars[0], now)
     predecessor = lead if ahead is cars[0] else _received(car, ahead, now)
@@ -236,7 +223,9 @@ def _commanded(place: int, cars: list[_Car], now: float, span: float) -> float:
     situation = Situation(lead, predecessor, state="follow", ahead=seen)
     pose = Pose(car.place, 0.0, 0.0, car.speed, 0.0)
     instant = round((now + SETTLING_S) * SECOND)
-    return guard.command(instant, pose, seen, situation).acceleration
+    if car.guard is None:
+        return car.law.command(instant, pose, seen).acceleration
+    return car.guard.command(instant, pose, seen, situation).acceleration
 
 
 def _received(car: _Car, sender: _Car, now: float) -> SourceState:

@@ -11,7 +11,6 @@ from scenarios.runs.node.phases import Car, VehicleContext
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.gnss_errors import stated_errors
-from vehicles.car.noise import GnssNoise
 from vehicles.driver.ahead import ConvoyAhead
 from vehicles.driver.command_limit import CommandLimit, PositionLimit
 from vehicles.driver.controller import SpacingPolicy
@@ -22,8 +21,10 @@ from vehicles.driver.own_state import ExactState, OwnState
 from vehicles.driver.pose_estimator import PoseEstimator
 from vehicles.driver.reactions import ReactionPolicy
 from vehicles.driver.slip_estimator import LoadWatch, ParameterUser, SlipEstimator
+from vehicles.driver.source import Source
+from vehicles.driver.sources import Sources
 from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw
-from vehicles.driver.speed_guard import GuardedCar, NoOverride, SpeedGuard
+from vehicles.driver.speed_guard import SpeedGuard
 from vehicles.driver.steering import BendsAhead
 from vehicles.driver.watch import ConvoyMember, ConvoyWatch
 from vehicles.geometry.geodesy import wrap_angle
@@ -97,24 +98,20 @@ class DriverBuilder:
                 followers=self._relayed(),
                 drive_lag=setup.assumed_parameters.drive_lag,
             )
-        steering = setup.steering
+        steering, remarks = setup.steering, list[str]()
         reaction: ReactionPolicy = steering.degradation.reaction.build(draw=self._draw)
+        guard = None  # nothing overrides the law with a baseline reaction
+        if setup.degradation.reaction == "degrade":
+            start = self._scenario.longitudinal_setup(self._name)
+            guard = SpeedGuard(speed_law, setup.degradation, start)
         return Follower(
             own_state=own_state,
             controller=controller,
-            speed_guard=self._speed_guard(speed_law),
+            speed_law=speed_law,
+            guard=guard,
             control=control,
-            lead=setup.lead,
-            predecessor=setup.predecessor,
-            places={sender: self._source_place(sender) for sender in setup.senders},
-            lateral=setup.flow.lateral,
-            longitudinal=setup.flow.longitudinal,
+            sources=self._sources(setup.predecessor, remarks),
             least_spacing=self._scenario.least_spacings[setup.place],
-            periods={sender: self._least_period(sender) for sender in setup.senders},
-            delays={sender: self._usual_delay(sender) for sender in setup.senders},
-            lags={sender: self._assumed_lag(sender) for sender in setup.senders},
-            policies=self._policies(),
-            relay=setup.place - 2,
             alpha=steering.alpha_ratio,
             fusion=steering.fusion.build(draw=self._draw),
             settings=self._fit_settings(),
@@ -122,10 +119,45 @@ class DriverBuilder:
             reaction=reaction,
             limit=self._command_limit(context.car),
             load=load,
-            noises=self._noises(),
-            bends=self._bends(),
             drive_lag=setup.assumed_parameters.drive_lag,
             draw=self._draw,
+            remarks=remarks,
+        )
+
+    def _sources(self, predecessor: str, remarks: list[str]) -> Sources:
+        setup, policies = self._setup, self._policies()
+        return Sources(
+            [self._source(sender, policies.get(sender), remarks) for sender in setup.senders],
+            setup.degradation,
+            lead=setup.lead,
+            predecessor=predecessor,
+            lateral=setup.flow.lateral,
+            longitudinal=setup.flow.longitudinal,
+            relay=setup.place - 2,
+        )
+
+    def _source(self, sender: str, policy: SpacingPolicy | None, remarks: list[str]) -> Source:
+        """A source at its place: 0 of the lead, k of the k-th vehicle ahead, -k behind.
+
+        Baseline reactions do not judge poses. Bends do not limit the speed without friction.
+        """
+        scenario, degradation = self._scenario, self._setup.degradation
+        other, bends = scenario.vehicle(sender), None
+        place = self._setup.place - other.place if other.place else 0
+        lateral = scenario.usable_lateral(self._name)
+        if place >= 0 and lateral < math.inf:
+            bends = BendsAhead(lateral, scenario.gap_limits.before_bends)
+        return Source(
+            sender,
+            self._least_period(sender),
+            degradation,
+            place=place,
+            delay=self._usual_delay(sender),
+            lag=other.assumed_parameters.drive_lag,
+            noise=other.gnss.noise if degradation.reaction == "degrade" else None,
+            policy=policy,
+            bends=bends,
+            remarks=remarks,
         )
 
     def _relayed(self) -> tuple[str, ...]:
@@ -133,18 +165,10 @@ class DriverBuilder:
         tables = self._scenario.tables
         return tables.convoy.vehicle_names[1:-1] if relays_stops(tables) else ()
 
-    def _source_place(self, sender: str) -> int:
-        """Place of a source of a follower: 0 the lead, k the k-th vehicle ahead, -k behind."""
-        place = self._scenario.vehicle(sender).place
-        return self._setup.place - place if place else 0
-
     def _gap_keeping(self) -> GapKeeping:
-        scenario = self._scenario
-        return GapKeeping(
-            scenario.spacing_policy(self._setup.place),
-            scenario.gap_limits,
-            scenario.longitudinal_controller(self._name, draw=self._draw),
-        )
+        scenario, start = self._scenario, self._scenario.longitudinal_setup(self._name)
+        controller = scenario.longitudinal_controller(self._name, start, self._draw)
+        return GapKeeping(start, controller)
 
     def _own_state(self, now: int, context: VehicleContext) -> OwnState:
         """Estimator of the car's own state from `now` (ns) on.
@@ -205,21 +229,6 @@ class DriverBuilder:
             trajectory=steering.trajectory,
         )
 
-    def _bends(self) -> dict[str, BendsAhead]:
-        """Bends of the path of each source ahead, unless friction does not limit the speed."""
-        lateral = self._scenario.usable_lateral(self._name)
-        if lateral == math.inf:
-            return {}
-        braking = self._scenario.gap_limits.before_bends
-        ahead = [name for name in self._setup.senders if self._source_place(name) >= 0]
-        return {name: BendsAhead(lateral, braking) for name in ahead}
-
-    def _noises(self) -> dict[str, GnssNoise]:
-        """Noise of the sources' receivers, by which poses are judged; not by baseline reactions."""
-        if self._setup.degradation.reaction != "degrade":
-            return {}
-        return {name: self._scenario.vehicle(name).gnss.noise for name in self._setup.senders}
-
     def _own_profile(self, start_at: int) -> ProfileSpeed:
         """The planned speed, reduced while a lead waits or is uncertain of its position."""
         setup = self._setup
@@ -248,9 +257,6 @@ class DriverBuilder:
             self._scenario.gap_limits,
         )
 
-    def _assumed_lag(self, sender: str) -> float:
-        return self._scenario.vehicle(sender).assumed_parameters.drive_lag
-
     def _policies(self) -> dict[str, SpacingPolicy]:
         """Spacings that the follower keeps to its sources ahead: the sums of those between."""
         place, policies = self._setup.place, dict[str, SpacingPolicy]()
@@ -261,22 +267,6 @@ class DriverBuilder:
             name = self._scenario.vehicle_names[ahead - 1]
             policies[name] = SpacingPolicy(standstill, headway)
         return policies
-
-    def _speed_guard(self, law: SpeedLaw) -> SpeedGuard | NoOverride:
-        """What overrides `law` while messages are missing; nothing with a baseline reaction."""
-        scenario, setup = self._scenario, self._setup
-        if setup.degradation.reaction != "degrade":
-            return NoOverride(law)
-        car = GuardedCar(
-            least_spacing=scenario.least_spacings[setup.place],
-            friction=setup.parameters.friction,
-            policy=self._scenario.kept_spacing(setup.place),
-            limits=scenario.gap_limits,
-            initial_spacing=self._route.spacings[setup.place],
-            catch_up_ratio=scenario.tables.speed.catch_up_ratio,
-            drive_lag=setup.assumed_parameters.drive_lag,
-        )
-        return SpeedGuard(law, setup.degradation, car)
 
     def _convoy_watch(self, now: int, body: Body) -> ConvoyWatch:
         return ConvoyWatch(self._setup.degradation, self._route.path, self._members(body), now)

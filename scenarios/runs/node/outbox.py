@@ -10,6 +10,11 @@ from typing import Protocol
 
 from scenarios.definition.changes import change_json
 from scenarios.definition.schema.change_tables import AnyChange
+from scenarios.runs.node.decision_messages import (
+    command_message,
+    tracking_message,
+    trajectory_message,
+)
 from scenarios.runs.node.sink import Sink
 from transport.links.inbox import Inbox
 from transport.links.true_poses import TruePoses
@@ -370,13 +375,13 @@ class Outbox:
     def _add_decision(self, now: int, decision: Decision) -> None:
         """Send a decision; messages that nothing reads are counted but not built."""
         name, seq, fit = self._vehicle, self._next[messages.Tracking], decision.fit
-        self._add(decision.tracking(name, seq, now))
+        self._add(tracking_message(decision, name, seq, now))
         if self._commands_are_read:
-            self._add(decision.command(name, seq, now))
+            self._add(command_message(decision, name, seq, now))
         else:
             self._next[messages.Command] += 1
         if fit is not None and self._trajectories_are_read:
-            self._add(decision.trajectory(fit, name, seq, now))
+            self._add(trajectory_message(decision, fit, name, seq, now))
         elif fit is not None:
             self._next[messages.CompositeTrajectory] += 1
         if decision.mode != self._mode:

@@ -36,8 +36,10 @@ from vehicles.driver.longitudinal_laws import (
 from vehicles.driver.own_state import ExactState
 from vehicles.driver.reactions import Degrade, Extrapolate
 from vehicles.driver.settings import DegradationSettings
+from vehicles.driver.source import Source
+from vehicles.driver.sources import Sources
 from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw, SpeedProfile
-from vehicles.driver.speed_guard import GuardedCar, NoOverride, SpeedGuard
+from vehicles.driver.speed_guard import SpeedGuard
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.geometry.sampled_path import Place
@@ -52,6 +54,7 @@ Floats = NDArray[np.float64]
 TICK, LATENCY = 20 * MILLISECOND, 20 * MILLISECOND
 STEP = TICK / SECOND
 LENGTH = LINCOLN_MKZ.length
+EXTRAPOLATES = DegradationSettings(reaction="extrapolate")
 HISTORY_STEPS = 20  # Positions of a path history, half a second apart
 Lead = Callable[[float, float], float]
 """Commanded acceleration (m/s²) of the lead at a time (s) and its speed (m/s)."""
@@ -200,50 +203,6 @@ class StraightConvoy:
 
     def _driver(self, place: int, policy: SpacingPolicy, spacing: float) -> Follower:
         names = tuple(dict.fromkeys(("v1", f"v{place}")))
-        law = self._law(policy, f"v{place}")
-        car = GuardedCar(
-            least_spacing=LENGTH,
-            friction=LINCOLN_MKZ.friction,
-            policy=policy,
-            limits=self.limits,
-            initial_spacing=spacing,
-            drive_lag=self.lag,
-        )
-        nothing = Unsteered()
-        reaction = Degrade() if self.degrades else Extrapolate()
-        return Follower(
-            own_state=ExactState(),
-            controller=nothing,
-            speed_guard=SpeedGuard(law, self.degradation, car)
-            if self.degrades
-            else NoOverride(law),
-            control=Cadence(SECOND, 50.0),
-            lead="v1",
-            predecessor=names[-1],
-            places={name: 0 if name == "v1" else 1 for name in names},
-            lateral=names,
-            longitudinal=names,
-            least_spacing=LENGTH,
-            periods=dict.fromkeys(names, 1.0 / self.rate_hz),
-            lags=dict.fromkeys(names, self.lag),
-            alpha=0.5,
-            fusion=nothing,
-            settings=FitSettings(),
-            degradation=self.degradation
-            if self.degrades
-            else DegradationSettings(reaction="extrapolate"),
-            reaction=reaction,
-            drive_lag=self.lag,
-            relay=place - 2,
-        )
-
-    def _law(self, policy: SpacingPolicy, predecessor: str) -> SpeedLaw:
-        if self.controller is not None:
-            return GapKeeping(policy, self.limits, self.controller)
-        if self.law == "same":
-            return ProfileSpeed(SpeedProfile((0.0,), (self.speed,)), SECOND, STEP)
-        if self.law == "gap":
-            return GapKeeping(policy, self.limits)
         setup = LongitudinalSetup(
             policy,
             self.limits,
@@ -251,15 +210,51 @@ class StraightConvoy:
             STEP,
             parameters=replace(LINCOLN_MKZ, drive_lag=self.lag),
             lead="v1",
-            predecessor=predecessor,
+            predecessor=names[-1],
+            initial_spacing=spacing,
         )
+        law, nothing = self._law(setup), Unsteered()
+        degradation = self.degradation if self.degrades else EXTRAPOLATES
+        sources = [
+            Source(name, 1.0 / self.rate_hz, degradation, place=int(name != "v1"), lag=self.lag)
+            for name in names
+        ]
+        return Follower(
+            own_state=ExactState(),
+            controller=nothing,
+            speed_law=law,
+            guard=SpeedGuard(law, degradation, setup) if self.degrades else None,
+            control=Cadence(SECOND, 50.0),
+            sources=Sources(
+                sources,
+                degradation,
+                lead="v1",
+                predecessor=names[-1],
+                lateral=names,
+                longitudinal=names,
+                relay=place - 2,
+            ),
+            least_spacing=LENGTH,
+            alpha=0.5,
+            fusion=nothing,
+            settings=FitSettings(),
+            degradation=degradation,
+            reaction=Degrade() if self.degrades else Extrapolate(),
+            drive_lag=self.lag,
+        )
+
+    def _law(self, setup: LongitudinalSetup) -> SpeedLaw:
+        if self.law == "same":
+            return ProfileSpeed(SpeedProfile((0.0,), (self.speed,)), SECOND, STEP)
+        if self.controller is not None or self.law == "gap":
+            return GapKeeping(setup, self.controller)
         controllers: dict[str, Callable[[], LongitudinalController]] = {
             "acc": lambda: Acc(setup, AccSettings()),
             "cacc": lambda: Cacc(setup, CaccSettings()),
             "ploeg": lambda: Ploeg(setup, PloegSettings()),
             "flatbed": lambda: Flatbed(setup, FlatbedSettings()),
         }
-        return GapKeeping(policy, self.limits, controllers[self.law]())
+        return GapKeeping(setup, controllers[self.law]())
 
     @property
     def gaps(self) -> Floats:

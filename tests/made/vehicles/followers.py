@@ -4,17 +4,20 @@ import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
-from tests.made.vehicles.exact_drives import CONTROL_HZ, GNSS_HZ, PLANE, START, Source, Step
+from tests.made.vehicles.exact_drives import CONTROL_HZ, GNSS_HZ, PLANE, START, Step
+from tests.made.vehicles.exact_drives import Source as Sender
 from tests.made.vehicles.fusions import FUSION_OF, REACTION_OF
 from transport.codec import RefusedMessageError
 from transport.links.link import PoseGate
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
-from vehicles.driver.controller import GapLimits, SpacingPolicy
+from vehicles.driver.controller import GapLimits, LongitudinalSetup, SpacingPolicy
 from vehicles.driver.follower import Follower
 from vehicles.driver.pose_estimator import PoseEstimator
 from vehicles.driver.settings import DegradationSettings
+from vehicles.driver.source import Source
+from vehicles.driver.sources import Sources
 from vehicles.driver.speed import ProfileSpeed, SpeedLaw, SpeedProfile
-from vehicles.driver.speed_guard import GuardedCar, NoOverride, SpeedGuard
+from vehicles.driver.speed_guard import SpeedGuard
 from vehicles.driver.steering import SlipCompensated
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 from vehicles.messages import GpsPose
@@ -26,12 +29,8 @@ STRAIGHT = path_from_segments([Segment(600.0, 0.0)])
 BEND = path_from_segments([Segment(60.0, 0.0), Segment(500.0, 1 / 100)])
 SPACING = 15.0
 EXTRAPOLATES = DegradationSettings(reaction="extrapolate")
-GUARDED = GuardedCar(
-    least_spacing=CAR.length,
-    friction=CAR.friction,
-    policy=SpacingPolicy(SPACING),
-    limits=GapLimits(),
-    initial_spacing=SPACING,
+SETUP = LongitudinalSetup(
+    SpacingPolicy(SPACING), GapLimits(), CAR.length, parameters=CAR, initial_spacing=SPACING
 )
 Spans = Sequence[tuple[float, float]]
 ALWAYS: Spans = ((0.0, math.inf),)
@@ -55,35 +54,40 @@ def follower(
     """
     names = tuple(dict.fromkeys((lead, *between, predecessor)))
     law = law or ProfileSpeed(SpeedProfile((0.0,), (speed,)), START, 1.0 / CONTROL_HZ)
+    sources = [
+        Source(name, 1.0 / GNSS_HZ, degradation, place=len(names) - place if place else 0)
+        for place, name in enumerate(names)
+    ]
+    degrades = degradation.reaction == "degrade"
     return Follower(
         own_state=PoseEstimator(CAR),
         controller=SlipCompensated(CAR),
-        speed_guard=SpeedGuard(law, degradation, GUARDED)
-        if degradation.reaction == "degrade"
-        else NoOverride(law),
+        speed_law=law,
+        guard=SpeedGuard(law, degradation, SETUP) if degrades else None,
         control=Cadence(START, CONTROL_HZ),
-        lead=lead,
-        predecessor=predecessor,
-        places={name: len(names) - place if place else 0 for place, name in enumerate(names)},
-        lateral=names[-1:] if fusion == "predecessor" else names,
-        longitudinal=names,
+        sources=Sources(
+            sources,
+            degradation,
+            lead=lead,
+            predecessor=predecessor,
+            lateral=names[-1:] if fusion == "predecessor" else names,
+            longitudinal=names,
+        ),
         least_spacing=CAR.length,
-        periods=dict.fromkeys(names, 1.0 / GNSS_HZ),
         alpha=alpha,
         fusion=FUSION_OF.get(fusion, FUSION_OF["composite"]),
         settings=FitSettings(),
         degradation=degradation,
         reaction=REACTION_OF[degradation.reaction],
-        drive_lag=0.0,
     )
 
 
-def lead_of(path: SampledPath, speed: float = 10.0, delivered: Spans = ALWAYS) -> Source:
-    return Source("v1", path, 2 * SPACING, speed, delivered)
+def lead_of(path: SampledPath, speed: float = 10.0, delivered: Spans = ALWAYS) -> Sender:
+    return Sender("v1", path, 2 * SPACING, speed, delivered)
 
 
-def predecessor_of(path: SampledPath, speed: float = 10.0, delivered: Spans = ALWAYS) -> Source:
-    return Source("v2", path, SPACING, speed, delivered)
+def predecessor_of(path: SampledPath, speed: float = 10.0, delivered: Spans = ALWAYS) -> Sender:
+    return Sender("v2", path, SPACING, speed, delivered)
 
 
 def lateral(path: SampledPath, steps: Sequence[Step]) -> list[float]:

@@ -29,7 +29,7 @@ from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.sensors import GapMeasurement
-from vehicles.driver.controller import GapLimits, SpacingPolicy
+from vehicles.driver.controller import GapLimits, LongitudinalSetup, SpacingPolicy
 from vehicles.driver.decision import Decision
 from vehicles.driver.modes import NOTHING_RECEIVED
 from vehicles.driver.speed import GapKeeping
@@ -202,7 +202,7 @@ def test_gap_and_ages_refer_to_the_present_instant() -> None:
 
 
 def test_the_gap_converges_to_the_policy() -> None:
-    law = GapKeeping(SpacingPolicy(6.0, 0.4), GapLimits())
+    law = GapKeeping(LongitudinalSetup(SpacingPolicy(6.0, 0.4), GapLimits()))
     steps = drive(
         follower(law=law),
         on(BEND, 0.0, 10.0),

@@ -35,7 +35,7 @@ from tests.made.vehicles.fusions import FUSIONS
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
-from vehicles.driver.controller import GapLimits, SpacingPolicy
+from vehicles.driver.controller import GapLimits, LongitudinalSetup, SpacingPolicy
 from vehicles.driver.speed import GapKeeping
 from vehicles.geometry.geodesy import heading_from_yaw
 from vehicles.messages import GpsPose
@@ -176,7 +176,7 @@ def test_with_any_input_commands_are_finite_and_within_the_limits(
     *,
     keeps_gap: bool,
 ) -> None:
-    law = GapKeeping(SpacingPolicy(8.0, 0.5), GapLimits()) if keeps_gap else None
+    law = GapKeeping(LongitudinalSetup(SpacingPolicy(8.0, 0.5), GapLimits())) if keeps_gap else None
     driver = follower(fusion=fusion, alpha=alpha, speed=speed, law=law)
     body = on(BEND, 0.0, speed)
     true = {"v1": lead_of(BEND), "v2": predecessor_of(BEND)}

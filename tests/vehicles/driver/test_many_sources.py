@@ -22,7 +22,7 @@ def sources(weights: Sequence[float], *, lateral: Sequence[str] = ()) -> Sources
     names = [f"v{place}" for place in range(1, len(weights) + 1)]
     made = []
     for place, (name, weight) in enumerate(zip(names, weights, strict=True)):
-        source = Source(name, 0.05, SETTINGS, 0.0, None, len(names) - place if place else 0)
+        source = Source(name, 0.05, SETTINGS, place=len(names) - place if place else 0)
         source.weight = weight
         made.append(source)
     return Sources(made, SETTINGS, lead="v1", predecessor=names[-1], lateral=lateral or names)

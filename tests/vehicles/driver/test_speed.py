@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.examples import examples
-from vehicles.driver.controller import GapLimits, SpacingPolicy, VehiclesAhead
+from vehicles.driver.controller import GapLimits, LongitudinalSetup, SpacingPolicy, VehiclesAhead
 from vehicles.driver.longitudinal_laws import (
     DAMPING,
     GAP_STIFFNESS,
@@ -229,7 +229,11 @@ def test_a_speed_error_decays_at_the_stated_rate() -> None:
 
 
 def keeper(headway: float = 0.5) -> GapKeeping:
-    return GapKeeping(SpacingPolicy(8.0, headway), GapLimits(acceleration=2.0, deceleration=6.0))
+    return GapKeeping(
+        LongitudinalSetup(
+            SpacingPolicy(8.0, headway), GapLimits(acceleration=2.0, deceleration=6.0)
+        )
+    )
 
 
 @given(

@@ -26,7 +26,7 @@ def chain(ahead: int, *, lead: bool, fusion: str = "composite") -> list[float]:
     for place in range(1, CARS):
         used = [k for k in range(place) if place - k <= ahead or (lead and not k)]
         sources = Sources(
-            [Source(f"v{k}", 0.05, DEGRADATION, 0.0, None, place - k if k else 0) for k in used],
+            [Source(f"v{k}", 0.05, DEGRADATION, place=place - k if k else 0) for k in used],
             DEGRADATION,
             lead="v0",
             predecessor=f"v{place - 1}",

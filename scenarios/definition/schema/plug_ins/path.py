@@ -1,7 +1,6 @@
 """Fusions of sources and degradation policies as plug-ins."""
 
 from collections.abc import Sequence
-from typing import get_args
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from vehicles.driver.controller import (
     SourceMotion,
     VehiclesAhead,
 )
-from vehicles.driver.reactions import ReactionPolicy
+from vehicles.driver.reactions import CHOSEN, ReactionPolicy
 from vehicles.driver.situation import Situation
 from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
@@ -87,10 +86,6 @@ LATERAL = PlugInPoint(
 # ---- Path
 
 
-MODES: tuple[Mode, ...] = tuple(mode for mode in get_args(Mode) if mode != "path")
-"""Modes of a follower."""
-
-
 class GuardedFusion:
     """Wraps a user's fusion, and converts its faults to PlugInError."""
 
@@ -134,9 +129,10 @@ class GuardedReaction:
     def mode(self, situation: Situation, usual: Mode, speed: float) -> Mode:
         what = f"{self._what}: mode()"
         mode: object = called(lambda: self._policy.mode(situation, usual, speed), what)
-        if mode in MODES:
+        allowed = (usual, *CHOSEN)
+        if mode in allowed:
             return mode
-        raise PlugInError(f"{what} returned {mode!r}, expected one of {', '.join(MODES)}")
+        raise PlugInError(f"{what} returned {mode!r}, expected one of {', '.join(allowed)}")
 
     def steering(
         self, mode: Mode, command: SteeringCommand, last: SteeringCommand

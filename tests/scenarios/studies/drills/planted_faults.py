@@ -24,7 +24,7 @@ _steer = Follower._steer
 
 
 def _has_data(follower: Follower) -> bool:
-    return any(source.state.status == "fresh" for source in follower._sources.used.values())
+    return any(source.state.status == "fresh" for source in follower.sources.used.values())
 
 
 def _wheels_straight(

@@ -49,11 +49,11 @@ def window_of(fixes: Sequence[Fix]) -> Window:
     return Window(*(np.array(values, dtype=np.float64) for values in (east, north, station)))
 
 
-def moved_back(fixes: Sequence[Fix], offsets: Sequence[float], share: float = 1.0) -> Window:
+def moved_back(fixes: Sequence[Fix], offsets: Sequence[float]) -> Window:
     intended = IntendedPath()
     for fix, offset in zip(fixes, offsets, strict=True):
         intended.add(received_fix(fix), offset)
-    return intended.corrected(window_of(fixes), [fix.measured_at for fix in fixes], share)
+    return intended.corrected(window_of(fixes), [fix.measured_at for fix in fixes])
 
 
 def fit_of(window: Window, *, of_lead: bool = True) -> Fit:
@@ -73,11 +73,9 @@ def moved(window: Window, by: float) -> Window:
 def test_samples_left_of_the_path_move_right(kind: str, heading: float, offset: float) -> None:
     path = road(kind, heading)
     fixes = [fix_beside(path, seq, offset) for seq in range(40)]
-    for share, left in ((1.0, 0.0), (0.25, 0.75), (0.0, 1.0)):
-        window = moved_back(fixes, [offset] * len(fixes), share)
-        for k, (east, north) in enumerate(zip(window.east, window.north, strict=True)):
-            foot = path.project(east, north, float(k))
-            assert foot.lateral == pytest.approx(left * offset, abs=1e-9)
+    window = moved_back(fixes, [offset] * len(fixes))
+    for k, (east, north) in enumerate(zip(window.east, window.north, strict=True)):
+        assert path.project(east, north, float(k)).lateral == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("of_lead", [True, False])
@@ -117,7 +115,7 @@ def test_errors_do_not_grow_along_the_convoy(seed: int) -> None:
             fit = fit_of(moved(window, driven - window.station.item(0)))
             intended.add(received_fix(fix), path_offset(fit, fix))
             fixes.append(fix)
-        window = intended.corrected(window_of(fixes), [fix.measured_at for fix in fixes], 1.0)
+        window = intended.corrected(window_of(fixes), [fix.measured_at for fix in fixes])
         feet = [
             path.project(e, n, 30.0, 60.0).lateral
             for e, n in zip(window.east, window.north, strict=True)

@@ -6,11 +6,18 @@ from itertools import pairwise
 import pytest
 
 from vehicles.driver.command_limit import WALKING_PACE, PositionLimit
-from vehicles.driver.controller import VehiclesAhead
+from vehicles.driver.controller import (
+    GapLimits,
+    LongitudinalSetup,
+    SpacingPolicy,
+    VehiclesAhead,
+)
 from vehicles.driver.leader import WaitingProfile
 from vehicles.driver.own_state import Pose
 from vehicles.driver.settings import DegradationSettings
-from vehicles.driver.speed import SpeedCommand, SpeedProfile
+from vehicles.driver.situation import Situation
+from vehicles.driver.speed import ProfileSpeed, SpeedProfile
+from vehicles.driver.speed_guard import SpeedGuard
 from vehicles.schedule import SECOND
 
 SETTINGS = DegradationSettings()
@@ -20,11 +27,16 @@ Deviation = Callable[[float], float]
 
 def follower(deviation: Deviation, seconds: float) -> list[tuple[float, float]]:
     """Speeds (m/s) and accelerations (m/s²) of a car whose usual command returns to 30 m/s."""
-    limit, speed, last, driven = PositionLimit(SETTINGS), 30.0, 0.0, []
+    limit, speed, driven = PositionLimit(SETTINGS), 30.0, []
+    law = ProfileSpeed(SpeedProfile((0.0,), (30.0,)), 0, SPAN)
+    setup = LongitudinalSetup(SpacingPolicy(15.0), GapLimits())
+    guard = SpeedGuard(law, SETTINGS, setup)
     for step in range(round(seconds / SPAN)):
         limit.observe(deviation(step * SPAN))
-        usual = SpeedCommand(min(30.0 - speed, 2.0), 30.0)
-        last = limit.limited(usual, speed, last, SPAN).acceleration
+        situation = Situation(state="follow", position_limit=limit.speed)
+        pose = Pose(0.0, 0.0, 0.0, speed, 0.0)
+        at = round(step * SPAN * SECOND)
+        last = guard.command(at, pose, VehiclesAhead(), situation).acceleration
         speed += last * SPAN
         driven.append((speed, last))
     return driven
@@ -56,17 +68,11 @@ def test_a_car_slows_comfortably_and_recovers(
     assert speeds[round(60.0 / SPAN)] == pytest.approx(limit, abs=0.2)
     assert speeds[-1] == pytest.approx(30.0, abs=0.1)
     steps = [abs(b - a) for a, b in pairwise(accelerations) if min(a, b) < 0.0]
-    assert max(steps) < 0.1
+    assert max(steps) < 1.01 * SETTINGS.emergency_jerk * SPAN
 
 
 def test_the_margin_of_the_gap_covers_both_positions_and_ends() -> None:
     limit = PositionLimit(SETTINGS)
-    limit.predecessor_accuracy = 0.4
-    limit.observe(0.02)
-    assert limit.gap_margin(SPAN) == 0.0
-    limit.observe(0.3)
-    margins = [limit.gap_margin(SPAN) for _ in range(500)]
-    assert margins[-1] == pytest.approx(3.0 * 0.5)
-    assert max(b - a for a, b in pairwise(margins)) < 0.6 * SPAN
-    limit.observe(0.02)
-    assert [limit.gap_margin(SPAN) for _ in range(500)][-1] == 0.0
+    for deviation, margin in ((0.02, 0.0), (0.3, 3.0 * 0.5), (0.02, 0.0)):
+        limit.observe(deviation)
+        assert limit.gap_margin(0.4) == pytest.approx(margin)
