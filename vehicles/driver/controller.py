@@ -113,13 +113,11 @@ class VehiclesAhead:
     lead_acceleration         m/s²
     curvature_ahead           maps a distance ahead (m) to the curvature of the path (1/m), which is
                               extrapolated beyond the known path
-    bend                      squared speed (m²/s²) that the received path allows, and the distance
-                              of its bend (m), if any
+    bend                      largest acceleration (m/s²) before and in bends of the received path
     own                       `OwnMotion`
     sources                   `SourceMotion` of each longitudinal source by its name, once received
     measured_gap              gap by the on-board sensor (m), predicted to the present by its rate
     measured_gap_rate         its rate (m/s)
-    measured_gap_age          time since the measurement (s)
     """
 
     spacing: float = nan
@@ -128,12 +126,11 @@ class VehiclesAhead:
     predecessor_acceleration: float = 0.0
     lead_acceleration: float = nan
     curvature_ahead: Callable[[float], float] | None = None
-    bend: tuple[float, float] | None = None
+    bend: float = inf
     own: OwnMotion = field(default_factory=OwnMotion)
     sources: Mapping[str, SourceMotion] = field(default_factory=dict)
     measured_gap: float = nan
     measured_gap_rate: float = nan
-    measured_gap_age: float = nan
 
 
 @dataclass(frozen=True, slots=True)

@@ -156,6 +156,7 @@ class Follower:
         crossing = situation.hole > 0.0 and situation.known <= 0.0
         situation.hazard = mode == "stop" or self._rejoining.is_active or crossing
         situation.speed_limit, situation.position_limit = self._rejoining.speed_limit, limit.speed
+        gap = ahead.spacing + margin - self.least_spacing
         speed = self._speed(now, pose, ahead, situation)
         wanted = self.reaction.acceleration(situation, mode, pose.speed, speed.acceleration)
         target = speed.target_speed
@@ -183,7 +184,7 @@ class Follower:
             law_acceleration=speed.law,
             override=speed.override,
             achieved=self._own.achieved,
-            estimated_gap=ahead.spacing + margin - self.least_spacing,
+            estimated_gap=gap,
             lateral_deviation=self.own_state.lateral_deviation,
             measured_gap=ahead.measured_gap,
             measured_gap_rate=ahead.measured_gap_rate,
@@ -204,7 +205,7 @@ class Follower:
         if self.guard is not None:
             return self.guard.command(now, pose, ahead, situation)
         command = self.speed_law.command(now, pose, ahead)
-        command.law = command.acceleration
+        command.law = command.acceleration = min(command.acceleration, ahead.bend)
         return command
 
     def _fit(self, pose: Pose, last: Decision | None) -> None:
@@ -280,11 +281,11 @@ class Follower:
         back that the place of the one that left, which a human drives, stays free.
         """
         sources = self.sources
-        bend = sources.bend_ahead(pose)
-        ahead = VehiclesAhead(curvature_ahead=errors.curvature_ahead, bend=bend, own=self._own)
+        ahead = VehiclesAhead(curvature_ahead=errors.curvature_ahead, own=self._own)
+        ahead.bend = sources.bend_limit(pose)
         if self._measured is not None:
-            measured = self._measured.at(now)
-            ahead.measured_gap, ahead.measured_gap_rate, ahead.measured_gap_age = measured
+            measured = self._measured.at(now)[:2]
+            ahead.measured_gap, ahead.measured_gap_rate = measured
         lead, predecessor, place = sources.lead, sources.predecessor, 0.0
         if lead is not None and lead in sources.longitudinal and not isnan(lead.state.age):
             _, ahead.lead_speed, ahead.lead_acceleration = lead.state.predicted()

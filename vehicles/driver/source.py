@@ -13,7 +13,7 @@ from vehicles.driver.own_state import Pose
 from vehicles.driver.plausibility import REFUSED, PoseJudge
 from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import LOST, OFF_PATH, RELIED_ON, SourceState
-from vehicles.driver.steering import BendsAhead
+from vehicles.driver.speed import BendsAhead
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.samples import Window
 from vehicles.preview.trace import Trace

@@ -1,7 +1,7 @@
 """The sources of a follower: the vehicles that it receives."""
 
 from collections.abc import Collection, Mapping, Sequence
-from math import isnan, nan
+from math import inf, isnan, nan
 from typing import Final
 
 from vehicles.driver.intended_path import IntendedPath
@@ -153,17 +153,16 @@ class Sources:
                 return received
         return windows
 
-    def bend_ahead(self, pose: Pose) -> tuple[float, float] | None:
-        """Bend of the received path that allows the lowest speed now (see `BendsAhead`).
+    def bend_limit(self, pose: Pose) -> float:
+        """Largest acceleration (m/s²) in bends of the received path (see `BendsAhead`).
 
         By the lead alone while it is relied on: others turn to correct errors of their own.
         """
         lead = self.lead
         if lead is not None and lead.bends is not None and lead.state.status in RELIED_ON:
-            return lead.bends.allowed(pose.east, pose.north)
+            return lead.bends.acceleration(pose)
         bends = [source.bends for source in self.all.values() if source.bends is not None]
-        found = [one.allowed(pose.east, pose.north) for one in bends]
-        return min((bend for bend in found if bend is not None), default=None)
+        return min([one.acceleration(pose) for one in bends], default=inf)
 
     @property
     def accuracy_ahead(self) -> float:

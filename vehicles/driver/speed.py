@@ -2,8 +2,10 @@
 
 import math
 from bisect import bisect_right
+from collections import deque
 from dataclasses import dataclass
 from itertools import pairwise
+from math import inf
 from typing import Final, Protocol
 
 from vehicles.driver.controller import (
@@ -14,13 +16,13 @@ from vehicles.driver.controller import (
 )
 from vehicles.driver.longitudinal_laws import GapLaw
 from vehicles.driver.own_state import Pose
+from vehicles.geometry.geodesy import along
 from vehicles.messages import Override
+from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
 PROFILE_CORRECTION: Final = 0.5  # Acceleration per speed error when following a profile (1/s)
 CORRECTION_MAX: Final = 2.0  # Limit (m/s²) of that correction, reached for example after a restart
-BEND_RATE: Final = 2.0  # Deceleration per excess speed in a bend (1/s)
-BRAKING_BEFORE: Final = 0.5  # Driving time (s) before a bend in which braking fades out
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,34 +86,93 @@ class SpeedProfile:
         return self.times[-1] + (distance - driven) / last if last > 0.0 else math.inf
 
 
-def bend_acceleration(speed: float, bend: tuple[float, float], limits: GapLimits) -> float:
-    """Largest acceleration (m/s²) of a follower before and in bends of the received path.
+# ---- Bends of the known path ahead: how fast a follower may drive now to take them
 
-    `bend` is that of `VehiclesAhead`. The allowed speed decreases at `limits.before_bends`
-    towards the bend. The car brakes by that in advance, because correcting an excess lags behind.
+
+BEND_RATE: Final = 2.0  # Deceleration per excess speed in a bend (1/s)
+BRAKING_BEFORE: Final = 0.5  # Driving time (s) before a bend in which braking fades out
+MIN_SPEED: Final = 1.0  # Below this speed (m/s) a measured yaw rate does not determine a curvature
+SPACING: Final = 0.5  # Poses of a source that has moved less than this (m) are skipped
+CAPACITY: Final = 4096  # Largest number of poses kept ahead of the car
+
+
+class BendsAhead:
+    """Speed limit by the poses that a source sent from the path ahead.
+
+    A pose at the distance s ahead with curvature κ, its yaw rate over its speed, allows
+    v² <= a_lat/|κ| + 2 b s (elementary algebra). Of two poses only the later one counts if it
+    allows less now: it will then do so until it is passed.
     """
-    squared, distance = bend
-    if squared == math.inf:
-        return math.inf
-    allowed = math.sqrt(squared) if squared > 0.0 else 0.0
-    share = distance / (BRAKING_BEFORE * speed) if speed > 0.0 else 0.0
-    braking = limits.before_bends * (share if share < 1.0 else 1.0)
-    return max(BEND_RATE * (allowed - speed) - braking, -limits.deceleration)
+
+    def __init__(self, lateral: float, limits: GapLimits) -> None:
+        """`lateral` (m/s²) is the acceleration in bends."""
+        self._lateral, self._limits = lateral, limits
+        self._path: deque[tuple[float, float, float, float]] = deque(maxlen=CAPACITY)
+        self._bends: deque[tuple[float, float]] = deque(maxlen=CAPACITY)
+        self._newest_at = 0
+
+    def add(self, pose: ReceivedPose) -> None:
+        """Take a pose; late ones are ignored."""
+        if pose.measured_at <= self._newest_at:
+            return
+        self._newest_at = pose.measured_at
+        station = 0.0
+        if self._path:
+            before, east, north, _ = self._path[-1]
+            moved = math.hypot(pose.east - east, pose.north - north)
+            if moved < SPACING:
+                return
+            station = before + moved
+        self._path.append((station, pose.east, pose.north, pose.yaw))
+        if pose.speed < MIN_SPEED or pose.yaw_rate == 0.0:
+            return
+        bends = self._bends
+        squared = self._lateral * pose.speed / abs(pose.yaw_rate)
+        squared += 2.0 * self._limits.before_bends * station
+        while bends and bends[-1][1] >= squared:
+            bends.pop()
+        bends.append((station, squared))
+
+    def acceleration(self, pose: Pose) -> float:
+        """Largest acceleration (m/s²) before and in bends, infinite without one ahead.
+
+        The allowed speed decreases at `limits.before_bends` towards a bend. The car brakes by that
+        in advance, because correcting an excess lags behind.
+        """
+        path, bends, speed, limits = self._path, self._bends, pose.speed, self._limits
+        while len(path) > 1 and _station_along(path[1], pose) >= path[1][0]:
+            path.popleft()
+        station = _station_along(path[0], pose) if path else 0.0
+        while bends and bends[0][0] < station:
+            bends.popleft()
+        if not bends:
+            return inf
+        at, squared = bends[0]
+        allowed = math.sqrt(max(squared - 2.0 * limits.before_bends * station, 0.0))
+        share = (at - station) / (BRAKING_BEFORE * speed) if speed > 0.0 else 0.0
+        braking = limits.before_bends * min(share, 1.0)
+        return max(BEND_RATE * (allowed - speed) - braking, -limits.deceleration)
+
+
+def _station_along(point: tuple[float, float, float, float], pose: Pose) -> float:
+    """Station (m) of a position by its distance ahead of a `point`."""
+    station, east, north, yaw = point
+    return station + along(yaw, pose.east - east, pose.north - north)
+
+
+# ---- Speed control
 
 
 @dataclass(slots=True)
 class SpeedCommand:
     """Acceleration (m/s²), dv_x/dt of Section IV-A, and target speed (m/s).
 
-    `bend` is the largest acceleration that bends permit, `unbent` the one wanted without them. Of a
-    follower, `law` is the acceleration of its longitudinal law, `override` why it was replaced, and
-    `evidence` states the reason with its figures.
+    Of a follower, `law` is the acceleration of its longitudinal law, limited in bends, `override`
+    why it was replaced, and `evidence` states the reason with its figures.
     """
 
     acceleration: float
     target_speed: float
-    bend: float = math.inf
-    unbent: float = 0.0
     law: float = math.nan
     override: Override = ""
     evidence: str = ""
@@ -134,17 +195,11 @@ def profile_correction(wanted: float, speed: float) -> float:
 class ProfileSpeed:
     """Follows the same speed over time as all other vehicles (paper, Section V-C)."""
 
-    def __init__(
-        self, profile: SpeedProfile, start_at: int, period: float, limits: GapLimits | None = None
-    ) -> None:
-        """`period` (s) is the control period over which a command is held.
-
-        With `limits` a follower brakes before bends of the received path, and falls behind.
-        """
+    def __init__(self, profile: SpeedProfile, start_at: int, period: float) -> None:
+        """`period` (s) is the control period over which a command is held."""
         self._profile = profile
         self._start_at = start_at
         self._period = period
-        self._limits = limits
 
     def follow(self, profile: SpeedProfile) -> None:
         """Replace the profile; its time still starts with the run."""
@@ -156,14 +211,11 @@ class ProfileSpeed:
         speed, _ = self._profile.at(seconds)
         next_speed, _ = self._profile.at(seconds + self._period)
         wanted = (next_speed - speed) / self._period + profile_correction(speed, pose.speed)
-        if self._limits is None or ahead.bend is None:
-            return SpeedCommand(wanted, next_speed, math.inf, wanted)
-        bend = bend_acceleration(pose.speed, ahead.bend, self._limits)
-        return SpeedCommand(min(wanted, bend), next_speed, bend, wanted)
+        return SpeedCommand(wanted, next_speed)
 
 
 class GapKeeping:
-    """Keeps a gap by a longitudinal controller, and slows down in bends."""
+    """Keeps a gap by a longitudinal controller."""
 
     def __init__(
         self, setup: LongitudinalSetup, controller: LongitudinalController | None = None
@@ -184,9 +236,5 @@ class GapKeeping:
         limits = self._limits
         wanted = self._controller.acceleration(pose.speed, ahead)
         wanted = min(max(wanted, -limits.deceleration), limits.acceleration)
-        bend = math.inf
-        if ahead.bend is not None:
-            bend = bend_acceleration(pose.speed, ahead.bend, limits)
         target = ahead.predecessor_speed
-        target = pose.speed if math.isnan(target) else target
-        return SpeedCommand(min(wanted, bend), target, bend, wanted)
+        return SpeedCommand(wanted, pose.speed if math.isnan(target) else target)

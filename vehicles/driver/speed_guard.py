@@ -6,16 +6,12 @@ measured, an announced stop, the end of the known path, or the silence of a sour
 losses do not explain (see `source.Reception`).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf, isfinite, isnan, nan, sqrt
 from typing import Final
 
 from vehicles.driver.controller import LongitudinalSetup, VehiclesAhead
-from vehicles.driver.longitudinal_laws import (
-    STABLE_HEADWAY,
-    Fallback,
-    headway_acceleration,
-)
+from vehicles.driver.longitudinal_laws import STABLE_HEADWAY, Fallback, headway_acceleration
 from vehicles.driver.own_state import Pose
 from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import (
@@ -46,6 +42,7 @@ LEAD_ONLY_ACCELERATION: Final = 0.5
 """A car that receives the lead, but not its predecessor, drives at this share of the lead's speed
 up to this headway (s), with at most this acceleration (m/s²) beyond the lead's."""
 SENSOR_FILTER: Final = 0.3  # Time constant (s) of the predecessor's acceleration by the gap sensor
+HARDEST_SENSED: Final = 12.0  # Largest acceleration (m/s²) that the gap sensor can show
 REFERENCE_FALL: Final = 0.1  # Relative rate (1/s) at which the speed limit of catching up may fall
 HEADWAY_RATE: Final = 0.5
 """Speed (m/s) at which gaps open to a stable headway without the lead, and close again. All
@@ -69,20 +66,6 @@ IN_PACE: Final = 0.3
 """Spacing errors (m) at which a car leaves the common speed and resumes it, and the difference of
 speed (m/s) at which it resumes it."""
 
-
-@dataclass(slots=True)
-class _View:
-    """The vehicle ahead as received, measured or assumed at a control instant.
-
-    `gap` (m) between the bumpers, `speed` (m/s), commanded or measured `acceleration` (m/s²).
-    """
-
-    gap: float
-    speed: float
-    acceleration: float
-    by_sensor: bool = False
-
-
 SMOOTH: tuple[Override, ...] = (
     "contact",
     "announced stop",
@@ -101,10 +84,37 @@ BY_STATE: dict[State, Override] = {
 """Override of an acceleration whose change is limited, by the state of the follower."""
 
 
+@dataclass(slots=True)
+class _Instant:
+    """A control instant, and the vehicle ahead as received, measured or assumed.
+
+    `speed` (m/s) is the car's own, `span` (s) the time since the last instant, `hardest` (m/s²) the
+    braking that the tyres permit, `received` (m) the gap by the predecessor's poses. The vehicle
+    ahead is `gap` (m) away, between bumpers, and has `its_speed` (m/s) and a commanded or measured
+    `acceleration` (m/s²).
+    """
+
+    now: int
+    speed: float
+    span: float
+    hardest: float
+    received: float
+    ahead: VehiclesAhead
+    situation: Situation
+    gap: float = nan
+    its_speed: float = nan
+    acceleration: float = 0.0
+    by_sensor: bool = False
+
+    @property
+    def closing(self) -> float:
+        return self.speed - self.its_speed
+
+
 class SpeedGuard:
     """Overrides the speed law of a follower where messages or the gap sensor give a reason.
 
-    Beyond the paper, whose followers drive the profile whatever they receive. The largest
+    Beyond the paper, whose followers drive the profile whatever they receive. The least
     acceleration of all reasons is taken, and the one that decided is reported.
     """
 
@@ -115,11 +125,11 @@ class SpeedGuard:
         self._keeps_gap = isinstance(law, GapKeeping)
         self._keeping = law if self._keeps_gap else GapKeeping(setup)
         self._settings, self._setup = settings, setup
-        self._lag, self._friction = setup.parameters.drive_lag, setup.parameters.friction
+        self._lag, self._least = setup.parameters.drive_lag, setup.least_spacing
         self._comfort = settings.comfortable_deceleration
         self._at: int | None = None
         self._last = 0.0
-        self._assumed = _View(setup.initial_spacing - setup.least_spacing, nan, 0.0)
+        self._gap, self._its_speed = setup.initial_spacing - self._least, nan  # assumed
         self._headway = 0.0
         self._sensed, self._sensed_speed = 0.0, nan
         self._reference = nan
@@ -129,271 +139,236 @@ class SpeedGuard:
     def command(
         self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation
     ) -> SpeedCommand:
+        """Command of the law, or what overrides it; the law sees `ahead` as changed here."""
         span = 0.0 if self._at is None else (now - self._at) / SECOND
-        self._at = now
-        speed, state = pose.speed, situation.state
-        hardest = TYRES_USED * friction_left(self._friction, speed * pose.yaw_rate)
-        view = self._view(now, ahead, situation, speed, span)
-        seen = self._seen(ahead, situation, view, speed, span)
-        usual = self._usual(now, pose, seen, situation, view)
-        law = wanted = usual.acceleration
-        policy, least = self._setup.policy, self._setup.least_spacing
-        override: Override = ""
-        if state == "alone":
-            mildest = -self._evidence(situation, view, speed, span)
-            wanted = min(max(self._alone(seen, view, speed), mildest), usual.bend)
-            override = "alone"
-        elif state == "return" and law > 0.0:
-            wanted, override = 0.0, "return"
-        elif (self._keeps_gap or self._following) and not isnan(view.gap):
-            mildest = -self._evidence(situation, view, speed, span)
-            if usual.unbent < mildest:
-                wanted = min(mildest, usual.bend)
-                override = "unproven" if wanted > law else ""
-        needed = self._contact(view, speed, span)
+        speed, self._at = pose.speed, now
+        hardest = TYRES_USED * friction_left(self._setup.parameters.friction, speed * pose.yaw_rate)
+        received = ahead.spacing - self._least
+        at = _Instant(now, speed, span, hardest, received, ahead, situation)
+        braking = ahead.lead_acceleration
+        self._look(at)
+        self._show(at)
+        usual = self._usual(at, pose)
+        law = min(usual.acceleration, ahead.bend)
+        wanted, override = self._proven(at, usual.acceleration, law, braking)
+        needed = self._contact(at)
         reasons: tuple[tuple[float, Override], ...] = (
-            (max(min(self._barrier(view, speed), -1.1 * needed or inf), -hardest), "contact"),
-            (self._announced_stop(now, ahead, situation, view, speed, hardest), "announced stop"),
-            (self._path_end(situation, speed, span), "known path"),
+            (max(min(self._barrier(at), -1.1 * needed or inf), -hardest), "contact"),
+            (self._announced_stop(at), "announced stop"),
+            (self._path_end(at), "known path"),
             (self._towards(situation.speed_limit, speed), "return"),
             (self._towards(situation.position_limit, speed), "position"),
         )
         for acceleration, reason in reasons:
             if acceleration < wanted:
                 wanted, override = acceleration, reason
-        cap = self._catch_up(seen, situation, speed, span)
+        cap = self._catch_up(at)
         if cap < wanted:
-            mildest = -self._comfort if view.gap + least > policy.desired(speed) + FAR else 0.0
-            limited = max(cap, min(wanted, mildest))
+            far = at.gap + self._least > self._setup.policy.desired(speed) + FAR
+            limited = max(cap, min(wanted, -self._comfort if far else 0.0))
             wanted, override = limited, "catch-up" if limited < wanted else override
-        if state != "follow" or override in SMOOTH:
+        if situation.state != "follow" or override in SMOOTH:
             fall = inf if override == "contact" else self._settings.emergency_jerk * span
             wanted = min(max(wanted, self._last - fall), self._last + RELEASE_JERK * span)
         self._last = wanted
         usual.law, usual.acceleration = law, wanted
         if wanted != law:
-            usual.override = override or BY_STATE[state]
-            usual.evidence = self._words(usual.override, view, situation, needed)
+            usual.override = override or BY_STATE[situation.state]
+            usual.evidence = self._words(usual.override, at, needed)
             usual.target_speed = min(usual.target_speed, speed)
         return usual
 
     # ---- The vehicle ahead, and what the law sees
 
-    def _view(
-        self, now: int, ahead: VehiclesAhead, situation: Situation, speed: float, span: float
-    ) -> _View:
-        """The vehicle ahead by the gap sensor while its poses are old, else as received.
+    def _look(self, at: _Instant) -> None:
+        """Set the vehicle ahead: by the gap sensor while its poses are old, else as received.
 
         Without the predecessor it is assumed to move as the lead, from its last or initial place,
         until it stops as it announced, if the lead repeats that.
         """
-        predecessor, lead_speed = situation.predecessor, ahead.lead_speed
-        rate = ahead.measured_gap_rate
-        if not isnan(rate):
-            its_speed = max(speed + rate, 0.0)
-            if span > 0.0 and not isnan(self._sensed_speed):
-                share = min(span / SENSOR_FILTER, 1.0)
-                change = (its_speed - self._sensed_speed) / span
-                self._sensed += share * (min(max(change, -12.0), 12.0) - self._sensed)
-            self._sensed_speed = its_speed
-        assumed, emergency = self._assumed, self._settings.emergency_deceleration
-        alone = situation.state == "alone" and not isnan(lead_speed)
-        stops = alone and 0 < predecessor.stops_at <= now
+        ahead, predecessor, span = at.ahead, at.situation.predecessor, at.span
+        self._sense(at)
+        emergency = self._settings.emergency_deceleration
+        alone = at.situation.state == "alone" and not isnan(ahead.lead_speed)
+        stops = alone and 0 < predecessor.stops_at <= at.now
         if stops:
-            assumed.speed = max(assumed.speed - emergency * span, 0.0)
-        elif alone or isnan(assumed.speed):
-            assumed.speed = speed if isnan(lead_speed) else lead_speed
-        if alone or isnan(ahead.spacing):
-            assumed.gap += (assumed.speed - speed) * span
-        else:
-            assumed.gap = ahead.spacing - self._setup.least_spacing
+            self._its_speed = max(self._its_speed - emergency * span, 0.0)
+        elif alone or isnan(self._its_speed):
+            self._its_speed = at.speed if isnan(ahead.lead_speed) else ahead.lead_speed
+        assumed = alone or isnan(at.received)
+        self._gap = self._gap + (self._its_speed - at.speed) * span if assumed else at.received
         is_old = not predecessor.silence <= OLD_AFTER * predecessor.period  # also NaN
         if is_old and isfinite(ahead.measured_gap):
-            return _View(ahead.measured_gap, self._sensed_speed, self._sensed, by_sensor=True)
-        self._sensed = min(self._sensed, 0.0) if isnan(rate) else self._sensed
-        if alone:
-            braking = -emergency if stops and assumed.speed > 0.0 else ahead.lead_acceleration
-            return _View(assumed.gap, assumed.speed, 0.0 if isnan(braking) else braking)
-        gap = ahead.spacing - self._setup.least_spacing
-        view = _View(gap, ahead.predecessor_speed, ahead.predecessor_acceleration)
-        self._join(view, ahead, situation)
-        return view
+            at.gap, at.its_speed, at.by_sensor = ahead.measured_gap, self._sensed_speed, True
+            at.acceleration = self._sensed
+        elif alone:
+            at.gap, at.its_speed = self._gap, self._its_speed
+            at.acceleration = (
+                -emergency if stops and at.its_speed > 0.0 else ahead.lead_acceleration
+            )
+        else:
+            at.gap, at.its_speed = at.received, ahead.predecessor_speed
+            at.acceleration = ahead.predecessor_acceleration
+            self._join(at)
 
-    def _join(self, view: _View, ahead: VehiclesAhead, situation: Situation) -> None:
+    def _sense(self, at: _Instant) -> None:
+        """Speed and acceleration of the vehicle ahead by the gap sensor."""
+        rate = at.ahead.measured_gap_rate
+        if isnan(rate):
+            self._sensed = min(self._sensed, 0.0)
+            return
+        its_speed = max(at.speed + rate, 0.0)
+        if at.span > 0.0 and not isnan(self._sensed_speed):
+            change = (its_speed - self._sensed_speed) / at.span
+            change = min(max(change, -HARDEST_SENSED), HARDEST_SENSED)
+            self._sensed += min(at.span / SENSOR_FILTER, 1.0) * (change - self._sensed)
+        self._sensed_speed = its_speed
+
+    def _join(self, at: _Instant) -> None:
         """Let a predecessor whose message is missing brake with the lead, if that brakes hard."""
-        lead, predecessor, braking = situation.lead, situation.predecessor, ahead.lead_acceleration
+        lead, predecessor = at.situation.lead, at.situation.predecessor
+        braking = at.ahead.lead_acceleration
         if lead is predecessor or not braking < min(LASTING, predecessor.acceleration):
             return
         if predecessor.is_overdue and lead.age < predecessor.age + JOINT_AGE:
             speed, achieved, age = predecessor.speed, predecessor.achieved, predecessor.age
             motion = predicted_motion(speed, achieved, braking, age, predecessor.lag)
-            view.gap += motion.driven - predecessor.predicted().driven
-            view.speed, view.acceleration = motion.speed, motion.acceleration
+            at.gap += motion.driven - predecessor.predicted().driven
+            at.its_speed, at.acceleration = motion.speed, motion.acceleration
 
-    def _seen(
-        self,
-        ahead: VehiclesAhead,
-        situation: Situation,
-        view: _View,
-        speed: float,
-        span: float,
-    ) -> VehiclesAhead:
-        """What the law acts on: the vehicle in view, and without a lost lead a wider gap.
+    def _show(self, at: _Instant) -> None:
+        """Show the law the vehicle ahead, and without a lost lead a wider gap.
 
         At a stable headway the lead's speed is not needed (Swaroop and Hedrick, 1996).
         """
-        lost = situation.lead.status in LOST and self._keeps_gap
+        ahead, lost = at.ahead, at.situation.lead.status in LOST and self._keeps_gap
         missing = max(STABLE_HEADWAY - self._setup.policy.headway, 0.0) if lost else 0.0
-        if self._headway != missing:
-            step = HEADWAY_RATE / max(speed, 1.0) * span
-            self._headway = min(max(missing, self._headway - step), self._headway + step)
-        lead_speed = nan if lost else ahead.lead_speed
-        spacing = view.gap + self._setup.least_spacing - self._headway * speed
-        if (
-            spacing == ahead.spacing
-            and view.speed == ahead.predecessor_speed
-            and view.acceleration == ahead.predecessor_acceleration
-            and not lost
-        ):
-            return ahead
-        return replace(
-            ahead,
-            spacing=spacing,
-            predecessor_speed=view.speed,
-            predecessor_acceleration=view.acceleration,
-            lead_speed=lead_speed,
-            lead_acceleration=nan if lost else ahead.lead_acceleration,
-        )
+        step = HEADWAY_RATE / max(at.speed, 1.0) * at.span
+        self._headway = min(max(missing, self._headway - step), self._headway + step)
+        ahead.spacing = at.gap + self._least - self._headway * at.speed
+        ahead.predecessor_speed, ahead.predecessor_acceleration = at.its_speed, at.acceleration
+        if lost:
+            ahead.lead_speed = ahead.lead_acceleration = nan
 
-    def _usual(
-        self, now: int, pose: Pose, seen: VehiclesAhead, situation: Situation, view: _View
-    ) -> SpeedCommand:
+    def _usual(self, at: _Instant, pose: Pose) -> SpeedCommand:
         """Command of the law; of gap keeping where the convoy does not drive its common speed."""
-        usual = self._law.command(now, pose, seen)
-        if self._keeps_gap or isnan(view.gap):
+        usual = self._law.command(at.now, pose, at.ahead)
+        if self._keeps_gap or isnan(at.gap):
             return usual
-        error = view.gap + self._setup.least_spacing - self._setup.initial_spacing
-        other = view.speed - usual.target_speed
+        error = abs(at.gap + self._least - self._setup.initial_spacing)
+        other = abs(at.its_speed - usual.target_speed)
         planned = min(usual.acceleration, 0.0) - PLAN_BRAKING
-        brakes = view.acceleration < planned or seen.lead_acceleration < planned
-        brakes = brakes or situation.position_limit < inf
-        off = abs(error) > OFF_PLACE or abs(other) > OTHER_SPEED or brakes
-        if off or situation.state != "follow":
+        brakes = at.acceleration < planned or at.ahead.lead_acceleration < planned
+        off = error > OFF_PLACE or other > OTHER_SPEED or at.situation.position_limit < inf
+        if brakes or off or at.situation.state != "follow":
             self._following = True
-        elif abs(error) < IN_PLACE and abs(other) < IN_PACE:
+        elif error < IN_PLACE and other < IN_PACE:
             self._following = False
-        if not self._following:
-            return usual
-        keeping = self._keeping.command(now, pose, seen)
-        if usual.bend < keeping.acceleration:
-            keeping = SpeedCommand(usual.bend, keeping.target_speed, usual.bend, keeping.unbent)
-        return keeping
+        return self._keeping.command(at.now, pose, at.ahead) if self._following else usual
 
-    def _alone(self, seen: VehiclesAhead, view: _View, speed: float) -> float:
+    # ---- Evidence for braking
+
+    def _proven(
+        self, at: _Instant, usual: float, law: float, braking: float
+    ) -> tuple[float, Override]:
+        """Acceleration (m/s²) for which something was received or measured, and its override.
+
+        `usual` is that of the law and `law` the same limited in bends; the lead brakes by
+        -`braking` (m/s², NaN if unknown). Comfortable braking needs no evidence. Braking that has
+        begun may go on while closing.
+        """
+        state, bend = at.situation.state, at.ahead.bend
+        if state == "return" and law > 0.0:
+            return 0.0, "return"
+        if state != "alone" and (isnan(at.gap) or not (self._keeps_gap or self._following)):
+            return law, ""
+        received = max(-at.acceleration, 0.0 if isnan(braking) else -braking, 0.0)
+        closing = max(at.closing, 0.0)
+        relative = closing * closing / (2.0 * self._room(at, closing))
+        begun = -self._last if closing > 0.0 else 0.0
+        mildest = -max(self._comfort, 1.2 * received + 0.5, 1.5 * relative, begun)
+        if state == "alone":
+            return min(max(self._alone(at), mildest), bend), "alone"
+        if usual >= mildest:
+            return law, ""
+        wanted = min(mildest, bend)
+        return wanted, "unproven" if wanted > law else ""
+
+    def _alone(self, at: _Instant) -> float:
         """Acceleration (m/s²) of a car that receives the lead, but not its predecessor.
 
         By the gap sensor it is that of ACC, as in the fallback of the laws, else that of the lead,
         a little slower until the headway would be safe behind a car that it does not receive.
         """
-        if view.by_sensor:
+        if at.by_sensor:
             policy = self._setup.policy
             headway = max(policy.headway, Fallback.fallback_headway)
-            standstill = policy.standstill - self._setup.least_spacing
-            return headway_acceleration(view.gap, view.speed - speed, speed, standstill, headway)
-        lead_speed, lead_acceleration = seen.lead_speed, seen.lead_acceleration
+            standstill = policy.standstill - self._least
+            return headway_acceleration(at.gap, -at.closing, at.speed, standstill, headway)
+        lead_speed, lead_acceleration = at.ahead.lead_speed, at.ahead.lead_acceleration
         if isnan(lead_speed):
-            lead_speed, lead_acceleration = speed, 0.0
-        share = 1.0 if view.gap > LEAD_ONLY_HEADWAY * speed else LEAD_ONLY_SHARE
-        step = share * lead_speed - speed
+            lead_speed, lead_acceleration = at.speed, 0.0
+        share = 1.0 if at.gap > LEAD_ONLY_HEADWAY * at.speed else LEAD_ONLY_SHARE
+        step = share * lead_speed - at.speed
         return lead_acceleration + min(max(step, -self._comfort), LEAD_ONLY_ACCELERATION)
 
-    # ---- Evidence for braking
-
-    def _evidence(self, situation: Situation, view: _View, speed: float, span: float) -> float:
-        """Hardest braking (m/s²) of the law for which something was received or measured.
-
-        Comfortable braking needs no evidence. Braking that has begun may go on while closing.
-        """
-        lead = situation.ahead.lead_acceleration if situation.ahead else nan
-        braking = max(-view.acceleration, 0.0 if isnan(lead) else -lead, 0.0)
-        closing = max(speed - view.speed, 0.0)
-        relative = closing * closing / (2.0 * self._room(view, closing, span))
-        begun = -self._last if closing > 0.0 else 0.0
-        return max(self._comfort, 1.2 * braking + 0.5, 1.5 * relative, begun)
-
-    def _room(self, view: _View, closing: float, span: float) -> float:
+    def _room(self, at: _Instant, closing: float) -> float:
         """Distance (m) left for braking, behind the margin and after the car's own delay."""
-        room = view.gap - GUARD_MARGIN - closing * (self._lag + span)
-        return room if room > LEAST_ROOM else LEAST_ROOM
+        return max(LEAST_ROOM, at.gap - GUARD_MARGIN - closing * (self._lag + at.span))
 
-    def _contact(self, view: _View, speed: float, span: float) -> float:
+    def _contact(self, at: _Instant) -> float:
         """Braking (m/s²) that avoids a contact, 0 unless more than firm braking is needed.
 
         Behind a vehicle that brakes at b, c m/s slower and r m ahead, it is b + c²/2r if the speeds
         are equal before that stands, else v²/2(r + v_p²/2b) (kinematics).
         """
-        closing = speed - view.speed
+        closing, its_speed = at.closing, at.its_speed
         if not closing > LEAST_CLOSING:  # also NaN
             return 0.0
-        room, braking = self._room(view, closing, span), max(-view.acceleration, 0.0)
-        if 2.0 * room * braking < closing * view.speed:
+        room, braking = self._room(at, closing), max(-at.acceleration, 0.0)
+        if 2.0 * room * braking < closing * its_speed:
             needed = braking + closing * closing / (2.0 * room)
         else:
-            its_stop = view.speed * view.speed / (2.0 * max(braking, 0.1))
-            needed = speed * speed / (2.0 * (room + its_stop))
+            its_stop = its_speed * its_speed / (2.0 * max(braking, 0.1))
+            needed = at.speed * at.speed / (2.0 * (room + its_stop))
         return needed if needed > self._settings.firm_deceleration else 0.0
 
-    def _barrier(self, view: _View, speed: float) -> float:
+    def _barrier(self, at: _Instant) -> float:
         """Acceleration (m/s²) towards the speed from which firm braking ends at the margin."""
-        if isnan(view.gap):
+        if isnan(at.gap):
             return inf
-        left = max(view.gap - GUARD_MARGIN, 0.0)
+        left = max(at.gap - GUARD_MARGIN, 0.0)
         closing = sqrt(2.0 * self._settings.firm_deceleration * left)
-        return (view.speed + closing - speed) / BARRIER_TIME
+        return (closing - at.closing) / BARRIER_TIME
 
-    def _announced_stop(  # noqa: PLR0917 - parts of an instant
-        self,
-        now: int,
-        ahead: VehiclesAhead,
-        situation: Situation,
-        view: _View,
-        speed: float,
-        hardest: float,
-    ) -> float:
+    def _announced_stop(self, at: _Instant) -> float:
         """Acceleration (m/s²) that stops behind a silent predecessor that stops as announced.
 
         It drives on as predicted until the announced instant, and stops with emergency braking from
         then on; braking that it announced before is assumed to last. Both brakes build up alike.
         """
-        predecessor = situation.predecessor
-        free = (predecessor.stops_at - predecessor.measured_at) / SECOND
-        if view.by_sensor or not 0 < predecessor.stops_at <= now:
+        one = at.situation.predecessor
+        free = (one.stops_at - one.measured_at) / SECOND
+        if at.by_sensor or not 0 < one.stops_at <= at.now or isnan(at.received):
             return inf
-        if free <= 0.0 and not predecessor.is_overdue:
+        if free <= 0.0 and not one.is_overdue:
             return inf  # its braking is received
-        until = predicted_motion(
-            predecessor.speed,
-            predecessor.achieved,
-            predecessor.acceleration,
-            max(free, 0.0),
-            predecessor.lag,
-            lasting=-self._comfort / 3.0,
-        )
-        sample = ahead.spacing - predecessor.predicted().driven - self._setup.least_spacing
+        lasting, span = -self._comfort / 3.0, max(free, 0.0)
+        until = predicted_motion(one.speed, one.achieved, one.acceleration, span, one.lag, lasting)
         emergency = self._settings.emergency
         its_stop = until.driven + stopping_distance(until.speed, until.acceleration, emergency)
-        left = sample + its_stop - ANNOUNCED_MARGIN - speed * (self._lag + 0.04)
-        if isnan(left):
-            return inf
-        return -min(needed_deceleration(speed, max(left, LEAST_LEFT)), hardest)
+        left = at.received - one.predicted().driven + its_stop - ANNOUNCED_MARGIN
+        left -= at.speed * (self._lag + 0.04)
+        return -min(needed_deceleration(at.speed, max(left, LEAST_LEFT)), at.hardest)
 
-    def _path_end(self, situation: Situation, speed: float, span: float) -> float:
+    def _path_end(self, at: _Instant) -> float:
         """Acceleration (m/s²) that stops within the known path where that is required.
 
         In the state stop, before a hole of the path, and while a car has outrun what it received,
         as behind messages that take longer than its gap.
         """
-        known, emergency = situation.known, self._settings.emergency_deceleration
+        situation, speed, known = at.situation, at.speed, at.situation.known
+        emergency = self._settings.emergency_deceleration
         left = (0.0 if isnan(known) else known) - STOP_MARGIN - self._lag * speed
         if situation.state == "stop":
             if speed < STANDSTILL:
@@ -410,39 +385,36 @@ class SpeedGuard:
         if known > (FALLEN_BACK if self._outrun > OUTRUN_FOR else 0.0) or isnan(known):
             self._outrun = 0.0
         elif situation.state != "start":
-            self._outrun += span
+            self._outrun += at.span
         return -self._comfort if self._outrun > OUTRUN_FOR else inf
 
     def _towards(self, limit: float, speed: float) -> float:
         """Acceleration (m/s²) that brakes comfortably to a `limit` (m/s) of the speed."""
         return max((limit - speed) / LIMIT_TIME, -self._comfort)
 
-    def _catch_up(
-        self, ahead: VehiclesAhead, situation: Situation, speed: float, span: float
-    ) -> float:
+    def _catch_up(self, at: _Instant) -> float:
         """Acceleration (m/s²) towards the largest speed, a ratio of the lead's.
 
         That of a lead that slows down falls gradually, so that a swinging lead does not limit it.
         Without the lead it is the predecessor's.
         """
-        known = ahead.lead_speed
-        if situation.lead.status not in RELIED_ON or isnan(known):
-            known = nan if isfinite(self._reference) else ahead.predecessor_speed
+        known = at.ahead.lead_speed
+        if at.situation.lead.status not in RELIED_ON or isnan(known):
+            known = nan if isfinite(self._reference) else at.ahead.predecessor_speed
         if isnan(self._reference):
             self._reference = known
         elif not isnan(known):
-            fall = self._reference * (1.0 - REFERENCE_FALL * span)
-            self._reference = known if known > fall else fall
+            self._reference = max(known, self._reference * (1.0 - REFERENCE_FALL * at.span))
         if isnan(self._reference):
             return inf
-        return (self._setup.catch_up_ratio * max(self._reference, 0.5) - speed) / LIMIT_TIME
+        return (self._setup.catch_up_ratio * max(self._reference, 0.5) - at.speed) / LIMIT_TIME
 
-    def _words(self, override: Override, view: _View, situation: Situation, needed: float) -> str:
+    def _words(self, override: Override, at: _Instant, needed: float) -> str:
         """The evidence for an override, with its figures."""
-        predecessor = situation.predecessor
+        situation, predecessor = at.situation, at.situation.predecessor
         if override == "contact":
-            how = "measured" if view.by_sensor else f"received {predecessor.age:.2f} s ago"
-            text = f"vehicle ahead in {view.gap:.1f} m at {view.speed:.1f} m/s, {how}"
+            how = "measured" if at.by_sensor else f"received {predecessor.age:.2f} s ago"
+            text = f"vehicle ahead in {at.gap:.1f} m at {at.its_speed:.1f} m/s, {how}"
             return f"{text}: needs {needed:.1f} m/s²" if needed else text
         if override == "announced stop":
             return f"announced a stop, last pose {predecessor.silence:.2f} s ago"

@@ -219,7 +219,6 @@ def _commanded(place: int, cars: list[_Car], now: float, span: float) -> float:
     if measured:
         at, gap, rate = measured[-1]
         seen.measured_gap, seen.measured_gap_rate = gap + rate * (now - at), rate
-        seen.measured_gap_age = now - at
     situation = Situation(lead, predecessor, state="follow", ahead=seen)
     pose = Pose(car.place, 0.0, 0.0, car.speed, 0.0)
     instant = round((now + SETTLING_S) * SECOND)

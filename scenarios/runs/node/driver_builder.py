@@ -23,9 +23,8 @@ from vehicles.driver.reactions import ReactionPolicy
 from vehicles.driver.slip_estimator import LoadWatch, ParameterUser, SlipEstimator
 from vehicles.driver.source import Source
 from vehicles.driver.sources import Sources
-from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw
+from vehicles.driver.speed import BendsAhead, GapKeeping, ProfileSpeed, SpeedLaw
 from vehicles.driver.speed_guard import SpeedGuard
-from vehicles.driver.steering import BendsAhead
 from vehicles.driver.watch import ConvoyMember, ConvoyWatch
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.curve_fit import FitSettings
@@ -146,7 +145,7 @@ class DriverBuilder:
         place = self._setup.place - other.place if other.place else 0
         lateral = scenario.usable_lateral(self._name)
         if place >= 0 and lateral < math.inf:
-            bends = BendsAhead(lateral, scenario.gap_limits.before_bends)
+            bends = BendsAhead(lateral, scenario.gap_limits)
         return Source(
             sender,
             self._least_period(sender),
@@ -251,10 +250,7 @@ class DriverBuilder:
 
     def _profile(self, start_at: int) -> ProfileSpeed:
         return ProfileSpeed(
-            self._route.plan.profile,
-            start_at,
-            1.0 / self._scenario.control_rate_hz,
-            self._scenario.gap_limits,
+            self._route.plan.profile, start_at, 1.0 / self._scenario.control_rate_hz
         )
 
     def _policies(self) -> dict[str, SpacingPolicy]:

@@ -51,7 +51,7 @@ class Reacts(Extrapolate):
         self.share, self.draw = settings.share, draw
 
     def mode(self, situation, usual, speed):
-        return "lead" if usual == "composite" and self.draw("mode") < 0.3 else usual
+        return "coast" if usual == "composite" and self.draw("mode") < 0.3 else usual
 
     def acceleration(self, situation, mode, speed, wanted):
         return wanted + self.share * (self.draw("noise") - 0.5)

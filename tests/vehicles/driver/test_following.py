@@ -13,8 +13,9 @@ from tests.made.vehicles.laps import TICK, Place, bulb, eight, lap
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.controller import GapLimits
-from vehicles.driver.speed import bend_acceleration
-from vehicles.driver.steering import BendsAhead, SlipCompensated
+from vehicles.driver.own_state import Pose
+from vehicles.driver.speed import BEND_RATE, BendsAhead
+from vehicles.driver.steering import SlipCompensated
 from vehicles.driver.tracking import track
 from vehicles.geometry.sampled_path import Segment, path_from_segments
 from vehicles.preview.curve_fit import FitSettings
@@ -68,6 +69,7 @@ LATERAL, BRAKING = 6.0, 2.5
 PATH = path_from_segments(
     (Segment(100.0, 0.0), Segment(30.0, 1 / 40.0), Segment(50.0, 0.0), Segment(40.0, -1 / 15.0))
 )
+LIMITS = GapLimits(lateral=LATERAL, before_bends=BRAKING)
 
 
 def driven_by_a_source(bends: BendsAhead, until: float, speed: float = 12.0) -> None:
@@ -99,26 +101,23 @@ def allowed_by_hand(station: float) -> float:
 
 @pytest.mark.parametrize("station", [10.0, 60.0, 99.0, 115.0, 140.0, 175.0, 200.0])
 def test_the_speed_allowed_now_is_that_from_which_a_car_can_brake(station: float) -> None:
-    bends = BendsAhead(LATERAL, BRAKING)
+    """The car brakes at 2.5 m/s² in advance, which is as 1.25 m/s of excess."""
+    bends = BendsAhead(LATERAL, LIMITS)
     driven_by_a_source(bends, PATH.length)
-    place = PATH.at(station)
-    allowed = bends.allowed(place.east, place.north)
-    assert allowed is not None
-    squared, distance = allowed
-    assert squared == pytest.approx(allowed_by_hand(station), abs=2.0 * BRAKING * 1.0)
-    assert distance >= 0.0
+    place, allowed = PATH.at(station), math.sqrt(allowed_by_hand(station))
+    for excess, sign in ((0.5, -1.0), (-0.5 - BRAKING / BEND_RATE, 1.0)):
+        pose = Pose(place.east, place.north, place.yaw, allowed + excess, 0.0)
+        assert sign * bends.acceleration(pose) > 0.0
 
 
 def test_a_car_that_brakes_in_time_enters_a_bend_no_faster_than_it_allows() -> None:
-    limits = GapLimits(lateral=LATERAL, before_bends=BRAKING)
-    bends = BendsAhead(LATERAL, BRAKING)
+    bends = BendsAhead(LATERAL, LIMITS)
     driven_by_a_source(bends, PATH.length)
     station, speed, hardest = 0.0, 22.0, 0.0
     while station < 110.0:
         place = PATH.at(station)
-        bend = bends.allowed(place.east, place.north)
-        assert bend is not None
-        acceleration = min(bend_acceleration(speed, bend, limits), 0.0)
+        pose = Pose(place.east, place.north, place.yaw, speed, 0.0)
+        acceleration = min(bends.acceleration(pose), 0.0)
         hardest = min(hardest, acceleration)
         if 99.0 < station < 100.0:
             assert speed < math.sqrt(LATERAL * 40.0) + 0.6

@@ -18,12 +18,10 @@ from vehicles.driver.longitudinal_laws import (
 from vehicles.driver.own_state import Pose
 from vehicles.driver.situation import SourceState
 from vehicles.driver.speed import (
-    BEND_RATE,
     PROFILE_CORRECTION,
     GapKeeping,
     ProfileSpeed,
     SpeedProfile,
-    bend_acceleration,
 )
 from vehicles.schedule import SECOND, instant
 
@@ -260,17 +258,6 @@ def test_a_follower_settles_at_the_gap_of_the_policy() -> None:
         speed += PERIOD * command.acceleration
     assert speed == pytest.approx(20.0, abs=1e-3)
     assert spacing == pytest.approx(18.0, abs=1e-3)
-
-
-def test_a_bend_limits_the_speed_before_and_within_it() -> None:
-    limits = GapLimits(lateral=3.0, before_bends=2.5)
-    assert bend_acceleration(12.0, (math.inf, 5.0), limits) == math.inf
-    squared = 3.0 / 0.03
-    right = math.sqrt(squared)
-    assert bend_acceleration(right, (squared, 0.0), limits) == pytest.approx(0.0, abs=1e-12)
-    assert bend_acceleration(right + 1.0, (squared, 0.0), limits) == pytest.approx(-BEND_RATE)
-    assert bend_acceleration(right, (squared, 50.0), limits) == pytest.approx(-2.5)
-    assert bend_acceleration(30.0, (squared, 5.0), limits) == -limits.deceleration
 
 
 def test_at_the_profile_s_speed_the_command_is_its_acceleration() -> None:

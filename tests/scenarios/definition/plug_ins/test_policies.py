@@ -13,15 +13,6 @@ CODE = """
 from dataclasses import dataclass
 from vehicles.driver.reactions import Extrapolate
 
-class Always(Extrapolate):
-    @dataclass
-    class Settings:
-        mode: str = "lead"
-    def __init__(self, settings):
-        self.wanted = settings.mode
-    def mode(self, situation, usual, speed):
-        return self.wanted if usual == "composite" else usual
-
 class StopWhenSilent(Extrapolate):
     @dataclass
     class Settings:
@@ -57,20 +48,6 @@ def tracking(reaction: str, *more: str) -> list[Tracking]:
     tape = TrackingTape()
     run_unlogged(scenario_of(reaction, *more), [tape])
     return tape.rows
-
-
-@pytest.mark.parametrize("mode", ["lead", "predecessor"])
-def test_a_chosen_source_alone_is_fitted(module: Module, mode: str) -> None:
-    """The noise of the other source, 1 m, does not reach it; v2 itself follows a noisy lead."""
-    other = {"lead": "v2", "predecessor": "v1"}[mode]
-    noisy = f"vehicle.{other}.gnss.position_noise_m=1.0"
-    name, quiet = module(CODE), "gnss.position_noise_m=0.0"
-    own = f"{{use='{name}.Always',mode='{mode}'}}"
-    rows = tracking(own, quiet, noisy)[10:]
-    assert {row.mode for row in rows} == {mode}
-    errors = [abs(row.lateral_error_m) for row in rows]
-    both = [abs(row.lateral_error_m) for row in tracking("extrapolate", quiet, noisy)[10:]]
-    assert max(errors) < {"lead": 0.25, "predecessor": 0.7}[mode] * max(both)
 
 
 def test_a_policy_of_ones_own_stops_a_car_and_warns(module: Module) -> None:
