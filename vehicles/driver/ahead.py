@@ -213,5 +213,5 @@ class ConvoyAhead:
             speed, achieved, command, min(age, lost), self.car.drive_lag
         )
         if age > lost:
-            return driven + speed * speed / (2.0 * self.settings.firm.deceleration), 0.0, 0.0
+            return driven + speed * speed / (2.0 * self.settings.firm_deceleration), 0.0, 0.0
         return driven, speed, acceleration

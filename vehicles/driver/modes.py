@@ -12,7 +12,6 @@ from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import (
     LOST,
     SLOWING,
-    STANDSTILL,
     STOP_MARGIN,
     Situation,
     needed_deceleration,
@@ -85,7 +84,10 @@ class StateMachine:
         has_path = trajectory != "none"
         mode, last = self._mode_along(sources, relied, has_path=has_path), self._mode
         missing = [_missing_reason(one) for one in sources.used.values() if one not in relied]
-        why = [] if mode == last or not relied else self._recoveries(relied)
+        why = []
+        if mode != last and relied:  # the sources that give a path again
+            again = [source.name for source in relied if source not in self._relied]
+            why = [f"{', '.join(again or [one.name for one in relied])} received"]
         if mode == "straight":
             missing = missing if has_path else [NOTHING_RECEIVED]
         elif mode == "stop":
@@ -126,15 +128,6 @@ class StateMachine:
             return "straight" if self._mode in SLOWING else self._mode
         return "composite" if len(relied) > 1 else sources.mode_along(relied[0])
 
-    def _recoveries(self, relied: Sequence[Source]) -> list[str]:
-        """Reasons of a change of mode: the sources that give a path again."""
-        again = [source for source in relied if source not in self._relied]
-        return [
-            f"{source.name} received, newest pose {source.state.age:.2f} s old, "
-            f"{_path_end(source.state.known)}"
-            for source in again or relied
-        ]
-
 
 class ModesByReach:
     """Modes of the baselines, which continue at full speed.
@@ -154,12 +147,7 @@ class ModesByReach:
         """Mode and its reason, as of `StateMachine`."""
         reaching = [sources.mode_along(one) for one in sources.used.values() if one.reaches]
         silent = [source for source in sources.used.values() if not source.reaches]
-        why = ", ".join(
-            f"{s.name} not received yet"
-            if isnan(s.state.age)
-            else f"newest pose of {s.name} {s.state.age:.1f} s old"
-            for s in silent
-        )
+        why = "; ".join([_missing_reason(source) for source in silent])
         if trajectory == "none":
             return "straight", NOTHING_RECEIVED
         if trajectory == "kept":
@@ -179,8 +167,9 @@ def _missing_reason(source: Source) -> str:
     elif state.status == "distrusted":
         why = f"distrusted as {source.refusal} for {state.silence:.1f} s"
     elif state.status == "lost" or state.silence > LONGEST_SILENCE:
+        where = f"{abs(state.known):.1f} m {'ahead' if state.known >= 0.0 else 'behind'}"
         pose = f"newest pose {state.age:.1f} s old"
-        why = f"silent for {state.silence:.1f} s, {pose}, {_path_end(state.known)}"
+        why = f"silent for {state.silence:.1f} s, {pose}, path ends {where}"
     elif source.has_left_path:
         why = f"may be off the path in mode {state.mode}"
     else:
@@ -188,18 +177,9 @@ def _missing_reason(source: Source) -> str:
     return f"{source.name} {why}"
 
 
-def _path_end(known: float) -> str:
-    return f"path ends {abs(known):.1f} m {'ahead' if known >= 0.0 else 'behind'}"
-
-
 def _stopping_reason(situation: Situation, speed: float) -> str:
     if isnan(situation.known):
         return "no known path"
-    if situation.hole > 0.0 and speed < STANDSTILL:
-        return f"waits before a hole of {situation.hole:.1f} m"
-    known = f"{max(situation.known, 0.0):.1f} m of known path"
-    if situation.hole > 0.0:
-        known = f"{known} before a hole of {situation.hole:.1f} m"
     if situation.blind > 0.0:
-        return f"{known}, {situation.blind:.1f} m too short to stop"
-    return f"{known}: a stop needs {needed_deceleration(speed, situation.known):.1f} m/s²"
+        return f"{situation.blind:.1f} m too short to stop"
+    return f"a stop needs {needed_deceleration(speed, situation.known):.1f} m/s²"

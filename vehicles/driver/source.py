@@ -102,6 +102,7 @@ class Reception:
 # ---- Source
 
 
+LATE_PERIODS: Final = 3.0  # Periods without a message after which a source is late
 MIN_SAMPLES: Final = 3  # Fewer samples of a source determine no trajectory
 CURVATURE_MEMORY: Final = 300.0
 """Distance (m) over which a received curvature loses half of its effect: the bends of a car park do
@@ -293,7 +294,7 @@ class Source:
     def _update_status(self, now: int, silence: float) -> None:
         """Set lost or distrusted at once, fresh again only after the probation."""
         state, after = self.state, self.reception.lost_after
-        late = silence > self._settings.late_periods * state.period
+        late = silence > LATE_PERIODS * state.period
         refused = self._refused_at is not None and (now - self._refused_at) / SECOND <= after
         if (late and refused) or silence > after:
             state.status = "distrusted" if refused else "lost"

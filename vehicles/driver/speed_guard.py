@@ -203,9 +203,8 @@ class SpeedGuard:
             at.acceleration = self._sensed
         elif alone:
             at.gap, at.its_speed = self._gap, self._its_speed
-            at.acceleration = (
-                -emergency if stops and at.its_speed > 0.0 else ahead.lead_acceleration
-            )
+            braking = -emergency if stops and at.its_speed > 0.0 else ahead.lead_acceleration
+            at.acceleration = 0.0 if isnan(braking) else braking
         else:
             at.gap, at.its_speed = at.received, ahead.predecessor_speed
             at.acceleration = ahead.predecessor_acceleration

@@ -82,9 +82,7 @@ EXTRAPOLATE = "control.degradation.reaction=extrapolate"
 NO_HISTORY = "sending.path_history_m=0"
 LATE = "control.degradation.lost_s=1.0"
 WEAKER = ("control.gains={lateral_rad_per_m=4e-5, heading_rad_per_rad=0.002, yaw_rate_s=0.0}",)
-HASTY = tuple(
-    f"control.degradation.{key}" for key in ("lost_s=0.2", "lost_s_max=0.2", "lost_periods=1.0")
-)
+HASTY = tuple(f"control.degradation.{key}" for key in ("lost_s=0.2", "lost_s_max=0.2"))
 SOFT = "speed.gap.braking_mps2_max=2.0", EXTRAPOLATE
 SLOW = "control.degradation.probation_s=4.0"
 
