@@ -14,6 +14,7 @@ from vehicles.driver.situation import (
     SLOWING,
     STOP_MARGIN,
     Situation,
+    SourceState,
     needed_deceleration,
 )
 from vehicles.driver.source import Source
@@ -86,8 +87,8 @@ class StateMachine:
         missing = [_missing_reason(one) for one in sources.used.values() if one not in relied]
         why = []
         if mode != last and relied:  # the sources that give a path again
-            again = [source.name for source in relied if source not in self._relied]
-            why = [f"{', '.join(again or [one.name for one in relied])} received"]
+            again = [source for source in relied if source not in self._relied] or relied
+            why = [f"{source.name} received, {_newest(source.state)}" for source in again]
         if mode == "straight":
             missing = missing if has_path else [NOTHING_RECEIVED]
         elif mode == "stop":
@@ -167,14 +168,17 @@ def _missing_reason(source: Source) -> str:
     elif state.status == "distrusted":
         why = f"distrusted as {source.refusal} for {state.silence:.1f} s"
     elif state.status == "lost" or state.silence > LONGEST_SILENCE:
-        where = f"{abs(state.known):.1f} m {'ahead' if state.known >= 0.0 else 'behind'}"
-        pose = f"newest pose {state.age:.1f} s old"
-        why = f"silent for {state.silence:.1f} s, {pose}, path ends {where}"
+        why = f"silent for {state.silence:.1f} s, {_newest(state)}"
     elif source.has_left_path:
         why = f"may be off the path in mode {state.mode}"
     else:
         why = "has too few poses"
     return f"{source.name} {why}"
+
+
+def _newest(state: SourceState) -> str:
+    where = f"{abs(state.known):.1f} m {'ahead' if state.known >= 0.0 else 'behind'}"
+    return f"newest pose {state.age:.2f} s old, path ends {where}"
 
 
 def _stopping_reason(situation: Situation, speed: float) -> str:

@@ -136,9 +136,7 @@ class _Return(NamedTuple):
 
     def at(self, driven: float) -> tuple[float, float]:
         """Lateral (m) and heading error (rad) after `driven` (m), by a cubic (Hermite)."""
-        if driven >= self.length:
-            return 0.0, 0.0
-        u = driven / self.length
+        u = min(driven / self.length, 1.0)
         rest = 1.0 - u
         lateral = (1.0 + 2.0 * u) * self.lateral + u * self.heading * self.length
         bent = -6.0 * u * rest * self.lateral / self.length
@@ -151,14 +149,14 @@ class Rejoining:
     A steering law would react to the whole error at once. Therefore the error is measured from a
     Hermite cubic that leads from the car's position and heading to the path, long enough for a mild
     lateral acceleration and a small angle. The speed is limited to that for which the return is
-    planned, and to a low one while the car is far beside the path. A car that cannot return stops.
+    planned, to a low one while the car is far beside the path, and to 0 where it cannot return.
     """
 
     def __init__(self, remarks: list[str], *, enabled: bool = True) -> None:
         """A line for the log is appended to `remarks` when the car cannot return."""
         self.speed_limit = inf
         self._remarks = remarks
-        self._enabled, self._stays = enabled, False
+        self._enabled = enabled
         self._return: _Return | None = None
         self._driven = 0.0
         self._plans = self._last_at = 0
@@ -174,25 +172,23 @@ class Rejoining:
             return errors
         span, self._last_at = (now - self._last_at) / SECOND, now
         last, self._last = self._last, errors.lateral
-        jumped = abs(errors.lateral - last) > JUMP and self._plans <= MOST_PLANS
-        can_return = abs(errors.lateral) <= FARTHEST and abs(errors.heading) <= STEEPEST
-        if jumped or (self._stays and can_return):
-            self._plans += jumped
+        away, turned = abs(errors.lateral), abs(errors.heading)
+        if abs(errors.lateral - last) > JUMP and self._plans <= MOST_PLANS:
+            self._plans += 1
             self._return, self._driven = _return_from(errors, speed), 0.0
-            self._stays = not can_return
-            if self._stays:
-                place = f"{abs(errors.lateral):.1f} m beside it, at {abs(errors.heading):.1f} rad"
-                self._remarks.append(f"stops, as it cannot return to the path: {place} to it")
         elif self._return is not None:
             self._driven += speed * span
-            if self._driven >= self._return.length and not self._stays:
+            if self._driven >= self._return.length:
                 self._return, self.speed_limit, self._plans = None, inf, 0
         planned = self._return
         if planned is None:
             return errors
-        self.speed_limit = SLOW if abs(errors.lateral) > FAR else planned.speed
-        if self._stays:
+        before, self.speed_limit = self.speed_limit, SLOW if away > FAR else planned.speed
+        if away > FARTHEST or turned > STEEPEST:
             self.speed_limit = 0.0
+            if before > 0.0:
+                place = f"{away:.1f} m beside it, at {turned:.1f} rad to it"
+                self._remarks.append(f"stops, as it cannot return to the path: {place}")
         lateral, heading = planned.at(self._driven)
         return replace(errors, lateral=errors.lateral - lateral, heading=errors.heading - heading)
 
