@@ -20,6 +20,7 @@ from scenarios.definition.check.drive_report import (
     recording_warnings,
 )
 from scenarios.definition.check.findings import CheckReport, whole_report
+from scenarios.definition.check.held_braking import TYRES
 from scenarios.definition.errors import ScenarioError, require
 from scenarios.definition.library import is_drive
 from scenarios.definition.scenario import Scenario, load_scenario
@@ -28,7 +29,6 @@ from scenarios.definition.schema.scenario_tables import GnssTable, SendingTable
 from scenarios.definition.traces.reading import DriveInPlane
 from scenarios.definition.traces.recorded_drive import WRONG_TIME
 from scenarios.studies.picture_style import picture_format_of
-from vehicles.driver.longitudinal_laws import TYRES
 
 UNKNOWN = "not predictable"
 Row = tuple[str, str]

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, field, fields
 from math import inf, isfinite, isnan
 from typing import Any, Literal, NamedTuple
 
+from scenarios.definition.check.held_braking import braking_held
 from scenarios.results.accumulators import Extremes, SelfEstimateErrors, TyreFigures
 from scenarios.results.encounters import TrueGap
 from scenarios.results.holes import (
@@ -21,7 +22,6 @@ from scenarios.results.holes import (
 )
 from scenarios.results.reaction import NO_REACTION, Reaction, ReactionSummary
 from scenarios.results.string_figures import NO_STRING, StringFigures
-from vehicles.driver.longitudinal_laws import braking_held
 from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import GpsPose, Health, Tracking, TruePose
 from vehicles.schedule import SECOND

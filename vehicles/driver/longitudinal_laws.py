@@ -67,20 +67,6 @@ def gap_acceleration(
     return min(max(wanted, -limits.deceleration), limits.acceleration)
 
 
-TYRES: Final = 8.0  # Hardest braking (m/s²) of cars on a dry road
-
-
-def braking_held(gap: float, unknown: float, tyres: float = TYRES) -> float:
-    """Braking (m/s²) of a vehicle a `gap` (m) ahead that may stay unknown for a time (s).
-
-    At equal speeds it brakes at b from then on, and the follower `unknown` later at `tyres` b_m
-    (m/s²). A contact is avoidable while g > b T² b_m / (2 (b_m - b)) (kinematics).
-    """
-    if gap <= 0.0:
-        return 0.0
-    return gap * tyres / (gap + 0.5 * tyres * unknown * unknown)
-
-
 # ---- Shipped longitudinal controllers; SI units
 #
 # Symbols of the formulas: gap g to the predecessor, from bumper to bumper; own speed v and
@@ -381,30 +367,14 @@ def acc_acceleration(
     headway: float,
     gain: float = AccSettings.gap_gain,
 ) -> float:
-    """Acceleration (m/s²) of ACC at `headway` (s) with the gain λ (1/s).
+    """Acceleration (m/s²) of ACC at `headway` (s) with the gain λ (1/s): Rajamani, eq. 6.18.
 
     The gap is the sensor's, or the received one, which the caller has predicted to now.
     """
     gap, rate = ahead.measured_gap, ahead.measured_gap_rate
     if math.isnan(gap):
-        gap = ahead.spacing - setup.least_spacing
-        rate = ahead.predecessor_speed - speed
+        gap, rate = ahead.spacing - setup.least_spacing, ahead.predecessor_speed - speed
     if math.isnan(gap):  # neither a sensor nor poses of the predecessor
         return 0.0
     standstill = setup.policy.standstill - setup.least_spacing
-    return headway_acceleration(gap, rate, speed, standstill, headway, gain)
-
-
-def headway_acceleration(  # noqa: PLR0917 - of one formula
-    gap: float,
-    rate: float,
-    speed: float,
-    standstill: float,
-    headway: float,
-    gain: float = AccSettings.gap_gain,
-) -> float:
-    """Acceleration (m/s²) of ACC for a gap (m), its rate and the speed (m/s): Rajamani, eq. 6.18.
-
-    `standstill` (m) and `headway` (s) give the desired gap, `gain` is λ (1/s).
-    """
     return (rate + gain * (gap - standstill - headway * speed)) / headway

@@ -11,7 +11,7 @@ from math import inf, isfinite, isnan, nan, sqrt
 from typing import Final
 
 from vehicles.driver.controller import LongitudinalSetup, VehiclesAhead
-from vehicles.driver.longitudinal_laws import STABLE_HEADWAY, Fallback, headway_acceleration
+from vehicles.driver.longitudinal_laws import STABLE_HEADWAY, Fallback, acc_acceleration
 from vehicles.driver.own_state import Pose
 from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import (
@@ -300,10 +300,8 @@ class SpeedGuard:
         a little slower until the headway would be safe behind a car that it does not receive.
         """
         if at.by_sensor:
-            policy = self._setup.policy
-            headway = max(policy.headway, Fallback.fallback_headway)
-            standstill = policy.standstill - self._least
-            return headway_acceleration(at.gap, -at.closing, at.speed, standstill, headway)
+            headway = max(self._setup.policy.headway, Fallback.fallback_headway)
+            return acc_acceleration(self._setup, at.speed, at.ahead, headway)
         lead_speed, lead_acceleration = at.ahead.lead_speed, at.ahead.lead_acceleration
         if isnan(lead_speed):
             lead_speed, lead_acceleration = at.speed, 0.0

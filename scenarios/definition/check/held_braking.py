@@ -4,14 +4,13 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import nan
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from scenarios.definition.channel.build import usual_delay_ms
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.plug_ins.point import PlugInError
 from vehicles.car.dynamics import achieved_acceleration
 from vehicles.driver.controller import OwnMotion, SourceMotion, SpacingPolicy, VehiclesAhead
-from vehicles.driver.longitudinal_laws import TYRES, braking_held
 from vehicles.driver.own_state import Pose
 from vehicles.driver.situation import Situation, SourceState
 from vehicles.driver.speed import GapKeeping, SpeedLaw
@@ -29,6 +28,20 @@ STEPS = 6
 """Halvings of the searched interval: 0.125 m/s² of 8."""
 SILENCES_S = (0.0, 0.5, 1.0)
 """Lengths of a cut from the onset of braking on, for which the closed form is stated."""
+
+
+TYRES: Final = 8.0  # Hardest braking (m/s²) of cars on a dry road
+
+
+def braking_held(gap: float, unknown: float, tyres: float = TYRES) -> float:
+    """Braking (m/s²) of a vehicle a `gap` (m) ahead that may stay unknown for a time (s).
+
+    At equal speeds it brakes at b from then on, and the follower `unknown` later at `tyres` b_m
+    (m/s²). A contact is avoidable while g > b T² b_m / (2 (b_m - b)) (kinematics).
+    """
+    if gap <= 0.0:
+        return 0.0
+    return gap * tyres / (gap + 0.5 * tyres * unknown * unknown)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

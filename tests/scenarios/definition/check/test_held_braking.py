@@ -8,11 +8,10 @@ from click.testing import CliRunner
 
 from scenarios.cli.scenario_commands import check as check_command
 from scenarios.definition.check.findings import whole_report
-from scenarios.definition.check.held_braking import held_braking
+from scenarios.definition.check.held_braking import TYRES, braking_held, held_braking
 from scenarios.definition.scenario import load_scenario
 from scenarios.runs.virtual import run_unlogged
 from tests.made.scenarios.messages import STRAIGHT
-from vehicles.driver.longitudinal_laws import TYRES, braking_held
 
 CLOSE = ["convoy.vehicles=3", 'speed.followers="gap"', "speed.gap.standstill_m=3.0",
          "speed.gap.headway_s=0.0", "speed.set_mps=30.0"]  # fmt: skip
