@@ -68,13 +68,11 @@ class OwnMotion:
 
     step          time since the last control instant (s); 0 at the first one
     acceleration  last command (m/s²), after all limits
-    distance      distance driven (m), by the estimated speed
     achieved      acceleration (m/s²) that the drive has reached by its assumed lag
     """
 
     step: float = 0.0
     acceleration: float = 0.0
-    distance: float = 0.0
     achieved: float = 0.0
 
 

@@ -326,7 +326,7 @@ class Follower:
         command = self._decision.actuation.acceleration if self._decision else 0.0
         achieved = self._achieved(now) if self._decided_at else 0.0
         self._decided_at = now
-        self._own = OwnMotion(step, command, self._own.distance + pose.speed * step, achieved)
+        self._own = OwnMotion(step, command, achieved)
 
 
 def blended(

@@ -220,7 +220,7 @@ def _commanded(place: int, cars: list[_Car], now: float, span: float) -> float:
         predecessor_acceleration=first.acceleration,
         lead_speed=second.speed if from_lead else nan,
         lead_acceleration=second.acceleration if from_lead else nan,
-        own=OwnMotion(span, car.command, car.place, car.achieved),
+        own=OwnMotion(span, car.command, car.achieved),
         sources={
             name: SourceMotion(source.spacing, source.speed, source.acceleration, source.age, True)
             for name, source in ((cars[0].name, lead), (ahead.name, predecessor))

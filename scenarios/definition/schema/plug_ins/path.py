@@ -222,7 +222,7 @@ def try_following(controller: LongitudinalController, setup: LongitudinalSetup) 
     accelerations = []
     for speed in (20.0, 18.0):
         ahead = VehiclesAhead(
-            own=OwnMotion(setup.period, 0.0, 100.0),
+            own=OwnMotion(setup.period),
             sources={
                 name: SourceMotion(policy.desired(speed) + 1.0, 20.0, 0.0, 0.1)
                 for name, policy in setup.policies.items()

@@ -192,7 +192,7 @@ def driven(law: str, lead: Lead, headway: float | None = None) -> tuple[Floats, 
                 lead_speed=v[0],
                 predecessor_acceleration=u[i - 1],
                 lead_acceleration=u[0],
-                own=OwnMotion(STEP, u[i], 0.0, a[i]),
+                own=OwnMotion(STEP, u[i], a[i]),
                 sources=named,
             )
             commands[i] = laws[i - 1].acceleration(v[i], ahead)
