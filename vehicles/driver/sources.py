@@ -187,20 +187,17 @@ class Sources:
         lead alone; without the predecessor all are equal. They are scaled by the weights of the
         sources.
         """
-        others = [source for source in self.used.values() if source is not self.predecessor]
-        if len(others) == len(self.used):
-            alpha = 0.0
-        elif not others:
-            alpha = 1.0
-        rest = (1.0 - alpha) / max(len(others), 1)
-        shares = {
-            name: alpha if source is self.predecessor else rest
-            for name, source in self.used.items()
-        }
-        scaled = {name: share * self.used[name].weight for name, share in shares.items()}
-        total = sum(scaled.values())
-        if total in {0.0, 1.0}:
-            return shares if total == 0.0 else scaled
+        used, predecessor, scaled = self.used, self.predecessor, dict[str, float]()
+        others = len(used) - (predecessor is not None and predecessor.name in used)
+        alpha = 0.0 if others == len(used) else alpha if others else 1.0
+        total = 0.0
+        for faded in (True, False):  # without any weight left, all sources count fully
+            for name, source in used.items():
+                share = alpha if source is predecessor else (1.0 - alpha) / others
+                scaled[name] = share * source.weight if faded else share
+                total += scaled[name]
+            if total > 0.0:
+                break
         return {name: share / total for name, share in scaled.items()}
 
     def predecessor_weight(self, alpha: float, weights: Mapping[str, float]) -> float:

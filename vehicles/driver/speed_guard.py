@@ -91,7 +91,7 @@ class _Instant:
     `speed` (m/s) is the car's own, `span` (s) the time since the last instant, `hardest` (m/s²) the
     braking that the tyres permit, `received` (m) the gap by the predecessor's poses. The vehicle
     ahead is `gap` (m) away, between bumpers, and has `its_speed` (m/s) and a commanded or measured
-    `acceleration` (m/s²).
+    `acceleration` (m/s²); it is `closing` (m/s) slower.
     """
 
     now: int
@@ -105,10 +105,7 @@ class _Instant:
     its_speed: float = nan
     acceleration: float = 0.0
     by_sensor: bool = False
-
-    @property
-    def closing(self) -> float:
-        return self.speed - self.its_speed
+    closing: float = nan
 
 
 class SpeedGuard:
@@ -209,6 +206,7 @@ class SpeedGuard:
             at.gap, at.its_speed = at.received, ahead.predecessor_speed
             at.acceleration = ahead.predecessor_acceleration
             self._join(at)
+        at.closing = at.speed - at.its_speed
 
     def _sense(self, at: _Instant) -> None:
         """Speed and acceleration of the vehicle ahead by the gap sensor."""
