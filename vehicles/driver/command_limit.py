@@ -38,27 +38,19 @@ class CommandLimit:
 
 
 LANE_MARGIN: Final = 0.82  # To the edge of a lane (m): a width of 1.86 m on 3.5 m
-HEADING_ERROR: Final = math.radians(1.0)
-REACTION_TIME: Final = 1.0
-"""A car that is HEADING_ERROR (rad) off its lane's direction needs REACTION_TIME (s) to correct it
-before it leaves the lane. Autoware's localisation monitor warns at the same 1 degree."""
+DRIFT: Final = math.radians(1.0)
+"""Lateral speed over speed of a car that is one degree off its lane's direction and needs a second
+to correct that. Autoware's localisation monitor warns at the same angle."""
 WALKING_PACE: Final = 3.0  # Least limit (m/s), so that no car stops for this
-
-
-def speed_limit(deviation: float) -> float:
-    """Largest speed (m/s) at a standard deviation (m) of the lateral position.
-
-    The margin in the lane, less three standard deviations, must last for the reaction time at the
-    heading error: v = (margin - 3 σ) / (heading error × reaction time), at least a walking pace.
-    It is 30 m/s at 3 σ = 0.3 m, where Autoware's localisation monitor reports an error, 14 m/s at
-    0.57 m (RTK float), and a walking pace from 0.77 m on.
-    """
-    left = LANE_MARGIN - 3.0 * deviation
-    return max(left / (HEADING_ERROR * REACTION_TIME), WALKING_PACE)
 
 
 class PositionLimit:
     """Speed limit of a car that is uncertain of its lateral position.
+
+    The margin in the lane, less three standard deviations, must last for the time of a correction:
+    v = (margin - 3 σ) / `DRIFT`, at least a walking pace. It is 30 m/s at 3 σ = 0.3 m, where
+    Autoware's localisation monitor reports an error, 14 m/s at 0.57 m (RTK float), and a walking
+    pace from 0.77 m on.
 
     `speed` (m/s) is infinite while the deviation is at most the configured one or unknown, `reason`
     states why it is not.
@@ -70,8 +62,9 @@ class PositionLimit:
 
     def observe(self, deviation: float) -> None:
         """Set the limit by the lateral deviation (m) of the own position, NaN if unknown."""
-        self._deviation = deviation
-        self.speed = speed_limit(deviation) if deviation > self._allowed else inf
+        self._deviation, self.speed = deviation, inf
+        if deviation > self._allowed:
+            self.speed = max((LANE_MARGIN - 3.0 * deviation) / DRIFT, WALKING_PACE)
 
     @property
     def reason(self) -> str:

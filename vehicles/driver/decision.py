@@ -1,21 +1,17 @@
-"""The decision at a control instant, and the interface of a driver."""
+"""The decision at a control instant."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import nan
-from typing import Final, Protocol
+from typing import Final
 
-from vehicles.car.dynamics import Actuation, Body
+from vehicles.car.dynamics import Actuation
 from vehicles.car.gnss import Fix
-from vehicles.car.imu import Motion
-from vehicles.car.sensors import GapMeasurement
 from vehicles.driver.own_state import Pose
 from vehicles.driver.situation import OFF_PATH, Situation
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.messages import Announcement, Mode, Override
 from vehicles.preview.trajectory import Fit
-from vehicles.received_pose import ReceivedPose
 
 DEAD_RECKONED_DEVIATION: Final = 0.35
 """Standard deviation (m) of the own lateral position up to which it is certain enough for others
@@ -87,22 +83,3 @@ class Decision:
             relayed_stops_at_ns=self.situation.relayed_stops,
             achieved_acceleration_mps2=self.achieved,
         )
-
-
-class Driver(Protocol):
-    """Driver of a car: the controller of Fig. 1, together with the drive."""
-
-    def step(
-        self,
-        now: int,
-        fix: Fix | None,
-        motion: Motion | Body | None,
-        received: Sequence[ReceivedPose],
-        gap: GapMeasurement | None = None,
-    ) -> Decision:
-        """Decide at `now` (ns) from the own measurements and the received poses.
-
-        `fix`, `motion` and `gap` are None if no measurement has become available at this instant;
-        an exact sensor returns the true state of the car.
-        """
-        ...

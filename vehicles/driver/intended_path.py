@@ -12,7 +12,6 @@ between two positions of the lead, so no vehicle passes on an error of its contr
 the variance of the lead's noise does not grow.
 """
 
-from array import array
 from bisect import bisect_left
 from math import cos, hypot, nan, sin
 from typing import Final
@@ -42,8 +41,8 @@ class IntendedPath:
     """
 
     def __init__(self) -> None:
-        self._instants = array("q")
-        self._numbers = array("d")
+        self._instants: list[int] = []
+        self._numbers: list[tuple[float, float, float, float]] = []
 
     def add(self, pose: ReceivedPose, offset: float) -> None:
         """Store the announced `offset` (m, left positive) of a pose from the path.
@@ -58,17 +57,16 @@ class IntendedPath:
         if index < len(instants) and instants[index] == pose.measured_at:
             return
         if index:
-            east, north, _, before = numbers[4 * index - 4 : 4 * index]
+            east, north, _, before = numbers[index - 1]
             moved = hypot(pose.east - east, pose.north - north)
             if moved < SPACING:
                 return
             most = MAX_OFFSET_SLOPE * moved + DEVIATIONS * abs(pose.accuracy)
             offset = min(max(offset, before - most), before + most)
         instants.insert(index, pose.measured_at)
-        numbers[4 * index : 4 * index] = array("d", (pose.east, pose.north, pose.yaw, offset))
+        numbers.insert(index, (pose.east, pose.north, pose.yaw, offset))
         if len(instants) > CAPACITY:
-            del instants[:DROPPED_AT_ONCE]
-            del numbers[: 4 * DROPPED_AT_ONCE]
+            del instants[:DROPPED_AT_ONCE], numbers[:DROPPED_AT_ONCE]
 
     def corrected(self, window: Window, instants: list[int]) -> Window:
         """Move samples (preview data, Section III-A) of these `instants` (ns) to the lead's path.
@@ -80,14 +78,11 @@ class IntendedPath:
             return window
         low = max(bisect_left(announced, min(instants)) - 1, 0)
         high = bisect_left(announced, max(instants) + 1) + 1
-        since = announced[low]
+        since, rows = announced[low], self._numbers[low:high]
         at = [(instant - since) / SECOND for instant in announced[low:high]]
         sampled_at = [(instant - since) / SECOND for instant in instants]
-        yaws = self._numbers[4 * low + 2 : 4 * high : 4]
-        offsets = self._numbers[4 * low + 3 : 4 * high : 4]
-        pairs = list(zip(offsets, yaws, strict=True))
-        east = np.interp(sampled_at, at, [offset * sin(yaw) for offset, yaw in pairs])
-        north = np.interp(sampled_at, at, [-offset * cos(yaw) for offset, yaw in pairs])
+        east = np.interp(sampled_at, at, [offset * sin(yaw) for *_, yaw, offset in rows])
+        north = np.interp(sampled_at, at, [-offset * cos(yaw) for *_, yaw, offset in rows])
         return window._replace(east=window.east + east, north=window.north + north)
 
 

@@ -1,9 +1,10 @@
 """Speed of a vehicle: a profile over time, or the gap to the vehicle ahead; SI units."""
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections import deque
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from math import inf
 from typing import Final, Protocol
@@ -25,7 +26,7 @@ PROFILE_CORRECTION: Final = 0.5  # Acceleration per speed error when following a
 CORRECTION_MAX: Final = 2.0  # Limit (m/s²) of that correction, reached for example after a restart
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class SpeedProfile:
     """Speed (m/s) over time (s), piecewise linear, constant before the first and after the last.
 
@@ -55,35 +56,31 @@ class SpeedProfile:
         slope = (speeds[index + 1] - speeds[index]) / (times[index + 1] - times[index])
         return speeds[index] + slope * (seconds - times[index]), slope
 
+    @cached_property
+    def _corners(self) -> list[tuple[float, float, float]]:
+        """Time (s), speed (m/s) and distance driven (m) at time 0 and each later corner."""
+        corners = [(0.0, self.at(0.0)[0], 0.0)]
+        for time, speed in zip(self.times, self.speeds, strict=True):
+            begin, before, driven = corners[-1]
+            if time > 0.0:
+                corners.append((time, speed, driven + 0.5 * (before + speed) * (time - begin)))
+        return corners
+
     def distance(self, seconds: float) -> float:
         """Distance (m) driven from time 0 to `seconds`, by the trapezoidal rule."""
-        begin, speed = 0.0, self.at(0.0)[0]
-        parts: list[float] = []
-        for time, following in zip(self.times, self.speeds, strict=True):
-            if time >= seconds:
-                break
-            if time > 0.0:
-                parts.append(0.5 * (speed + following) * (time - begin))
-                begin, speed = time, following
-        parts.append(0.5 * (speed + self.at(seconds)[0]) * (seconds - begin))
-        return sum(parts)
+        index = bisect_right(self._corners, (seconds, math.inf)) - 1
+        begin, speed, driven = self._corners[max(index, 0)]
+        return driven + 0.5 * (speed + self.at(seconds)[0]) * (seconds - begin)
 
     def time_to(self, distance: float) -> float:
         """Time (s) after which `distance` (m) is driven; infinite if it is never reached."""
-        driven, begin, speed = 0.0, 0.0, self.at(0.0)[0]
-        for time, following in zip(self.times, self.speeds, strict=True):
-            if time <= 0.0:
-                continue
-            step = 0.5 * (speed + following) * (time - begin)
-            if driven + step >= distance:
-                slope = (following - speed) / (time - begin)
-                rest = distance - driven
-                root = math.sqrt(max(speed * speed + 2.0 * slope * rest, 0.0))
-                return begin + 2.0 * rest / (speed + root) if speed + root > 0.0 else begin
-            driven += step
-            begin, speed = time, following
-        last = self.speeds[-1]
-        return self.times[-1] + (distance - driven) / last if last > 0.0 else math.inf
+        index = bisect_left([driven for *_, driven in self._corners], distance) - 1
+        begin, speed, driven = self._corners[max(index, 0)]
+        rest = distance - driven
+        if rest <= 0.0:
+            return begin
+        root = math.sqrt(max(speed * speed + 2.0 * self.at(begin)[1] * rest, 0.0))
+        return begin + 2.0 * rest / (speed + root) if speed + root > 0.0 else math.inf
 
 
 # ---- Bends of the known path ahead: how fast a follower may drive now to take them

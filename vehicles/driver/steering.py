@@ -1,7 +1,8 @@
 """From tracking errors to a steering command: the paper's law, alternatives, a user's own."""
 
+import cmath
 from dataclasses import dataclass
-from math import atan, atan2, cos, hypot, sin, sqrt
+from math import atan, atan2, sin, sqrt
 from typing import Annotated, Protocol
 
 import numpy as np
@@ -196,7 +197,7 @@ class PurePursuit:
     """
 
     STEPS = 16
-    """Search points for the goal per look-ahead distance."""
+    """Parts of the path up to the goal, each of constant curvature."""
 
     @dataclass(frozen=True, slots=True)
     class Settings:
@@ -214,39 +215,18 @@ class PurePursuit:
     def steer(self, errors: TrackingErrors, speed: float) -> SteeringCommand:
         """δ = atan(2 (a+b) sin α / l_d), α being the goal's bearing from the rear axle (Coulter).
 
-        The feedforward follows from the path's curvature beside the car, the feedback is the rest.
+        The goal is where the look-ahead distance l_d from the rear axle ends, measured along the
+        path. The feedforward follows from the path's curvature beside the car, the feedback is the
+        rest.
         """
-        car, heading = self.parameters, errors.heading
-        settings = self.settings
+        car, settings, heading = self.parameters, self.settings, errors.heading
         least = settings.lookahead_wheelbases_min * car.wheelbase
         reach = max(least, settings.lookahead * abs(speed))
-        x = -car.rear_axle_distance * cos(heading)
-        y = errors.lateral - car.rear_axle_distance * sin(heading)
-        goal_x, goal_y = self._goal(errors, x, y, reach)
-        bearing = atan2(goal_y - y, goal_x - x) - heading
+        step = (reach - car.rear_axle_distance) / self.STEPS
+        turns = step * np.asarray(errors.curvatures_ahead(0.5 * step, step, self.STEPS))
+        goal = step * np.sum(np.exp(1j * (np.cumsum(turns) - 0.5 * turns)))
+        axle = complex(0.0, errors.lateral) - car.rear_axle_distance * cmath.exp(1j * heading)
+        bearing = cmath.phase(complex(goal) - axle) - heading
         steering = atan(2.0 * car.wheelbase * sin(bearing) / reach)
         feedforward = atan(car.wheelbase * errors.curvature)
         return limited(feedforward, steering - feedforward, car.steering_limit)
-
-    def _goal(
-        self, errors: TrackingErrors, x: float, y: float, reach: float
-    ) -> tuple[float, float]:
-        """First point of the path at distance `reach` (m) from (x, y), in the foot point's frame.
-
-        The foot point itself if the car is further away than `reach`; the search ends at twice
-        `reach` if the path turns in a smaller circle.
-        """
-        if hypot(x, y) >= reach:
-            return 0.0, 0.0
-        step, count = reach / self.STEPS, 2 * self.STEPS
-        turns = step * np.asarray(errors.curvatures_ahead(0.5 * step, step, count))
-        chords = step * np.exp(1j * (np.cumsum(turns) - 0.5 * turns))
-        goals = np.concatenate(([0.0], np.cumsum(chords)))
-        away = np.hypot(goals.real - x, goals.imag - y)  # the same on every processor
-        beyond = np.flatnonzero(away > reach)
-        goal = goals[-1]
-        if beyond.size:
-            before = int(beyond[0]) - 1
-            share = (reach - away[before]) / (away[before + 1] - away[before])
-            goal = goals[before] + share * chords[before]
-        return float(goal.real), float(goal.imag)

@@ -7,14 +7,13 @@ from scenarios.definition.road.route import spacing_policy
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.plug_ins.point import instant_draw
 from scenarios.definition.topology import relays_stops
-from scenarios.runs.node.phases import Car, VehicleContext
+from scenarios.runs.node.phases import Car, Driver, VehicleContext
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.gnss_errors import stated_errors
 from vehicles.driver.ahead import ConvoyAhead
 from vehicles.driver.command_limit import CommandLimit, PositionLimit
 from vehicles.driver.controller import SpacingPolicy
-from vehicles.driver.decision import Driver
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader, WaitingProfile
 from vehicles.driver.own_state import ExactState, OwnState

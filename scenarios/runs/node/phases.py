@@ -43,11 +43,15 @@ from vehicles.car.noise import VehicleClock
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.sending_rules import Sender
 from vehicles.car.sensors import GapMeasurement, GapSensor
-from vehicles.driver.decision import Driver
+from vehicles.driver.follower import Follower
+from vehicles.driver.leader import Leader
 from vehicles.driver.speed import ProfileSpeed
 from vehicles.schedule import SECOND, Cadence, nanoseconds
 
 # ---- Changes of the incoming links of one vehicle
+
+Driver = Leader | Follower
+"""Driver of a car: the controller of Fig. 1, together with the drive."""
 
 
 @dataclass(slots=True)

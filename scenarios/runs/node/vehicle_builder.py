@@ -29,6 +29,7 @@ from scenarios.runs.node.phases import (
     ChangeExecutor,
     ChangingLink,
     Down,
+    Driver,
     Driving,
     HumanDriving,
     Software,
@@ -55,7 +56,6 @@ from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.car.path_history import PathHistory
 from vehicles.car.sending_rules import Sender, SendingContext
 from vehicles.car.sensors import GapSensor
-from vehicles.driver.decision import Driver
 from vehicles.driver.speed import ProfileSpeed
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, instants

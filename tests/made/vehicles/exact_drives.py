@@ -4,13 +4,15 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Protocol
 
 from tests.made.vehicles.driving import advance
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix, to_message
+from vehicles.car.imu import Motion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.path_history import PathHistory
-from vehicles.driver.decision import Decision, Driver
+from vehicles.driver.decision import Decision
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.geometry.sampled_path import NO_HISTORY, PathPoint, SampledPath
 from vehicles.messages import GpsPose
@@ -52,8 +54,20 @@ def instants(seconds: float, control_hz: float = CONTROL_HZ) -> list[int]:
     return sorted(at for at in all_instants if at <= end)
 
 
+class Decides(Protocol):
+    """A driver, or something that compares several."""
+
+    def step(
+        self,
+        now: int,
+        fix: Fix | None,
+        motion: Motion | Body | None,
+        received: Sequence[ReceivedPose],
+    ) -> Decision: ...
+
+
 def drive(
-    driver: Driver,
+    driver: Decides,
     body: Body,
     seconds: float,
     receive_at: Callable[[int], Sequence[ReceivedPose]] = lambda _: (),

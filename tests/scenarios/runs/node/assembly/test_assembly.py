@@ -7,13 +7,12 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.node.node import Node
 from scenarios.runs.node.outbox import NoProbe
-from scenarios.runs.node.phases import Driving
+from scenarios.runs.node.phases import Driver, Driving
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.node.vehicle_builder import VehicleBuilder
 from transport.bus.bus import MemoryBus
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import ExactSensor, InertialSensor
-from vehicles.driver.decision import Driver
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader
 from vehicles.schedule import SECOND
