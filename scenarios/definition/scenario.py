@@ -41,6 +41,7 @@ from scenarios.definition.road.route import (
 )
 from scenarios.definition.run_limits import limit_problems
 from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.definition.schema.plug_ins.point import InstantDraw
 from scenarios.definition.schema.plug_ins.table import RECORDED, own_classes
 from scenarios.definition.schema.scenario_tables import ClockTable, OriginTable, ScenarioTables
 from scenarios.definition.topology import directed_links
@@ -61,7 +62,6 @@ from vehicles.driver.controller import (
     LongitudinalSetup,
     SpacingPolicy,
 )
-from vehicles.driver.settings import InstantDraw
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.geometry.sampled_path import SampledPath
 from vehicles.schedule import MILLISECOND, SECOND

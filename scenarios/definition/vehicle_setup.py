@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 
+from scenarios.definition.schema.plug_ins.point import InstantDraw
 from scenarios.definition.schema.scenario_tables import (
     ParametersTable,
     ScenarioTables,
@@ -14,7 +15,7 @@ from vehicles.car.gnss_settings import GnssSettings
 from vehicles.car.parameters import LINCOLN_MKZ, Gains, VehicleParameters, loaded
 from vehicles.car.sending_rules import EveryFix, SendingRule
 from vehicles.car.sensors import GapSensorSettings, ImuSettings
-from vehicles.driver.settings import DegradationSettings, InstantDraw
+from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.steering import LateralController
 
 

@@ -22,7 +22,7 @@ from vehicles.driver.intended_path import path_offset
 from vehicles.driver.modes import ModesByReach, StateMachine, Trajectory
 from vehicles.driver.own_state import OwnState, Pose
 from vehicles.driver.reactions import ReactionPolicy
-from vehicles.driver.settings import DegradationSettings, InstantDraw
+from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import RELIED_ON, Situation
 from vehicles.driver.slip_estimator import LoadWatch
 from vehicles.driver.sources import Sources
@@ -56,8 +56,7 @@ class Follower:
 
     `alpha` in [0, 1] is the weight of the predecessor, the others share 1 - alpha. The `speed_law`
     is overridden by the `guard`, if there is one. `least_spacing` (m) to the predecessor is that at
-    which the bumpers touch. `drive_lag` (s) is the car's. `draw` has the random numbers of
-    controllers, fusion and reaction. Lines for the log are appended to `remarks`, which the sources
+    which the bumpers touch. `drive_lag` (s) is the car's. Lines for the log are appended to `remarks`, which the sources
     share.
     """
 
@@ -76,7 +75,6 @@ class Follower:
     limit: CommandLimit = field(default_factory=CommandLimit)
     load: LoadWatch = field(default_factory=LoadWatch)
     drive_lag: float = 0.0
-    draw: InstantDraw | None = None
     remarks: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -318,8 +316,6 @@ class Follower:
 
     def _advance_own(self, now: int, pose: Pose) -> None:
         """Motion of the car at the control instant `now` (ns), for the longitudinal controller."""
-        if self.draw is not None:
-            self.draw.now = now
         step = (now - self._decided_at) / SECOND if self._decided_at else 0.0
         if pose.speed <= 0.0:
             self._own.achieved = 0.0  # it stands, as its drive assumes

@@ -17,7 +17,7 @@ from vehicles.driver.command_limit import CommandLimit, PositionLimit
 from vehicles.driver.controller import VehiclesAhead
 from vehicles.driver.decision import Decision
 from vehicles.driver.own_state import OwnState, Pose
-from vehicles.driver.settings import Braking, InstantDraw
+from vehicles.driver.settings import Braking
 from vehicles.driver.situation import STANDSTILL, Situation, SourceState
 from vehicles.driver.slip_estimator import LoadWatch
 from vehicles.driver.speed import (
@@ -101,7 +101,7 @@ class Leader:
     `limit` is that of the steering command. `watch` decides whether the lead waits for its
     followers, `ahead` keeps its distance from them, and `position_limit` slows it down while its
     position is uncertain. All three are optional and require a `WaitingProfile` as the speed law.
-    `draw` has the random numbers of the controller. The lead repeats the announced stops of its
+    The lead repeats the announced stops of its
     `followers`, from front to back. `drive_lag` (s) is the car's.
     """
 
@@ -116,7 +116,6 @@ class Leader:
     watch: ConvoyWatch | None = None
     ahead: ConvoyAhead | None = None
     position_limit: PositionLimit | None = None
-    draw: InstantDraw | None = None
     followers: InitVar[Sequence[str]] = ()
     drive_lag: float = 0.0
     _achieved: float = 0.0
@@ -153,8 +152,6 @@ class Leader:
             self._decision = decision = self._decision.held()
             decision.achieved = self._reached(now)
             return decision
-        if self.draw is not None:
-            self.draw.now = now
         own = self.own_state.at(now)
         self._achieved = self._reached(now) if own.speed > 0.0 else 0.0
         self._decided_at = now

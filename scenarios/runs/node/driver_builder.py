@@ -5,7 +5,7 @@ import math
 from scenarios.definition.channel.build import usual_delay_ms
 from scenarios.definition.road.route import spacing_policy
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.plug_ins.point import instant_draw
+from scenarios.definition.schema.plug_ins.point import InstantDraw
 from scenarios.definition.topology import relays_stops
 from scenarios.runs.node.phases import Car, Driver, VehicleContext
 from vehicles.car.dynamics import Body
@@ -42,30 +42,29 @@ class DriverBuilder:
         self._scenario = scenario
         self._setup = scenario.vehicle(name)
         self._route = scenario.route
-        self._draw = instant_draw(scenario.seed, name)
+        self.draw = InstantDraw(scenario.seed, name)
 
     def software(self, now: int, context: VehicleContext) -> tuple[Driver, ProfileSpeed | None]:
         """Driver that starts at `now` (ns) without memory, and its speed profile, if any."""
-        self._draw.start_at = context.start_at
+        self.draw.start_at = context.start_at
         own = self._setup.predecessor is None or self._scenario.tables.speed.followers == "same"
         law = self._own_profile(context.start_at) if own else None
         return self._driver(context, now, law or self._gap_keeping()), law
 
     def human(self, context: VehicleContext) -> tuple[Driver, ProfileSpeed]:
         """Human who drives the road like the lead, with the true position."""
-        self._draw.start_at = context.start_at
+        self.draw.start_at = context.start_at
         law = self._profile(context.start_at)
         body = context.car.body
         return Leader(
             own_state=ExactState(),
-            controller=self._setup.controller(self._draw),
+            controller=self._setup.controller(self.draw),
             speed_law=law,
             control=context.control,
             path=self._route.path,
             station=self.station(body),
             limit=self._command_limit(context.car),
             drive_lag=self._setup.assumed_parameters.drive_lag,
-            draw=self._draw,
         ), law
 
     def station(self, body: Body) -> float:
@@ -76,7 +75,7 @@ class DriverBuilder:
     def _driver(self, context: VehicleContext, now: int, speed_law: SpeedLaw) -> Driver:
         setup, control = self._setup, context.control
         own_state = self._own_state(now, context)
-        controller = self._setup.controller(self._draw)
+        controller = self._setup.controller(self.draw)
         load = self._load_watch(own_state, controller)
         if setup.predecessor is None:
             speed = self._scenario.tables.speed
@@ -92,12 +91,11 @@ class DriverBuilder:
                 station=self.station(context.car.body),
                 limit=self._command_limit(context.car),
                 load=load,
-                draw=self._draw,
                 followers=self._relayed(),
                 drive_lag=setup.assumed_parameters.drive_lag,
             )
         steering, remarks = setup.steering, list[str]()
-        reaction: ReactionPolicy = steering.degradation.reaction.build(draw=self._draw)
+        reaction: ReactionPolicy = steering.degradation.reaction.build(draw=self.draw)
         guard = None  # nothing overrides the law with a baseline reaction
         if setup.degradation.reaction == "degrade":
             start = self._scenario.longitudinal_setup(self._name)
@@ -111,14 +109,13 @@ class DriverBuilder:
             sources=self._sources(setup.predecessor, remarks),
             least_spacing=self._scenario.least_spacings[setup.place],
             alpha=steering.alpha_ratio,
-            fusion=steering.fusion.build(draw=self._draw),
+            fusion=steering.fusion.build(draw=self.draw),
             settings=self._fit_settings(),
             degradation=setup.degradation,
             reaction=reaction,
             limit=self._command_limit(context.car),
             load=load,
             drive_lag=setup.assumed_parameters.drive_lag,
-            draw=self._draw,
             remarks=remarks,
         )
 
@@ -165,7 +162,7 @@ class DriverBuilder:
 
     def _gap_keeping(self) -> GapKeeping:
         scenario, start = self._scenario, self._scenario.longitudinal_setup(self._name)
-        controller = scenario.longitudinal_controller(self._name, start, self._draw)
+        controller = scenario.longitudinal_controller(self._name, start, self.draw)
         return GapKeeping(start, controller)
 
     def _own_state(self, now: int, context: VehicleContext) -> OwnState:

@@ -30,6 +30,7 @@ from scenarios.definition.schema.change_tables import (
     StallTable,
 )
 from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.definition.schema.plug_ins.point import InstantDraw
 from scenarios.runs.node.outbox import DueChange, Outbox, PendingChanges
 from transport.links.inbox import Inbox, IncomingLink
 from transport.links.laws.link_law import Position
@@ -196,7 +197,7 @@ class VehicleFactory(Protocol):
 class VehicleContext:
     """Parts shared by all phases of a vehicle; instants (ns) count from `start_at`.
 
-    `target` has the true poses that the gap sensor measures.
+    `target` has the true poses that the gap sensor measures, `draw` the random numbers of classes.
     """
 
     start_at: int
@@ -208,6 +209,7 @@ class VehicleContext:
     outbox: Outbox
     factory: VehicleFactory
     target: TruePoses | None
+    draw: InstantDraw
 
     def apply_speed_plan(self, now: int, law: ProfileSpeed | None, *, alone: bool) -> None:
         """Apply the planned speed to `law`; `alone`, from the position of the car."""
@@ -288,6 +290,7 @@ class Driving(VehiclePhase):
         received = context.clock.restamped(now, context.inbox.take(now, car.position))
         fix, motion = car.measure(now)
         gap = context.measure_gap(now)
+        context.draw.now = now
         decision = self.software.driver.step(now, fix, motion, received, gap)
         sender = self.software.sender
         sent = sender.send(now, fix, decision.dead_reckoned, on_path=decision.keeps_to_path)
@@ -372,6 +375,7 @@ class HumanDriving(VehiclePhase):
         context.inbox.discard(now, car.position)
         fix, _ = car.measure(now)
         context.measure_gap(now)
+        self.context.draw.now = now
         decision, sent, path = self._human.step(now, None, car.body, ()), None, None
         if self._sender is not None and now < self._until:
             decision.leaving = True

@@ -253,6 +253,7 @@ class VehicleBuilder:
             outbox=outbox,
             factory=self,
             target=self.target,
+            draw=self._drivers.draw,
         )
         if handover is not None:
             changes = ChangeExecutor(PendingChanges(handover.pending), self._changed)

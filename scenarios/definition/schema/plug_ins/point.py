@@ -16,7 +16,6 @@ from pydantic import BaseModel
 
 from transport.links.link import keyed_draw
 from transport.texts import ConvoyError
-from vehicles.driver.settings import InstantDraw
 
 # ---- Calls of user-defined classes, with faults in one line
 
@@ -154,7 +153,7 @@ class PlugInPoint:
         return all(callable(getattr(found, one, None)) for one in self.methods)
 
     def build(
-        self, plugged: type[Any], use: str, *arguments: object, draw: InstantDraw | None = None
+        self, plugged: type[Any], use: str, *arguments: object, draw: "InstantDraw | None" = None
     ) -> Any:
         """Construct a class; an instance of a user's class is guarded. Raises PlugInError.
 
@@ -162,7 +161,7 @@ class PlugInPoint:
         """
         is_own = use not in self.shipped
         draws = is_own and self.draws and takes_draw(plugged)
-        keywords = {"draw": (draw or instant_draw(0, "")).of(self.key)} if draws else {}
+        keywords = {"draw": (draw or InstantDraw(0, "")).of(self.key)} if draws else {}
         parts = (self.arguments, "settings" * has_settings(plugged), "draw=draw" * draws)
         given = ", ".join(filter(None, parts))
         what = f"{self.name} {use!r}: cannot be built as {plugged.__name__}({given})"
@@ -170,9 +169,25 @@ class PlugInPoint:
         return self.guard(made, use) if is_own and self.guard is not None else made
 
 
-def instant_draw(seed: int, vehicle: str) -> InstantDraw:
-    """Random numbers of a vehicle, keyed as those of links."""
-    return InstantDraw(keyed_draw(seed, vehicle, ""))
+class InstantDraw:
+    """Random numbers of one vehicle at the control instant `now` (ns).
+
+    A number depends on the seed, the vehicle, the class, the purpose and the time since the start
+    of the run, `start_at` (ns), only, not on other draws. So a decision can be computed alone, and
+    again.
+    """
+
+    def __init__(self, seed: int, vehicle: str) -> None:
+        self.numbers = keyed_draw(seed, vehicle, "")
+        self.now = self.start_at = 0
+
+    def of(self, point: str) -> Callable[[str], float]:
+        """Draws of the class at a plug-in point: the number in (0, 1) of a purpose."""
+
+        def draw(purpose: str) -> float:
+            return self.numbers(f"{point} {purpose}", self.now - self.start_at)
+
+        return draw
 
 
 def takes_draw(plugged: type[Any]) -> bool:

@@ -18,6 +18,7 @@ from pydantic import (
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from scenarios.definition.schema.plug_ins.point import (
+    InstantDraw,
     PlugInError,
     PlugInPoint,
     called,
@@ -26,7 +27,6 @@ from scenarios.definition.schema.plug_ins.point import (
 from scenarios.definition.schema.settings_table import SettingsTable, Table, generated
 from transport.links.laws.delays import BaseDelay
 from transport.links.laws.link_law import LinkLaw
-from vehicles.driver.settings import InstantDraw
 
 AS_ANY = cast("Any", SerializeAsAny)()
 ERROR_TYPE = "plug_in"

@@ -7,7 +7,7 @@ import pytest
 
 import scenarios.api as convoy
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.definition.schema.plug_ins.point import instant_draw
+from scenarios.definition.schema.plug_ins.point import InstantDraw
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.virtual import VirtualConvoy
 from tests.made.scenarios.random_classes import CODE, random_settings
@@ -47,7 +47,7 @@ def test_a_number_depends_on_seed_vehicle_key_purpose_and_instant_only() -> None
         purpose: str = "mine",
         now: int = 20_000_000,
     ) -> float:
-        draw = instant_draw(seed, vehicle)
+        draw = InstantDraw(seed, vehicle)
         draw.now = now
         return draw.of(key)(purpose)
 
@@ -62,7 +62,7 @@ def test_a_number_depends_on_seed_vehicle_key_purpose_and_instant_only() -> None
     assert len(set(drawn)) == 6
     assert all(0.0 < one < 1.0 for one in drawn)
     assert number() == drawn[0]
-    draw = instant_draw(1, "v2").of("control.fusion")
+    draw = InstantDraw(1, "v2").of("control.fusion")
     mean = sum(draw(str(k)) for k in range(4000)) / 4000
     assert abs(mean - 0.5) < 4 * (1 / 12 / 4000) ** 0.5
 
