@@ -56,8 +56,8 @@ class Follower:
 
     `alpha` in [0, 1] is the weight of the predecessor, the others share 1 - alpha. The `speed_law`
     is overridden by the `guard`, if there is one. `least_spacing` (m) to the predecessor is that at
-    which the bumpers touch. `drive_lag` (s) is the car's. Lines for the log are appended to `remarks`, which the sources
-    share.
+    which the bumpers touch. `drive_lag` (s) is the car's. Lines for the log are appended to
+    `remarks`, which the sources share.
     """
 
     own_state: OwnState
