@@ -18,7 +18,7 @@ from transport.columns import Columns
 from transport.log.errors import LogError
 from transport.log.reader import LogReader
 from transport.topics import TOPIC_OF, counts_as_loss
-from vehicles.driver.situation import RELIED_ON
+from vehicles.driver.controller import RELIED_ON
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import OVERRIDES, Override, statuses_in
 from vehicles.schedule import SECOND

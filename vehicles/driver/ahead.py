@@ -15,10 +15,15 @@ from typing import Final
 import numpy as np
 
 from vehicles.car.parameters import VehicleParameters
-from vehicles.driver.controller import GapLimits, SpacingPolicy, VehiclesAhead
+from vehicles.driver.controller import (
+    GapLimits,
+    SourceState,
+    SpacingPolicy,
+    VehiclesAhead,
+    predicted_motion,
+)
 from vehicles.driver.longitudinal_laws import DAMPING, GAP_STIFFNESS, gap_acceleration
 from vehicles.driver.settings import DegradationSettings
-from vehicles.driver.situation import SourceState, predicted_motion
 from vehicles.driver.watch import ConvoyMember, MemberTrack
 from vehicles.geometry.sampled_path import FloatArray, SampledPath
 from vehicles.received_pose import ReceivedPose

@@ -7,9 +7,10 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from math import inf, nan
-from typing import Protocol
+from typing import Final, NamedTuple, Protocol
 
 from vehicles.car.parameters import LINCOLN_MKZ, VehicleParameters
+from vehicles.messages import Mode, SourceStatus
 
 # ---- Spacing to keep between centres of mass, and limits of the acceleration; SI units
 
@@ -59,6 +60,100 @@ def _require_not_negative(name: str, value: float) -> None:
         raise ValueError(f"{name} must be a number of at least 0, not {value}")
 
 
+# ---- Motion of a received vehicle
+
+
+RELIED_ON: tuple[SourceStatus, ...] = ("fresh", "late")
+PREDICTED_FOR: Final = 0.5  # Time (s) for which an announced acceleration is assumed to last
+LASTING: Final = -2.5
+"""Harder announced braking (m/s²) is assumed to last to a standstill: it rarely ends sooner."""
+OVERDUE_AFTER: Final = 1.5  # Periods after which a message is missing
+FADES_FROM: Final = 0.3
+FADES_FOR: Final = 0.5
+"""Age (s) from which an announced acceleration fades as a feedforward, and the time (s) taken."""
+
+
+class PredictedMotion(NamedTuple):
+    """Distance driven (m) since a sample, present speed (m/s) and commanded acceleration (m/s²)."""
+
+    driven: float
+    speed: float
+    acceleration: float
+
+
+def predicted_motion(  # noqa: PLR0917 - a state
+    speed: float,
+    achieved: float,
+    command: float,
+    age: float,
+    lag: float,
+    lasting: float = LASTING,
+) -> PredictedMotion:
+    """Predict a vehicle `age` (s) after a sample of its speed, achieved and commanded acceleration.
+
+    The acceleration a approaches the command u with the drive lag τ (s), τ da/dt = u - a, for
+    s = min(age, `PREDICTED_FOR`), then the speed is constant; braking beyond `lasting` (m/s²)
+    lasts. With k = τ (1 - exp(-s/τ)): v(s) = v + u s + (a - u) k and
+    x(s) = v s + u s²/2 + (a - u) τ (s - k). A vehicle that stands remains so.
+    """
+    lasts = command < lasting
+    span = age if lasts or age < PREDICTED_FOR else PREDICTED_FOR
+    rest = achieved - command
+    built = lag * (1.0 - math.exp(-span / lag)) if lag > 0.0 else 0.0
+    after = speed + command * span + rest * built
+    if after <= 0.0:
+        stopped = speed * speed / max(-2.0 * min(command, achieved), 0.1)
+        return PredictedMotion(stopped, 0.0, 0.0)
+    driven = speed * span + 0.5 * command * span * span + rest * lag * (span - built)
+    driven += after * (age - span)
+    if not lasts and age > FADES_FROM:
+        left = 1.0 - (age - FADES_FROM) / FADES_FOR
+        command *= left if left > 0.0 else 0.0
+    return PredictedMotion(driven, after, command)
+
+
+@dataclass(slots=True)
+class SourceState:
+    """State of one source at the last control instant; it is updated in place.
+
+    `age` (s) is the time since the newest sample was measured, `silence` (s) since it was received,
+    `period` (s) the time between messages, `share` the received ratio of the last ten seconds. Its
+    path is known up to `known` (m) ahead of the car, negative if it ends behind. It is lost at
+    `lost_at` (ns) unless it is received again. `mode`, `hazard`, `acceleration` (m/s², commanded),
+    `achieved` (m/s²), `leaving` and `stops_at` (ns, 0 for never) are those announced last; the
+    lead's relay of `stops_at` counts if it is later. `speed` (m/s) is that of the newest sample,
+    measured at `measured_at` (ns) `spacing` (m, along the path) ahead of the car. `lag` (s) is the
+    assumed drive lag.
+    """
+
+    status: SourceStatus = "unheard"
+    age: float = nan
+    silence: float = nan
+    period: float = nan
+    share: float = nan
+    known: float = nan
+    mode: Mode = "path"
+    hazard: bool = False
+    acceleration: float = 0.0
+    achieved: float = 0.0
+    leaving: bool = False
+    lost_at: int = 0
+    stops_at: int = 0
+    speed: float = nan
+    measured_at: int = 0
+    spacing: float = nan
+    lag: float = 0.0
+
+    @property
+    def is_overdue(self) -> bool:
+        """Whether a message is missing."""
+        return self.silence > OVERDUE_AFTER * self.period
+
+    def predicted(self) -> PredictedMotion:
+        """Motion predicted to now (see `predicted_motion`)."""
+        return predicted_motion(self.speed, self.achieved, self.acceleration, self.age, self.lag)
+
+
 # ---- Controller
 
 
@@ -77,31 +172,11 @@ class OwnMotion:
 
 
 @dataclass(slots=True)
-class SourceMotion:
-    """Motion of a received vehicle in its newest pose.
-
-    spacing       arc length (m) along its path from the car's present position to that pose,
-                  negative for a vehicle behind
-    speed         speed (m/s)
-    acceleration  announced command (m/s²)
-    age           time since the measurement (s)
-    relied_on     whether a follower that degrades relies on it; None of another reaction, with
-                  which a law decides by the age
-    """
-
-    spacing: float = nan
-    speed: float = nan
-    acceleration: float = 0.0
-    age: float = nan
-    relied_on: bool | None = None
-
-
-@dataclass(slots=True)
 class VehiclesAhead:
     """Motion of the vehicles ahead, and of those behind; NaN where nothing was received.
 
     The first five are predicted to the present by achieved and commanded accelerations
-    (`vehicles.driver.situation.predicted_motion`). Those of the lead are NaN unless it is a
+    (`predicted_motion`). Those of the lead are NaN unless it is a
     longitudinal source ([information_flow]).
 
     spacing                   arc length to the predecessor (m)
@@ -113,7 +188,7 @@ class VehiclesAhead:
                               extrapolated beyond the known path
     bend                      largest acceleration (m/s²) before and in bends of the received path
     own                       `OwnMotion`
-    sources                   `SourceMotion` of each longitudinal source by its name, once received
+    sources                   `SourceState` of each longitudinal source by its name, once received
     measured_gap              gap by the on-board sensor (m), predicted to the present by its rate
     measured_gap_rate         its rate (m/s)
     """
@@ -126,7 +201,7 @@ class VehiclesAhead:
     curvature_ahead: Callable[[float], float] | None = None
     bend: float = inf
     own: OwnMotion = field(default_factory=OwnMotion)
-    sources: Mapping[str, SourceMotion] = field(default_factory=dict)
+    sources: dict[str, SourceState] = field(default_factory=dict)
     measured_gap: float = nan
     measured_gap_rate: float = nan
 

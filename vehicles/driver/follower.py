@@ -16,14 +16,14 @@ from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
 from vehicles.car.sensors import GapMeasurement
 from vehicles.driver.command_limit import CommandLimit, PositionLimit
-from vehicles.driver.controller import OwnMotion, SourceMotion, VehiclesAhead
+from vehicles.driver.controller import OwnMotion, VehiclesAhead
 from vehicles.driver.decision import Decision
 from vehicles.driver.intended_path import path_offset
 from vehicles.driver.modes import ModesByReach, StateMachine, Trajectory
 from vehicles.driver.own_state import OwnState, Pose
 from vehicles.driver.reactions import ReactionPolicy
 from vehicles.driver.settings import DegradationSettings
-from vehicles.driver.situation import RELIED_ON, Situation
+from vehicles.driver.situation import Situation
 from vehicles.driver.slip_estimator import LoadWatch
 from vehicles.driver.sources import Sources
 from vehicles.driver.speed import SpeedCommand, SpeedLaw
@@ -293,19 +293,14 @@ class Follower:
                 return ahead
             driven, ahead.predecessor_speed, ahead.predecessor_acceleration = state.predicted()
             ahead.spacing = state.spacing + driven - margin - place
-        motions = dict[str, SourceMotion]()
-        for source in sources.longitudinal:
-            state = source.state
-            if not isnan(state.spacing):
-                relied_on = state.status in RELIED_ON if self._degrades else None
-                motions[source.name] = SourceMotion(
-                    state.spacing - margin, state.speed, state.acceleration, state.age, relied_on
-                )
-        if place and predecessor is not None and predecessor.name in motions:
-            followed = motions[predecessor.name]
-            left = replace(followed, spacing=followed.spacing - place)
-            motions[sources.own_predecessor] = left
-        ahead.sources = motions
+        ahead.sources = {
+            source.name: source.state
+            for source in sources.longitudinal
+            if not isnan(source.state.spacing)
+        }
+        if place and predecessor is not None and predecessor.name in ahead.sources:
+            left = replace(predecessor.state, spacing=predecessor.state.spacing - place)
+            ahead.sources[sources.own_predecessor] = left
         return ahead
 
     def _achieved(self, now: int) -> float:

@@ -14,11 +14,11 @@ from vehicles.car.imu import Motion
 from vehicles.car.sensors import GapMeasurement
 from vehicles.driver.ahead import ConvoyAhead
 from vehicles.driver.command_limit import CommandLimit, PositionLimit
-from vehicles.driver.controller import VehiclesAhead
+from vehicles.driver.controller import SourceState, VehiclesAhead
 from vehicles.driver.decision import Decision
 from vehicles.driver.own_state import OwnState, Pose
 from vehicles.driver.settings import Braking
-from vehicles.driver.situation import STANDSTILL, Situation, SourceState
+from vehicles.driver.situation import STANDSTILL, Situation
 from vehicles.driver.slip_estimator import LoadWatch
 from vehicles.driver.speed import (
     ProfileSpeed,

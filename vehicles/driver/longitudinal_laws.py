@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final
 
 from vehicles.driver.controller import (
+    RELIED_ON,
     GapLimits,
     LongitudinalSetup,
-    SourceMotion,
+    SourceState,
     SpacingPolicy,
     VehiclesAhead,
 )
@@ -74,9 +75,9 @@ def gap_acceleration(
 # predicted to now; standstill gap d and time headway h of [speed.gap]. Default parameters are those
 # of Plexe.
 #
-# Laws that need radio data fall back to ACC while the predecessor's are older than
-# `fallback_after_s`, at a headway that is stable without them. ACC uses the gap of an on-board
-# sensor where there is one, else the received one.
+# Laws that need radio data fall back to ACC while the predecessor is lost, at a headway that is
+# stable without them. ACC uses the gap of an on-board sensor where there is one, else the received
+# one.
 
 
 class GapLaw:
@@ -122,9 +123,6 @@ class Acc:
 class Fallback:
     """Parameters of the fallback to ACC, which all laws with radio data have."""
 
-    fallback_after: Annotated[
-        float, Setting("age of the predecessor's data at which ACC begins", "s", above=0)
-    ] = 0.5
     fallback_headway: Annotated[float, Setting("least headway of that ACC", "s", above=0)] = 1.2
 
 
@@ -135,7 +133,7 @@ class _RadioLaw:
     needs_poses: ClassVar[bool] = False
 
     def __init__(self, setup: LongitudinalSetup, settings: Fallback) -> None:
-        self._setup, self._fallback = setup, settings
+        self._setup = setup
         self._headway = max(setup.policy.headway, settings.fallback_headway)
 
     def acceleration(self, speed: float, ahead: VehiclesAhead) -> float:
@@ -146,10 +144,8 @@ class _RadioLaw:
     def _has_data(self, ahead: VehiclesAhead) -> bool:
         return self._is_recent(ahead.sources.get(self._setup.predecessor))
 
-    def _is_recent(self, source: SourceMotion | None) -> bool:
-        if source is None or source.relied_on is not None:
-            return source is not None and source.relied_on is True
-        return source.age <= self._fallback.fallback_after
+    def _is_recent(self, source: SourceState | None) -> bool:
+        return source is not None and source.status in RELIED_ON
 
     def _lead_speed(self, ahead: VehiclesAhead) -> float:
         """Speed (m/s) of the lead, NaN without recent data of it."""
@@ -351,7 +347,7 @@ class Consensus(_RadioLaw):
             total += self._gains[name] * (spacing - policies[name].desired(common))
         return total / max(len(policies), 1) - settings.speed_gain * (speed - common)
 
-    def _mean_speed(self, sources: Mapping[str, SourceMotion], ahead: VehiclesAhead) -> float:
+    def _mean_speed(self, sources: Mapping[str, SourceState], ahead: VehiclesAhead) -> float:
         """Mean speed (m/s) of the sources, that of the predecessor predicted to now."""
         speeds = [
             ahead.predecessor_speed if name == self._setup.predecessor else source.speed

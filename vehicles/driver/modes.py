@@ -8,15 +8,9 @@ from collections.abc import Sequence
 from math import isnan
 from typing import Final, Literal
 
+from vehicles.driver.controller import SourceState
 from vehicles.driver.settings import DegradationSettings
-from vehicles.driver.situation import (
-    LOST,
-    SLOWING,
-    STOP_MARGIN,
-    Situation,
-    SourceState,
-    needed_deceleration,
-)
+from vehicles.driver.situation import LOST, SLOWING, STOP_MARGIN, Situation, needed_deceleration
 from vehicles.driver.source import Source
 from vehicles.driver.sources import Sources
 from vehicles.messages import Mode, State

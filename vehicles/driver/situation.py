@@ -7,107 +7,16 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf, nan
-from typing import Final, NamedTuple
+from typing import Final
 
 from vehicles.car.tyres import GRAVITY
-from vehicles.driver.controller import VehiclesAhead
+from vehicles.driver.controller import SourceState, VehiclesAhead
 from vehicles.driver.settings import Braking
 from vehicles.messages import Mode, SourceStatus, State
 
 LOST: tuple[SourceStatus, ...] = ("lost", "distrusted")  # Silent for too long, or refused
-RELIED_ON: tuple[SourceStatus, ...] = ("fresh", "late")
 SLOWING: tuple[Mode, ...] = ("coast", "stop")  # Without a source to follow
 OFF_PATH: tuple[Mode, ...] = SLOWING  # No other vehicle follows its poses
-
-PREDICTED_FOR: Final = 0.5  # Time (s) for which an announced acceleration is assumed to last
-LASTING: Final = -2.5
-"""Harder announced braking (m/s²) is assumed to last to a standstill: it rarely ends sooner."""
-OVERDUE_AFTER: Final = 1.5  # Periods after which a message is missing
-FADES_FROM: Final = 0.3
-FADES_FOR: Final = 0.5
-"""Age (s) from which an announced acceleration fades as a feedforward, and the time (s) taken."""
-
-
-class PredictedMotion(NamedTuple):
-    """Distance driven (m) since a sample, present speed (m/s) and commanded acceleration (m/s²)."""
-
-    driven: float
-    speed: float
-    acceleration: float
-
-
-def predicted_motion(  # noqa: PLR0917 - a state
-    speed: float,
-    achieved: float,
-    command: float,
-    age: float,
-    lag: float,
-    lasting: float = LASTING,
-) -> PredictedMotion:
-    """Predict a vehicle `age` (s) after a sample of its speed, achieved and commanded acceleration.
-
-    The acceleration a approaches the command u with the drive lag τ (s), τ da/dt = u - a, for
-    s = min(age, `PREDICTED_FOR`), then the speed is constant; braking beyond `lasting` (m/s²)
-    lasts. With k = τ (1 - exp(-s/τ)): v(s) = v + u s + (a - u) k and
-    x(s) = v s + u s²/2 + (a - u) τ (s - k). A vehicle that stands remains so.
-    """
-    lasts = command < lasting
-    span = age if lasts or age < PREDICTED_FOR else PREDICTED_FOR
-    rest = achieved - command
-    built = lag * (1.0 - math.exp(-span / lag)) if lag > 0.0 else 0.0
-    after = speed + command * span + rest * built
-    if after <= 0.0:
-        stopped = speed * speed / max(-2.0 * min(command, achieved), 0.1)
-        return PredictedMotion(stopped, 0.0, 0.0)
-    driven = speed * span + 0.5 * command * span * span + rest * lag * (span - built)
-    driven += after * (age - span)
-    if not lasts and age > FADES_FROM:
-        left = 1.0 - (age - FADES_FROM) / FADES_FOR
-        command *= left if left > 0.0 else 0.0
-    return PredictedMotion(driven, after, command)
-
-
-@dataclass(slots=True)
-class SourceState:
-    """State of one source at the last control instant; it is updated in place.
-
-    `age` (s) is the time since the newest sample was measured, `silence` (s) since it was received,
-    `period` (s) the time between messages, `share` the received ratio of the last ten seconds. Its
-    path is known up to `known` (m) ahead of the car, negative if it ends behind. It is lost at
-    `lost_at` (ns) unless it is received again. `mode`, `hazard`, `acceleration` (m/s², commanded),
-    `achieved` (m/s²), `leaving` and `stops_at` (ns, 0 for never) are those announced last; the
-    lead's relay of `stops_at` counts if it is later. `speed` (m/s) is that of the newest sample,
-    measured at `measured_at` (ns) `spacing` (m, along the path) ahead of the car. `lag` (s) is the
-    assumed drive lag.
-    """
-
-    status: SourceStatus = "unheard"
-    age: float = nan
-    silence: float = nan
-    period: float = nan
-    share: float = nan
-    known: float = nan
-    mode: Mode = "path"
-    hazard: bool = False
-    acceleration: float = 0.0
-    achieved: float = 0.0
-    leaving: bool = False
-    lost_at: int = 0
-    stops_at: int = 0
-    speed: float = nan
-    measured_at: int = 0
-    spacing: float = nan
-    lag: float = 0.0
-
-    @property
-    def is_overdue(self) -> bool:
-        """Whether a message is missing."""
-        return self.silence > OVERDUE_AFTER * self.period
-
-    def predicted(self) -> PredictedMotion:
-        """Motion predicted to now (see `predicted_motion`)."""
-        return predicted_motion(self.speed, self.achieved, self.acceleration, self.age, self.lag)
-
 
 UNUSED = SourceState("unused")  # State of a vehicle that is not received
 

@@ -7,12 +7,12 @@ from math import hypot, log, sin
 from typing import Final
 
 from vehicles.car.noise import GnssNoise
-from vehicles.driver.controller import SpacingPolicy
+from vehicles.driver.controller import RELIED_ON, SourceState, SpacingPolicy
 from vehicles.driver.intended_path import IntendedPath, is_beside
 from vehicles.driver.own_state import Pose
 from vehicles.driver.plausibility import REFUSED, PoseJudge
 from vehicles.driver.settings import DegradationSettings
-from vehicles.driver.situation import LOST, OFF_PATH, RELIED_ON, SourceState
+from vehicles.driver.situation import LOST, OFF_PATH
 from vehicles.driver.speed import BendsAhead
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.samples import Window

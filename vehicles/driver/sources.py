@@ -4,10 +4,11 @@ from collections.abc import Collection, Mapping, Sequence
 from math import inf, isnan, nan
 from typing import Final
 
+from vehicles.driver.controller import RELIED_ON
 from vehicles.driver.intended_path import IntendedPath
 from vehicles.driver.own_state import Pose
 from vehicles.driver.settings import DegradationSettings
-from vehicles.driver.situation import RELIED_ON, UNUSED, Situation, stopping_distance
+from vehicles.driver.situation import UNUSED, Situation, stopping_distance
 from vehicles.driver.source import Source, reaches_ahead
 from vehicles.messages import Mode, State
 from vehicles.preview.curve_fit import FitSettings

@@ -10,22 +10,25 @@ from dataclasses import dataclass
 from math import inf, isfinite, isnan, nan, sqrt
 from typing import Final
 
-from vehicles.driver.controller import LongitudinalSetup, VehiclesAhead
+from vehicles.driver.controller import (
+    LASTING,
+    RELIED_ON,
+    LongitudinalSetup,
+    VehiclesAhead,
+    predicted_motion,
+)
 from vehicles.driver.longitudinal_laws import STABLE_HEADWAY, Fallback, acc_acceleration
 from vehicles.driver.own_state import Pose
 from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import (
     CREEP_SPEED,
     GUARD_MARGIN,
-    LASTING,
     LOST,
-    RELIED_ON,
     STANDSTILL,
     STOP_MARGIN,
     Situation,
     friction_left,
     needed_deceleration,
-    predicted_motion,
     stopping_distance,
 )
 from vehicles.driver.speed import GapKeeping, SpeedCommand, SpeedLaw

@@ -10,9 +10,9 @@ from scenarios.definition.channel.build import usual_delay_ms
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.plug_ins.point import PlugInError
 from vehicles.car.dynamics import achieved_acceleration
-from vehicles.driver.controller import OwnMotion, SourceMotion, SpacingPolicy, VehiclesAhead
+from vehicles.driver.controller import OwnMotion, SourceState, SpacingPolicy, VehiclesAhead
 from vehicles.driver.own_state import Pose
-from vehicles.driver.situation import Situation, SourceState
+from vehicles.driver.situation import Situation
 from vehicles.driver.speed import GapKeeping, SpeedLaw
 from vehicles.driver.speed_guard import SpeedGuard
 from vehicles.schedule import MILLISECOND, SECOND
@@ -222,7 +222,7 @@ def _commanded(place: int, cars: list[_Car], now: float, span: float) -> float:
         lead_acceleration=second.acceleration if from_lead else nan,
         own=OwnMotion(span, car.command, car.achieved),
         sources={
-            name: SourceMotion(source.spacing, source.speed, source.acceleration, source.age, True)
+            name: source
             for name, source in ((cars[0].name, lead), (ahead.name, predecessor))
             if name in car.sources
         },

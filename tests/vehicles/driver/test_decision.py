@@ -2,8 +2,9 @@ import numpy as np
 
 from tests.made.vehicles.decision_messages import log_messages
 from vehicles.car.dynamics import Actuation
+from vehicles.driver.controller import SourceState
 from vehicles.driver.decision import Decision
-from vehicles.driver.situation import Situation, SourceState
+from vehicles.driver.situation import Situation
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.geometry.arc_spline import ArcSpline, Piece

@@ -7,7 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.examples import examples
-from vehicles.driver.controller import GapLimits, LongitudinalSetup, SpacingPolicy, VehiclesAhead
+from vehicles.driver.controller import (
+    GapLimits,
+    LongitudinalSetup,
+    SourceState,
+    SpacingPolicy,
+    VehiclesAhead,
+)
 from vehicles.driver.longitudinal_laws import (
     DAMPING,
     GAP_STIFFNESS,
@@ -16,7 +22,6 @@ from vehicles.driver.longitudinal_laws import (
     gap_acceleration,
 )
 from vehicles.driver.own_state import Pose
-from vehicles.driver.situation import SourceState
 from vehicles.driver.speed import (
     PROFILE_CORRECTION,
     GapKeeping,

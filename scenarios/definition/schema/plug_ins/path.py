@@ -15,7 +15,7 @@ from vehicles.driver.controller import (
     LongitudinalController,
     LongitudinalSetup,
     OwnMotion,
-    SourceMotion,
+    SourceState,
     VehiclesAhead,
 )
 from vehicles.driver.reactions import CHOSEN, ReactionPolicy
@@ -224,7 +224,7 @@ def try_following(controller: LongitudinalController, setup: LongitudinalSetup) 
         ahead = VehiclesAhead(
             own=OwnMotion(setup.period),
             sources={
-                name: SourceMotion(policy.desired(speed) + 1.0, 20.0, 0.0, 0.1)
+                name: SourceState("fresh", 0.1, speed=20.0, spacing=policy.desired(speed) + 1.0)
                 for name, policy in setup.policies.items()
             },
         )
@@ -253,7 +253,7 @@ LONGITUDINAL = PlugInPoint(
     },
     contract=LongitudinalController,
     methods={"acceleration": "speed, ahead"},
-    types=(LongitudinalSetup, VehiclesAhead, OwnMotion, SourceMotion),
+    types=(LongitudinalSetup, VehiclesAhead, OwnMotion, SourceState),
     arguments="setup",
     draws=True,
     guard=GuardedFollowing,

@@ -19,8 +19,9 @@ from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.tyres import tyre_use
+from vehicles.driver.controller import SourceState
 from vehicles.driver.decision import Decision
-from vehicles.driver.situation import Situation, SourceState
+from vehicles.driver.situation import Situation
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.geometry.arc_spline import ArcSpline, Piece

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
+from vehicles.driver.controller import predicted_motion
 from vehicles.driver.follower import Follower
 from vehicles.driver.own_state import Pose
 from vehicles.driver.plausibility import PoseJudge
-from vehicles.driver.situation import predicted_motion
 from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.received_pose import ReceivedPose

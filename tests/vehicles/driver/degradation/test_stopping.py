@@ -4,8 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from vehicles.driver.controller import predicted_motion
 from vehicles.driver.settings import Braking, DegradationSettings
-from vehicles.driver.situation import needed_deceleration, predicted_motion, stopping_distance
+from vehicles.driver.situation import needed_deceleration, stopping_distance
 
 SPEEDS = st.floats(0.1, 40.0)
 ACCELERATIONS = st.floats(-7.0, 2.0)

@@ -18,7 +18,7 @@ from vehicles.driver.controller import (
     GapLimits,
     LongitudinalSetup,
     OwnMotion,
-    SourceMotion,
+    SourceState,
     SpacingPolicy,
     VehiclesAhead,
 )
@@ -83,7 +83,9 @@ def commands(flow: str, positions: Floats, speeds: Floats) -> list[float]:
             policies=policies,
         )
         motions = {
-            f"v{other}": SourceMotion(positions[other] - positions[place], speeds[other], 0.0, 0.0)
+            f"v{other}": SourceState(
+                "fresh", 0.0, speed=speeds[other], spacing=positions[other] - positions[place]
+            )
             for other in sources
         }
         ahead = VehiclesAhead(

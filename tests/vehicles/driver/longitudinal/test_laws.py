@@ -22,7 +22,7 @@ from vehicles.driver.controller import (
     LongitudinalController,
     LongitudinalSetup,
     OwnMotion,
-    SourceMotion,
+    SourceState,
     SpacingPolicy,
     VehiclesAhead,
 )
@@ -38,10 +38,12 @@ from vehicles.driver.longitudinal_laws import (
     Ploeg,
     PloegSettings,
 )
+from vehicles.messages import SourceStatus
 
 Floats = NDArray[np.float64]
 Lead = Callable[[float], tuple[float, float]]
 
+STATUSES: tuple[SourceStatus, ...] = ("fresh", "lost")
 FOLLOWERS, STEP, DURATION = 3, 0.005, 20.0
 LENGTH, SPEED, LAG = 5.0, 27.8, 0.5
 
@@ -182,7 +184,10 @@ def driven(law: str, lead: Lead, headway: float | None = None) -> tuple[Floats, 
         times.append(t)
         gaps.append(-np.diff(x) - LENGTH)
         speeds.append(v.copy())
-        sources = [SourceMotion(0.0, v[j], u[j], 0.0) for j in range(count)]
+        sources = [
+            SourceState("fresh", 0.0, acceleration=u[j], speed=v[j], spacing=0.0)
+            for j in range(count)
+        ]
         commands = u.copy()
         for i in range(1, count):
             named = {f"v{j}": replace(sources[j], spacing=x[j] - x[i]) for j in {0, i - 1}}
@@ -252,7 +257,7 @@ def test_laws_with_radio_data_fall_back_to_acc(law: str) -> None:
         predecessor_speed=24.0,
         lead_speed=24.0,
         lead_acceleration=0.0,
-        sources={"v2": SourceMotion(40.0, 24.0, 0.0, 0.6)},
+        sources={"v2": SourceState("lost", 0.6, speed=24.0, spacing=40.0)},
         measured_gap=30.0,
         measured_gap_rate=-2.0,
     )
@@ -271,7 +276,7 @@ def test_old_data_of_the_lead_are_not_used(law: str) -> None:
     )
     controller = built(setup, settings)
     commands = {
-        (age, lead): controller.acceleration(
+        (status, lead): controller.acceleration(
             20.0,
             VehiclesAhead(
                 spacing=12.0,
@@ -280,16 +285,16 @@ def test_old_data_of_the_lead_are_not_used(law: str) -> None:
                 predecessor_acceleration=-2.0,
                 lead_acceleration=0.0,
                 sources={
-                    "v1": SourceMotion(30.0, lead, 0.0, age),
-                    "v2": SourceMotion(12.0, 18.0, -2.0, 0.1),
+                    "v1": SourceState(status, 0.1, speed=lead, spacing=30.0),
+                    "v2": SourceState("fresh", 0.1, acceleration=-2.0, speed=18.0, spacing=12.0),
                 },
             ),
         )
-        for age in (0.1, 0.6)
+        for status in STATUSES
         for lead in (18.0, 28.0)
     }
-    assert commands[0.1, 28.0] > commands[0.1, 18.0] + 0.5
-    assert commands[0.6, 28.0] == commands[0.6, 18.0]
+    assert commands["fresh", 28.0] > commands["fresh", 18.0] + 0.5
+    assert commands["lost", 28.0] == commands["lost", 18.0]
 
 
 def test_a_law_with_a_time_gap_refuses_a_headway_of_zero() -> None:
