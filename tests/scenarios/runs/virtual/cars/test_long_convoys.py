@@ -42,7 +42,7 @@ def test_the_last_car_is_hardly_further_off_than_the_second(name: str, campaign:
 
 
 def test_it_grows_where_the_offset_of_the_predecessor_is_not_used() -> None:
-    errors = road_errors(ROADS[0], 1, 6, "control.degradation.predecessor_path=intended")
+    errors = road_errors(ROADS[0], 1, 6, "control.degradation.predecessor_path=driven")
     assert errors[-1] > errors[1] + GROWTH_M, errors
 
 
@@ -73,7 +73,7 @@ def test_errors_behind_a_lead_that_swerves_do_not_grow(tmp_path: Path) -> None:
 def test_errors_behind_a_lead_that_swerves_grow_without_these_limits(tmp_path: Path) -> None:
     without = (
         "speed.friction_ratio_max=inf",
-        "control.degradation.predecessor_path=intended",
+        "control.degradation.predecessor_path=driven",
         "control.estimate_slip=false",
     )
     _, second, *others = behind_jumps(tmp_path, *without)
