@@ -21,7 +21,6 @@ from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
 ON_PATH: Final = 2.0  # Distance (m) from the path up to which a follower drives along it
-MOST_WIDENED: Final = 50.0  # Largest widening (m) of the search for a follower
 ALONG: Final = 0.5  # Smallest cosine of the angle between a follower and its path
 
 
@@ -31,8 +30,8 @@ class MemberTrack:
 
     `period` (s) is that of its messages, `policy` the spacing that it keeps. `station` (m) and
     `speed` (m/s) are those of its newest pose along the path. The station is searched where the
-    follower can be since the last such pose, so that another leg or lap of the path is not taken
-    for its own. A pose beside or across the path widens the search.
+    follower can be since the last pose along the path, so that another leg or lap of it is not
+    taken for its own.
     """
 
     name: str
@@ -46,7 +45,7 @@ class MemberTrack:
     newest: ReceivedPose | None = None
 
     def __post_init__(self) -> None:
-        self._located_at, self._window = self.received_at, WINDOW
+        self._located_at = self.received_at
 
     @property
     def has_left(self) -> bool:
@@ -61,20 +60,17 @@ class MemberTrack:
         if span <= 0.0:
             return
         reach = 0.5 * max(pose.speed, self.speed) * span
-        near, window = self.station + reach, self._window + reach
+        near, window = self.station + reach, WINDOW + reach
         foot = self.path.project(pose.east, pose.north, near, window)
         if abs(foot.lateral) <= ON_PATH and cos(pose.yaw - foot.yaw) >= ALONG:
             self.station, self.speed, self._located_at = foot.station, pose.speed, pose.measured_at
-            self._window = WINDOW
-        else:
-            self._window = min(self._window + WINDOW, MOST_WIDENED)
 
 
 # ---- Waiting
 
 
 FAR_BEHIND: Final = 10.0  # A spacing more than this (m) above twice the desired one is too wide
-CAUGHT_UP: Final = 0.5  # A follower has caught up when its excess is below this share of the limit
+CAUGHT_UP: Final = 0.5  # Share of that limit at which the lead no longer waits
 
 
 class ConvoyWatch:
@@ -86,42 +82,28 @@ class ConvoyWatch:
 
     def __init__(self, settings: DegradationSettings) -> None:
         self._settings = settings
-        self._far = set[str]()
         self._trouble_at = 0
         self._reason = ""
 
     def reason(self, now: int, members: Sequence[MemberTrack], station: float) -> str:
         """Return why the lead waits at `now` (ns) and `station` (m), empty if it does not."""
-        troubles = [why for track in members if (why := self._trouble_of(now, track))]
-        troubles += self._fallen_behind(members, station)
+        troubles, share = list[str](), CAUGHT_UP if self._reason else 1.0
+        for track in members:
+            message = None if track.newest is None else track.newest.message
+            silence = (now - track.received_at) / SECOND
+            desired = track.policy.desired(track.speed)
+            excess, station = station - track.station - desired, track.station
+            if silence > self._settings.lost_after_silence(track.period):
+                troubles.append(f"{track.name} silent for {silence:.1f} s")
+            elif message is not None and (message.hazard or message.mode in OFF_PATH):
+                troubles.append(f"{track.name} in mode {message.mode}")
+            elif excess > share * (desired + FAR_BEHIND):
+                troubles.append(f"{track.name} {excess:.0f} m too far behind")
         if troubles:
             self._trouble_at, self._reason = now, f"waiting: {', '.join(troubles)}"
         elif now - self._trouble_at > self._settings.probation * SECOND:
             self._reason = ""
         return self._reason
-
-    def _trouble_of(self, now: int, track: MemberTrack) -> str | None:
-        silence = (now - track.received_at) / SECOND
-        if silence > self._settings.lost_after_silence(track.period):
-            return f"{track.name} silent for {silence:.1f} s"
-        message = None if track.newest is None else track.newest.message
-        if message is not None and (message.hazard or message.mode in OFF_PATH):
-            return f"{track.name} in mode {message.mode}"
-        return None
-
-    def _fallen_behind(self, members: Sequence[MemberTrack], station: float) -> list[str]:
-        """Text about followers far behind the car ahead, the first one of which is at `station`."""
-        was_far, self._far = self._far, set()
-        fallen: list[str] = []
-        for track in members:
-            desired = track.policy.desired(track.speed)
-            excess = station - track.station - desired
-            station = track.station
-            share = CAUGHT_UP if track.name in was_far else 1.0
-            if excess > share * (desired + FAR_BEHIND):
-                self._far.add(track.name)
-                fallen.append(f"{track.name} {excess:.0f} m too far behind")
-        return fallen
 
 
 # ---- The last member, ahead on a lap

@@ -18,7 +18,7 @@ from vehicles.driver.convoy import ConvoyAhead, ConvoyWatch, MemberTrack
 from vehicles.driver.decision import Decision
 from vehicles.driver.own_state import OwnState, Pose
 from vehicles.driver.settings import Braking, InstantDraw
-from vehicles.driver.situation import STANDSTILL, Situation, SourceState
+from vehicles.driver.situation import Situation
 from vehicles.driver.slip_estimator import LoadWatch
 from vehicles.driver.speed import (
     ProfileSpeed,
@@ -35,7 +35,7 @@ from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND, Cadence
 
 WAITING_SHARE: Final = 0.5  # Share of the set speed, so that followers catch up
-SLOWEST: Final = 1.0  # Below this speed (m/s) the pace changes as at this speed
+SLOWEST: Final = 1.0  # Slower (m/s) the lead stands, and its pace changes as at this speed
 
 
 class WaitingProfile(ProfileSpeed):
@@ -114,7 +114,6 @@ class Leader:
     drive_lag: float = 0.0
     _achieved: float = 0.0
     _decided_at: int = 0
-    _held: SourceState | None = None
     _decision: Decision | None = None
 
     def __post_init__(self) -> None:
@@ -196,13 +195,8 @@ class Leader:
         newest = [track.newest for track in self.members[: self.relays]]
         stops = tuple([pose.message.stops_at_ns if pose else 0 for pose in newest])
         situation = Situation(relayed_stops=stops)
-        silent = self.ahead.silent if self.ahead else None
-        if silent is not None and speed < STANDSTILL:
-            self._held = silent
-        elif speed > SLOWEST:
-            self._held = None
-        if self._held is not None:
-            situation.predecessor, situation.known = self._held, self._held.known
+        if self.ahead is not None and self.ahead.silent is not None and speed < SLOWEST:
+            situation.predecessor, situation.known = self.ahead.silent, self.ahead.silent.known
         return situation
 
     def _track(self, pose: Pose) -> TrackingErrors:
