@@ -30,6 +30,7 @@ REFUSED: tuple[Distrust, ...] = ("frozen", "jumping", "impossible")
 
 CORNERING: Final = 9.0  # Acceleration (m/s²) of any manoeuvre: limit of dry tyres
 MAX_YAW_ACCELERATION: Final = 8.0  # rad/s², all friction at one axle, rounded up
+LEAST_VARIANCE: Final = 1e-12  # rad², of a heading without noise
 SLIP_ARM: Final = 1.5  # Lateral speed over yaw rate (m): from rear axle to antenna
 SLIP_ARM_GROWTH: Final = 0.002  # Its growth (s²/m) with the squared speed, by steady slip
 ANCHOR_TIME: Final = SECOND  # Time (ns) over which positions are compared with speeds
@@ -61,9 +62,9 @@ class _Innovation(NamedTuple):
     """Innovation of a pose against another one of its source.
 
     `east`, `north` (m) are the position minus the prediction. `manoeuvre` (m) is the standard
-    deviation by the manoeuvre in between along and across the direction of travel, the larger one;
-    `deviations` is the larger axis in standard deviations, `square` the squared normalised
-    innovation, chi-squared with 2 degrees of freedom.
+    deviation by the manoeuvre in between along and across the direction of travel, the larger one.
+    `deviations` is the largest of both axes and the heading in standard deviations, `square` the
+    squared normalised innovation of the position, chi-squared with 2 degrees of freedom.
     """
 
     east: float
@@ -74,29 +75,36 @@ class _Innovation(NamedTuple):
 
 
 def _innovation(first: _Stated, second: _Stated, noise: GnssNoise, inflation: float) -> _Innovation:
-    """Innovation of the position of the `second` pose against the `first`.
+    """Innovation of the `second` pose against the `first`.
 
     The prediction holds for any manoeuvre: the displacement is the mean velocity times the time T
     in between, and with an acceleration of at most A the error is at most A T²/4, assumed to be
-    three standard deviations. `noise` is that of all but positions; stated deviations count
-    `inflation` times, except in the `square`.
+    three standard deviations; so is that of the heading. `noise` is that of all but positions;
+    stated deviations count `inflation` times, except in the `square`.
     """
     before, pose, cosine, sine = first.pose, second.pose, second.cosine, second.sine
     span = (pose.measured_at - before.measured_at) / SECOND
     size, half, speed, speed_before = abs(span), 0.5 * span, pose.speed, before.speed
     east = pose.east - before.east - half * (speed_before * first.cosine + speed * cosine)
     north = pose.north - before.north - half * (speed_before * first.sine + speed * sine)
+    turn = remainder(pose.yaw - before.yaw - half * (before.yaw_rate + pose.yaw_rate), tau)
     fastest = speed if speed > speed_before else speed_before
     slipping = max(abs(pose.yaw_rate), abs(before.yaw_rate))
     slip = slipping * (SLIP_ARM + SLIP_ARM_GROWTH * fastest * fastest)
-    driven = (CORNERING * size * size / 12.0) ** 2
-    along_variance = driven + 0.5 * (size * noise.speed) ** 2
-    across_variance = driven + 0.5 * (size * fastest * noise.heading) ** 2 + (size * slip) ** 2
+    driven, turned = CORNERING * size * size / 12.0, MAX_YAW_ACCELERATION * size * size / 12.0
+    along_variance = driven * driven + 0.5 * (size * noise.speed) ** 2
+    across_variance = driven * driven + 0.5 * (size * fastest * noise.heading) ** 2
+    across_variance += (size * slip) ** 2
+    turn_variance = turned * turned + 2.0 * noise.heading**2 + 0.5 * (size * noise.yaw_rate) ** 2
     along, across = east * cosine + north * sine, north * cosine - east * sine
     along, across = along * along, across * across
     stated = first.variance + second.variance
     inflated = stated * inflation * inflation
-    largest = max(along / (along_variance + inflated), across / (across_variance + inflated))
+    largest = max(
+        along / (along_variance + inflated),
+        across / (across_variance + inflated),
+        turn * turn / (turn_variance + LEAST_VARIANCE),
+    )
     return _Innovation(
         east,
         north,
@@ -104,18 +112,6 @@ def _innovation(first: _Stated, second: _Stated, noise: GnssNoise, inflation: fl
         sqrt(largest),
         along / (along_variance + stated) + across / (across_variance + stated),
     )
-
-
-def _heading_deviations(before: ReceivedPose, pose: ReceivedPose, noise: GnssNoise) -> float:
-    """Innovation of the heading of `pose` against `before`, in standard deviations."""
-    span = (pose.measured_at - before.measured_at) / SECOND
-    turn = remainder(pose.yaw - before.yaw - 0.5 * span * (before.yaw_rate + pose.yaw_rate), tau)
-    variance = (
-        2.0 * noise.heading**2
-        + 0.5 * (span * noise.yaw_rate) ** 2
-        + (MAX_YAW_ACCELERATION * span * span / 12.0) ** 2
-    )
-    return abs(turn) / sqrt(variance) if variance else 0.0
 
 
 @dataclass(slots=True)
@@ -206,7 +202,7 @@ class PoseJudge:
     def _verdict(self, pose: _Stated) -> Distrust:
         """Add a pose to the trusted track of its source, or to the suspects."""
         track, now = self._trusted, pose.pose.received_at
-        frozen = self._noise is not None and self._is_frozen(pose, self._noise)
+        frozen = self._is_frozen(pose)
         if track is None:
             self._trusted = _PoseTrack(pose, pose, self._inflation, now)
             return ""
@@ -249,7 +245,7 @@ class PoseJudge:
             return ""
         found = _innovation(last, pose, noise, self._inflation)
         self._square = min(self._square, found.square)
-        if found.deviations > gate or _heading_deviations(last.pose, pose.pose, noise) > gate:
+        if found.deviations > gate:
             return "jumping"
         gain = abs(pose.pose.speed - last.pose.speed) - HARDEST_BRAKING * abs(span)
         if gain > gate * (sqrt(2.0) * noise.speed + 1e-3):
@@ -270,10 +266,10 @@ class PoseJudge:
         span = abs(second.measured_at - first.measured_at)
         return drivable(distance, span, max(abs(first.speed), abs(second.speed)))
 
-    def _is_frozen(self, stated: _Stated, noise: GnssNoise) -> bool:
+    def _is_frozen(self, stated: _Stated) -> bool:
         """Whether the position repeats although the stated speeds must have changed it."""
-        before, pose = self._received, stated.pose
-        if before is not None and pose.measured_at <= before.measured_at:
+        before, pose, noise = self._received, stated.pose, self._noise
+        if noise is None or (before is not None and pose.measured_at <= before.measured_at):
             return False
         self._received = pose
         if before is None or (pose.east, pose.north) != (before.east, before.north):
