@@ -36,9 +36,7 @@ from vehicles.schedule import SECOND
 
 JUMPS_ACCEPTED: Final = 3  # Consecutive outliers that restart the filter
 JUMP_DISTANCE: Final = 0.5
-JUMP_GROWTH: Final = 3.0
-"""Largest distance of a sliding car from dead reckoning (m, and m/s times the age of the last fix).
-"""
+JUMP_GROWTH: Final = 3.0  # Largest slide of a car (m, m/s) beyond dead reckoning since a fix
 JUMP_HEADING: Final = 0.1
 JUMP_TURNING: Final = 0.5  # The same for its heading (rad, rad/s)
 ACCELERATION: Final = 3.0
@@ -136,15 +134,13 @@ class PoseEstimator:
         pose, at = self._pose, fix.measured_at
         if pose is None:
             self.begin(fix, fix.state)
-        elif at > self._fixed_at and at >= self._at:
-            pose = self._predict(pose, at, pose.speed, pose.yaw_rate)
-            self._correct(fix, self._read_at, pose, pose)
-        elif at > self._fixed_at and self._past and at >= self._past[0][0]:
-            read_at, then = next(one for one in reversed(self._past) if one[0] <= at)
-            speed, yaw_rate = then.speed - self._speed_bias, then.yaw_rate - self._yaw_rate_bias
-            sideways = self._slip.steady(speed, yaw_rate)
-            place = _moved(then, (at - read_at) / SECOND, speed, sideways, yaw_rate)
-            self._correct(fix, read_at, Pose(*place, then.speed, then.yaw_rate), pose)
+        elif at > self._fixed_at:
+            if at >= self._at:
+                pose = self._predict(pose, at, pose.speed, pose.yaw_rate)
+            states = [*self._past, (self._at, pose)]
+            before = [state for state in states if state[0] <= at]
+            if before:
+                self._correct(fix, *before[-1], [state for _, state in states])
 
     def begin(self, start: Fix, state: FixState | None = None) -> None:
         """Initialise by a fix in `state`, or by a known pose with white errors without one."""
@@ -158,25 +154,26 @@ class PoseEstimator:
         white = start.accuracy**2 if state is None else self._joint.white_variance(start)
         self._joint.start(white, self._heading, state, start.measured_at)
 
-    def _correct(self, fix: Fix, read_at: int, then: Pose, pose: Pose) -> None:
-        """Correct by a fix, at whose instant the estimate was `then`; it is now `pose`.
+    def _correct(self, fix: Fix, before_at: int, before: Pose, poses: list[Pose]) -> None:
+        """Correct `poses`, of which the last one is the present one, by a fix.
 
-        The last reading before the fix was at `read_at` (ns).
+        The last of them before the fix is `before`, at `before_at` (ns).
         """
         joint, at = self._joint, fix.measured_at
         joint.enter(fix.state, at)
-        off = [
-            fix.east - then.east,
-            fix.north - then.north,
-            wrap_angle(fix.yaw - then.yaw),
-            then.speed - fix.speed - self._speed_bias,
-            then.yaw_rate - fix.yaw_rate - self._yaw_rate_bias,
-        ]
-        age, white = (at - read_at) / SECOND, joint.white_variance(fix)
+        speed, yaw_rate = before.speed - self._speed_bias, before.yaw_rate - self._yaw_rate_bias
+        sideways = self._slip.steady(speed, yaw_rate)
+        east, north, yaw = _moved(before, (at - before_at) / SECOND, speed, sideways, yaw_rate)
+        turned = wrap_angle(fix.yaw - yaw)
+        speed_off, yaw_rate_off = speed - fix.speed, yaw_rate - fix.yaw_rate
+        off = [fix.east - east, fix.north - north, turned, speed_off, yaw_rate_off]
+        age, white = (at - min(before_at, self._read_at)) / SECOND, joint.white_variance(fix)
         speed_noise = self._speed_noise + (ACCELERATION * age) ** 2
         yaw_rate_noise = self._yaw_rate_noise + (YAW_ACCELERATION * age) ** 2
         noise = white, white, self._heading, speed_noise, yaw_rate_noise
-        change = joint.correct(fix.state, off, noise, _free((at - self._fixed_at) / SECOND))
+        span = (at - self._fixed_at) / SECOND
+        free = JUMP_DISTANCE + JUMP_GROWTH * span, JUMP_HEADING + JUMP_TURNING * span
+        change = joint.correct(fix.state, off, noise, free)
         self._outliers = 0 if change else self._outliers + 1
         if self._outliers >= JUMPS_ACCEPTED:
             self.begin(fix, fix.state)
@@ -185,8 +182,8 @@ class PoseEstimator:
         east, north, turned, speed_bias, yaw_rate_bias = change
         self._speed_bias += speed_bias
         self._yaw_rate_bias += yaw_rate_bias
-        for one in (*[past for _, past in self._past], pose):
-            ahead_east, ahead_north = pose.east - one.east, pose.north - one.north
+        for one in poses:
+            ahead_east, ahead_north = poses[-1].east - one.east, poses[-1].north - one.north
             one.east += east + turned * ahead_north
             one.north += north - turned * ahead_east
             one.yaw = wrap_angle(one.yaw + turned)
@@ -217,11 +214,6 @@ class PoseEstimator:
     @property
     def lateral_deviation(self) -> float:
         return nan if self._pose is None else self._joint.deviation(self._pose.yaw + 0.5 * math.pi)
-
-
-def _free(span: float) -> tuple[float, float]:
-    """Largest distance (m) and angle (rad) from dead reckoning that a car slides in `span` (s)."""
-    return JUMP_DISTANCE + JUMP_GROWTH * span, JUMP_HEADING + JUMP_TURNING * span
 
 
 def _moved(
