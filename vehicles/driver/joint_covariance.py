@@ -38,10 +38,10 @@ IGNORED: Final = 1e12  # Variance of a measurement that is not used
 
 
 class JointCovariance:
-    """Joint covariance and estimated lasting errors.
+    """Joint covariance `values` and estimated lasting errors.
 
-    `values` are of the position (m), heading (rad), biases of speed (m/s) and gyroscope (rad/s),
-    relative error of the load, and the lasting errors (m), which are estimated as `errors`.
+    The states are position (m), heading (rad), biases of speed (m/s) and gyroscope (rad/s), the
+    relative error of the load, and the lasting errors (m).
     """
 
     def __init__(
@@ -57,29 +57,24 @@ class JointCovariance:
         self.values: FloatArray = np.zeros((size, size))
         for column, deviation in enumerate((*deviations, UNKNOWN_LOAD), SPEED_BIAS):
             self.values[column, column] = deviation**2
-        self.errors: FloatArray = np.zeros(size - FIRST_ERROR)
+        self._errors: FloatArray = np.zeros(size)  # estimated; only lasting ones are kept
         self._transition: FloatArray = np.eye(size)
         self._noise: FloatArray = np.zeros((size, size))
         self._rows: dict[FixState, FloatArray] = {}
-        for state in stated.white:  # matrices (5, size) from the states to the values of a fix
-            self._rows[state] = np.eye(MEASURED, size)
+        for state in stated.white:  # from the states to the values of a fix, and the states
+            measured = np.eye(MEASURED, size)
             for axis in (EAST, NORTH):
-                self._rows[state][axis, self._active(axis, state)] = 1.0
+                measured[axis, self._active(axis, state)] = 1.0
+            self._rows[state] = np.concatenate((measured, np.eye(size)))
         self._state: FixState | None = None
         self._fixed_at = 0
 
     def _active(self, axis: int, state: FixState) -> list[int]:
         """Columns of the states that add up to a measured coordinate."""
-        errors = [
-            FIRST_ERROR + 2 * index + axis
-            for index, error in enumerate(self._stated.lasting)
-            if state in error.states
-        ]
-        return [axis, *errors]
+        columns = enumerate(self._stated.lasting, FIRST_ERROR // 2)
+        return [axis, *(2 * index + axis for index, error in columns if state in error.states)]
 
-    def start(
-        self, position: float, heading: float, state: FixState | None = None, at: int = 0
-    ) -> None:
+    def start(self, position: float, heading: float, state: FixState | None, at: int) -> None:
         """Start at a known pose with these variances (m², rad²), keeping those of the biases.
 
         The lasting errors of the receiver have their stationary variance. If the position is that
@@ -118,10 +113,8 @@ class JointCovariance:
         for index, error in enumerate(self._stated.lasting, FIRST_ERROR // 2):
             f[2 * index, 2 * index] = f[2 * index + 1, 2 * index + 1] = error.kept(span)
             q[2 * index, 2 * index] = q[2 * index + 1, 2 * index + 1] = error.growth(span)
-        if self._stated.lasting:
-            self.errors *= f.diagonal()[FIRST_ERROR:]
-        self.values = _product(_product(f, self.values), f.T)
-        self.values += q
+        self._errors *= f.diagonal()
+        self.values = _transformed(f, self.values) + q
 
     def enter(self, state: FixState, at: int) -> None:
         """Restart the errors that a fix in this state at `at` (ns) restarts."""
@@ -134,10 +127,8 @@ class JointCovariance:
     def _restart(self, index: int, deviation: float) -> None:
         """Make a lasting error independent of all others, with the given deviation (m)."""
         for column in (FIRST_ERROR + 2 * index, FIRST_ERROR + 2 * index + 1):
-            self.values[column] = 0.0
-            self.values[:, column] = 0.0
+            self.values[column] = self.values[:, column] = self._errors[column] = 0.0
             self.values[column, column] = deviation**2
-            self.errors[column - FIRST_ERROR] = 0.0
 
     def white_variance(self, fix: Fix) -> float:
         """Variance (m²) per axis of the white noise of a fix: its accuracy without other errors."""
@@ -158,31 +149,27 @@ class JointCovariance:
         the gate; otherwise it is an outlier, and None is returned. Returns the corrections of the
         first five states.
         """
-        rows, p = self._rows[state], self.values
-        left = off
-        if self._stated.lasting:
-            left = np.subtract(
-                off, np.einsum("ij,j->i", rows[:, FIRST_ERROR:], self.errors)
-            ).tolist()
-        away = math.hypot(left[EAST], left[NORTH])
-        gains = _product(rows, p)
-        spread = _product(gains, rows.T)
-        spread.flat[:: MEASURED + 1] += noise
-        east, north, heading, speed, gyro = spread.diagonal().tolist()
-        turned = abs(off[HEADING]) - free[1]
+        rows, load = self._rows[state], self.values[LOAD, LOAD]
+        joint = np.zeros((len(rows), len(rows) + 1))  # of the fix and the states; the values off
+        joint[:, :-1] = _transformed(rows, self.values)
+        joint[:MEASURED, -1] = off - np.einsum("ij,j->i", rows[:MEASURED], self._errors)
+        joint[range(MEASURED), range(MEASURED)] += noise
+        east, north, heading, speed, gyro = joint.diagonal()[:MEASURED].tolist()
+        away, turned = math.hypot(*joint[:HEADING, -1].tolist()), abs(off[HEADING]) - free[1]
         if away > free[0] + GATE * math.sqrt(east + north) or turned > GATE * math.sqrt(heading):
             return None
         for column, variance in ((SPEED_BIAS, speed), (GYRO_BIAS, gyro)):
             if off[column] ** 2 > GATE**2 * variance:
-                spread[column, column] = IGNORED
-        weights = _solved(spread, gains)
-        change = np.einsum("i,ij->j", left, weights)
-        load = p[LOAD, LOAD]
-        p -= _product(gains.T, weights)
-        p[LOAD, LOAD] = load
+                joint[column, column] = IGNORED
+        for pivot in range(MEASURED):  # Gaussian elimination leaves what the fix does not explain
+            rest = joint[pivot + 1 :]
+            rest -= rest[:, pivot : pivot + 1] * (joint[pivot] / joint[pivot, pivot])
+        p = joint[MEASURED:, MEASURED:-1]
         self.values = 0.5 * (p + p.T)  # otherwise errors of rounding grow
-        self.errors += change[FIRST_ERROR:]
-        corrections: list[float] = change[:MEASURED].tolist()
+        self.values[LOAD, LOAD] = load
+        self._errors -= joint[MEASURED:, -1]
+        corrections: list[float] = self._errors[:MEASURED].tolist()
+        self._errors[:FIRST_ERROR] = 0.0
         return corrections
 
     def deviation(self, direction: float) -> float:
@@ -193,16 +180,7 @@ class JointCovariance:
         return math.sqrt(max(square, 0.0))
 
 
-def _product(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Matrix product without a linear-algebra library."""
-    return np.asarray(np.einsum("ij,jk->ik", left, right))
-
-
-def _solved(spread: FloatArray, gains: FloatArray) -> FloatArray:
-    """Solve spread · x = gains; Gauss-Jordan without pivots, as `spread` is positive definite."""
-    rows = np.concatenate((spread, gains), axis=1)
-    for pivot in range(len(spread)):
-        own = rows[pivot] / rows[pivot, pivot]
-        rows -= rows[:, pivot : pivot + 1] * own
-        rows[pivot] = own
-    return rows[:, len(spread) :]
+def _transformed(by: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Covariance of linear combinations, the rows of `by`, without a linear-algebra library."""
+    half = np.einsum("ij,jk->ik", by, covariance)
+    return np.asarray(np.einsum("ij,jk->ik", half, by.T))

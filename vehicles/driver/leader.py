@@ -4,21 +4,21 @@ It waits, if configured, while a follower is lost or has fallen behind.
 """
 
 from collections.abc import Sequence
-from dataclasses import InitVar, dataclass, field
-from math import inf, sqrt
+from dataclasses import dataclass, field
+from math import inf
 from typing import Final
 
 from vehicles.car.dynamics import Actuation, Body, achieved_acceleration
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
 from vehicles.car.sensors import GapMeasurement
-from vehicles.driver.ahead import ConvoyAhead
 from vehicles.driver.command_limit import CommandLimit, PositionLimit
-from vehicles.driver.controller import SourceState, VehiclesAhead
+from vehicles.driver.controller import VehiclesAhead
+from vehicles.driver.convoy import ConvoyAhead, ConvoyWatch, MemberTrack
 from vehicles.driver.decision import Decision
 from vehicles.driver.own_state import OwnState, Pose
 from vehicles.driver.settings import Braking
-from vehicles.driver.situation import STANDSTILL, Situation
+from vehicles.driver.situation import Situation
 from vehicles.driver.slip_estimator import LoadWatch
 from vehicles.driver.speed import (
     ProfileSpeed,
@@ -29,22 +29,21 @@ from vehicles.driver.speed import (
 )
 from vehicles.driver.steering import LateralController
 from vehicles.driver.tracking import TrackingErrors
-from vehicles.driver.watch import ConvoyWatch
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.sampled_path import SampledPath
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND, Cadence
 
+APPROACH: Final = 0.25  # Acceleration per difference of speed (1/s), within comfortable jerk
 WAITING_SHARE: Final = 0.5  # Share of the set speed, so that followers catch up
-SLOWEST: Final = 1.0  # Below this speed (m/s) the pace changes as at this speed
+SLOWEST: Final = 1.0  # Slower (m/s) the lead stands, and its pace changes as at this speed
 
 
 class WaitingProfile(ProfileSpeed):
     """Follows a speed profile, slower while the lead `waits` for a follower or is restrained.
 
-    It also keeps a `limit` (m/s). While it is slower, its time passes more slowly, so the lead is
-    never faster than the profile at the same position, for example in a bend. Otherwise it equals
-    `ProfileSpeed`.
+    It also keeps a `limit` (m/s). While it is slower, its time passes more slowly, at the same
+    pace, so the lead is never faster than the profile at the same position, for example in a bend.
     """
 
     def __init__(
@@ -53,17 +52,16 @@ class WaitingProfile(ProfileSpeed):
         """Each command is held for `period` (s); `braking` limits the change of speed."""
         super().__init__(profile, start_at, period)
         self._braking, self._at = braking, start_at
-        self._pace, self._change, self._behind, self._planned = 1.0, 0.0, 0.0, 0.0
+        self._pace, self._change, self._planned = 1.0, 0.0, 0.0
         self.waits, self.limit = False, inf
 
     def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:
-        self._behind += (1.0 - self._pace) * (now - self._at) / SECOND
-        self._at = now
-        seconds = (now - self._start_at) / SECOND - self._behind
+        self._start_at += round((1.0 - self._pace) * (now - self._at))
+        self._at, seconds = now, (now - self._start_at) / SECOND
+        after = seconds + self._pace * self._period
         self._planned = self._profile.at(seconds)[0]
         speed = self._pace * self._planned
-        after = seconds + self._pace * self._period
-        self._change_pace(self._planned)
+        self._change_pace(max(self._planned, SLOWEST))
         next_speed = self._pace * self._profile.at(after)[0]
         wanted = (next_speed - speed) / self._period
         return SpeedCommand(wanted + profile_correction(speed, pose.speed), next_speed)
@@ -79,30 +77,24 @@ class WaitingProfile(ProfileSpeed):
         self._change = min(max(most, 0.0), self._braking.deceleration)
         return SpeedCommand(most, min(planned.target_speed, speed))
 
-    def _change_pace(self, speed: float) -> None:
-        full, braking = max(speed, SLOWEST), self._braking
+    def _change_pace(self, full: float) -> None:
+        """Approach the wanted share of the `full` speed (m/s) comfortably."""
         target = min(WAITING_SHARE if self.waits else 1.0, self.limit / full)
-        left = (target - self._pace) * full
-        # The change must be able to end at this jerk when the target is reached.
-        fastest = min(braking.deceleration, sqrt(2.0 * braking.jerk * abs(left)))
-        change = fastest if left > 0.0 else -fastest
-        step = braking.jerk * self._period
-        self._change = min(max(change, self._change - step), self._change + step)
-        pace = self._pace + self._change * self._period / full
-        if abs(left) <= abs(self._change) * self._period:
-            pace, self._change = target, 0.0
-        self._pace = min(max(pace, 0.0), 1.0)
+        most, step = self._braking.deceleration, self._braking.jerk * self._period
+        wanted = min(max(APPROACH * (target - self._pace) * full, -most), most)
+        self._change = min(max(wanted, self._change - step), self._change + step)
+        self._pace = min(max(self._pace + self._change * self._period / full, 0.0), 1.0)
 
 
 @dataclass(kw_only=True, eq=False)
 class Leader:
     """Tracks a path from the arc length `station` (m) on (Section V-C, Fig. 8).
 
-    `limit` is that of the steering command. `watch` decides whether the lead waits for its
-    followers, `ahead` keeps its distance from them, and `position_limit` slows it down while its
-    position is uncertain. All three are optional and require a `WaitingProfile` as the speed law.
-    The lead repeats the announced stops of its
-    `followers`, from front to back. `drive_lag` (s) is the car's.
+    `limit` is that of the steering command. `watch` decides whether the lead waits for the
+    `members` of its convoy, ordered from front to back, `ahead` keeps its distance from the last
+    one, and `position_limit` slows it down while its position is uncertain. All three are optional
+    and require a `WaitingProfile` as the speed law. The lead repeats the announced stops of its
+    first members, `relays` in number. `drive_lag` (s) is the car's.
     """
 
     own_state: OwnState
@@ -116,15 +108,15 @@ class Leader:
     watch: ConvoyWatch | None = None
     ahead: ConvoyAhead | None = None
     position_limit: PositionLimit | None = None
-    followers: InitVar[Sequence[str]] = ()
+    members: Sequence[MemberTrack] = ()
+    relays: int = 0
     drive_lag: float = 0.0
     _achieved: float = 0.0
     _decided_at: int = 0
-    _held: SourceState | None = None
     _decision: Decision | None = None
 
-    def __post_init__(self, followers: Sequence[str]) -> None:
-        self._stops = dict.fromkeys(followers, (-1, 0))  # instants of measurement and stop (ns)
+    def __post_init__(self) -> None:
+        self._tracks = {track.name: track for track in self.members}
 
     def step(
         self,
@@ -141,13 +133,8 @@ class Leader:
         self.load.observe(now, motion)
         self.own_state.update(now, fix, motion)
         for pose in received:
-            name, stops_at = pose.message.vehicle, pose.message.stops_at_ns
-            if name in self._stops and pose.measured_at > self._stops[name][0]:
-                self._stops[name] = pose.measured_at, stops_at
-        if self.watch is not None:
-            self.watch.observe(now, received, self.station)
-        if self.ahead is not None:
-            self.ahead.observe(received)
+            if pose.message.vehicle in self._tracks:
+                self._tracks[pose.message.vehicle].receive(pose)
         if self._decision is not None and not self.control.due(now):
             self._decision = decision = self._decision.held()
             decision.achieved = self._reached(now)
@@ -185,31 +172,28 @@ class Leader:
         law, watch, ahead = self.speed_law, self.watch, self.ahead
         if not isinstance(law, WaitingProfile):
             return law.command(now, pose, VehiclesAhead()), ""
-        reason = ""
+        present, reason = [track for track in self.members if not track.has_left], ""
         if watch is not None:
-            law.waits, reason = watch.waits, watch.reason
+            reason = watch.reason(now, present, station)
+            law.waits = bool(reason)
         if self.position_limit is not None:
             self.position_limit.observe(self.own_state.lateral_deviation)
             law.limit = self.position_limit.speed
-            limited = self.position_limit.reason
-            reason = f"{reason}; {limited}" if reason and limited else reason or limited
+            reason = "; ".join(filter(None, [reason, self.position_limit.reason]))
         planned = law.command(now, pose, VehiclesAhead())
-        most = inf if ahead is None else ahead.acceleration(now, station, pose.speed)
+        most = inf if ahead is None else ahead.acceleration(now, present, station, pose.speed)
         if ahead is None or most >= planned.acceleration:
             return planned, reason
-        reason = f"{ahead.reason}; {reason}" if reason else ahead.reason
+        reason = "; ".join(filter(None, [ahead.reason, reason]))
         return law.restrained(planned, most, pose.speed), reason
 
     def _situation(self, speed: float) -> Situation:
         """Announced stops, and the state of a silent member behind which the lead stands."""
-        situation = Situation(relayed_stops=tuple([stop for _, stop in self._stops.values()]))
-        silent = self.ahead.silent if self.ahead else None
-        if silent is not None and speed < STANDSTILL:
-            self._held = silent
-        elif speed > SLOWEST:
-            self._held = None
-        if self._held is not None:
-            situation.predecessor, situation.known = self._held, self._held.known
+        newest = [track.newest for track in self.members[: self.relays]]
+        stops = tuple([pose.message.stops_at_ns if pose else 0 for pose in newest])
+        situation = Situation(relayed_stops=stops)
+        if self.ahead is not None and self.ahead.silent is not None and speed < SLOWEST:
+            situation.predecessor, situation.known = self.ahead.silent, self.ahead.silent.known
         return situation
 
     def _track(self, pose: Pose) -> TrackingErrors:

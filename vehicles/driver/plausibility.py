@@ -10,8 +10,7 @@ detected: always beside the road, or permanently displaced.
 
 from collections import Counter, deque
 from dataclasses import dataclass
-from itertools import pairwise
-from math import cos, hypot, isfinite, remainder, sin, sqrt, tau
+from math import cos, hypot, inf, isfinite, remainder, sin, sqrt, tau
 from typing import Final, Literal, NamedTuple
 
 from vehicles.car.noise import GnssNoise
@@ -19,19 +18,19 @@ from vehicles.geometry.sampled_path import HARDEST_BRAKING, drivable
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
-Distrust = Literal["", "frozen", "jumping", "impossible", "ghost", "over-confident"]
+Distrust = Literal["", "frozen", "jumping", "impossible", "over-confident"]
 """Verdict on a pose; empty if it is trusted.
 
 frozen          the position repeats although the speed is not zero
 jumping         a position or heading that the car cannot have reached
 impossible      numbers or a change of speed that are impossible, or positions that contradict them
-ghost           two tracks under one name, and the pose is not on the trusted one
 over-confident  used, but positions scatter more than stated
 """
-REFUSED: tuple[Distrust, ...] = ("frozen", "jumping", "impossible", "ghost")
+REFUSED: tuple[Distrust, ...] = ("frozen", "jumping", "impossible")
 
 CORNERING: Final = 9.0  # Acceleration (m/s²) of any manoeuvre: limit of dry tyres
 MAX_YAW_ACCELERATION: Final = 8.0  # rad/s², all friction at one axle, rounded up
+LEAST_VARIANCE: Final = 1e-12  # rad², of a heading without noise
 SLIP_ARM: Final = 1.5  # Lateral speed over yaw rate (m): from rear axle to antenna
 SLIP_ARM_GROWTH: Final = 0.002  # Its growth (s²/m) with the squared speed, by steady slip
 ANCHOR_TIME: Final = SECOND  # Time (ns) over which positions are compared with speeds
@@ -39,99 +38,80 @@ MIN_DEVIATION: Final = 0.01  # Smallest assumed deviation (m), whatever is state
 MAX_DEVIATION: Final = 5.0  # Largest one (m): with a larger one every pose would pass
 
 WINDOW: Final = 32  # Number of poses from which over-confidence is estimated
-MAX_SQUARE: Final = 15.0  # Bound of squares, so that jumps do not look over-confident
-OVERCONFIDENT_SUM: Final = 95.0
-CONFIDENT_SUM: Final = 60.0
-"""Sums over the window above which a source is over-confident, and below which it ends. The sum of
-an honest source is 36.3 with a standard deviation of 7.8 (nearly chi-squared with 43 degrees of
-freedom after scaling), which exceeds 90 as rarely as a normal number exceeds 5 deviations (Wilson
-and Hilferty, 1931)."""
-HONEST_THIRD: Final = 0.41
-"""Lower tertile of an honest source's squared innovations, each the smaller one against the last
-two poses. It also holds for two tracks of which one is honest."""
-MIN_INFLATION: Final = 1.5  # Below this inflation a source is not over-confident
+HONEST_THIRD: Final = 0.81
+"""Lower tertile of an honest source's squared innovations, chi-squared with 2 degrees of freedom.
+Jumps and a second track under the same name do not disturb it."""
+MIN_INFLATION: Final = 2.0
+"""A source is over-confident from this inflation on, where two thirds of its squares exceed the
+honest 80 % quantile. Of 32 honest ones so many do once in ten million windows."""
 MAX_INFLATION: Final = 30.0  # One solver stated a twentieth of its true deviation
 RESTART_POSES: Final = 3  # Smallest number of poses that must agree on a new position
-SUSPECT_LIFETIME: Final = 3 * SECOND  # Age (ns) up to which a refused pose supports others
-RECENT_POSES: Final = 12
-RETURNS: Final = 2  # Trusted poses after refused ones, of the recent ones, that make two tracks
 QUIET: Final = SECOND  # Time (ns) after the last refusal until a source is reported as trusted
 
 
-class Innovation(NamedTuple):
+class _Stated(NamedTuple):
+    """A pose, the cosine and sine of its yaw, and its stated variance (m², per axis), clipped."""
+
+    pose: ReceivedPose
+    cosine: float
+    sine: float
+    variance: float
+
+
+class _Innovation(NamedTuple):
     """Innovation of a pose against another one of its source.
 
-    `span` (s) lies between them. `east`, `north` (m) are the position minus the prediction, `moved`
-    (m) is the predicted displacement. `manoeuvre` (m) is the standard deviation by the manoeuvre in
-    between along and across the direction of travel, the larger one; `deviations` is the larger
-    axis in standard deviations, `square` the squared normalised innovation, chi-squared with 2
-    degrees of freedom.
+    `east`, `north` (m) are the position minus the prediction. `manoeuvre` (m) is the standard
+    deviation by the manoeuvre in between along and across the direction of travel, the larger one.
+    `deviations` is the largest of both axes and the heading in standard deviations, `square` the
+    squared normalised innovation of the position, chi-squared with 2 degrees of freedom.
     """
 
-    span: float
     east: float
     north: float
-    moved: tuple[float, float]
     manoeuvre: float
     deviations: float
     square: float
 
 
-def stated_variance(accuracy: float) -> float:
-    """Variance (m²) per axis for a stated standard deviation `accuracy` (m), clipped."""
-    return min(max(accuracy, MIN_DEVIATION), MAX_DEVIATION) ** 2
-
-
-def innovation(
-    before: ReceivedPose, pose: ReceivedPose, noise: GnssNoise, inflation: float = 1.0
-) -> Innovation:
-    """Innovation of the position of `pose` against `before`.
+def _innovation(first: _Stated, second: _Stated, noise: GnssNoise, inflation: float) -> _Innovation:
+    """Innovation of the `second` pose against the `first`.
 
     The prediction holds for any manoeuvre: the displacement is the mean velocity times the time T
     in between, and with an acceleration of at most A the error is at most A T²/4, assumed to be
-    three standard deviations. `noise` is that of all but positions; stated deviations count
-    `inflation` times.
+    three standard deviations; so is that of the heading. `noise` is that of all but positions;
+    stated deviations count `inflation` times, except in the `square`.
     """
+    before, pose, cosine, sine = first.pose, second.pose, second.cosine, second.sine
     span = (pose.measured_at - before.measured_at) / SECOND
-    size, half = abs(span), 0.5 * span
-    cosine, sine = cos(pose.yaw), sin(pose.yaw)
-    speed, speed_before = pose.speed, before.speed
-    moved_east = half * (speed_before * cos(before.yaw) + speed * cosine)
-    moved_north = half * (speed_before * sin(before.yaw) + speed * sine)
-    east = pose.east - before.east - moved_east
-    north = pose.north - before.north - moved_north
+    size, half, speed, speed_before = abs(span), 0.5 * span, pose.speed, before.speed
+    east = pose.east - before.east - half * (speed_before * first.cosine + speed * cosine)
+    north = pose.north - before.north - half * (speed_before * first.sine + speed * sine)
+    turn = remainder(pose.yaw - before.yaw - half * (before.yaw_rate + pose.yaw_rate), tau)
     fastest = speed if speed > speed_before else speed_before
     slipping = max(abs(pose.yaw_rate), abs(before.yaw_rate))
     slip = slipping * (SLIP_ARM + SLIP_ARM_GROWTH * fastest * fastest)
-    driven = (CORNERING * size * size / 12.0) ** 2
-    along_variance = driven + 0.5 * (size * noise.speed) ** 2
-    across_variance = driven + 0.5 * (size * fastest * noise.heading) ** 2 + (size * slip) ** 2
-    stated = stated_variance(before.accuracy) + stated_variance(pose.accuracy)
+    driven, turned = CORNERING * size * size / 12.0, MAX_YAW_ACCELERATION * size * size / 12.0
+    along_variance = driven * driven + 0.5 * (size * noise.speed) ** 2
+    across_variance = driven * driven + 0.5 * (size * fastest * noise.heading) ** 2
+    across_variance += (size * slip) ** 2
+    turn_variance = turned * turned + 2.0 * noise.heading**2 + 0.5 * (size * noise.yaw_rate) ** 2
     along, across = east * cosine + north * sine, north * cosine - east * sine
     along, across = along * along, across * across
+    stated = first.variance + second.variance
     inflated = stated * inflation * inflation
-    largest = max(along / (along_variance + inflated), across / (across_variance + inflated))
-    return Innovation(
-        span,
+    largest = max(
+        along / (along_variance + inflated),
+        across / (across_variance + inflated),
+        turn * turn / (turn_variance + LEAST_VARIANCE),
+    )
+    return _Innovation(
         east,
         north,
-        (moved_east, moved_north),
         sqrt(max(along_variance, across_variance)),
         sqrt(largest),
         along / (along_variance + stated) + across / (across_variance + stated),
     )
-
-
-def heading_deviations(before: ReceivedPose, pose: ReceivedPose, noise: GnssNoise) -> float:
-    """Innovation of the heading of `pose` against `before`, in standard deviations."""
-    span = (pose.measured_at - before.measured_at) / SECOND
-    turn = remainder(pose.yaw - before.yaw - 0.5 * span * (before.yaw_rate + pose.yaw_rate), tau)
-    variance = (
-        2.0 * noise.heading**2
-        + 0.5 * (span * noise.yaw_rate) ** 2
-        + (MAX_YAW_ACCELERATION * span * span / 12.0) ** 2
-    )
-    return abs(turn) / sqrt(variance) if variance else 0.0
 
 
 @dataclass(slots=True)
@@ -139,41 +119,41 @@ class _PoseTrack:
     """Consistent poses of a source, and the sum of their innovations since the `anchor`.
 
     Innovations of consecutive poses hide slow drifts. Their sum over up to a second has only the
-    noise of two positions (CUSUM; Page, "Continuous inspection schemes", 1954).
+    noise of two positions (CUSUM; Page, "Continuous inspection schemes", 1954). `inflation` is that
+    at the anchor, `since` (ns) the instant at which the first of `count` poses was received.
     """
 
-    last: ReceivedPose
-    anchor: ReceivedPose
-    anchor_inflation: float
+    last: _Stated
+    anchor: _Stated
+    inflation: float
+    since: int
+    count: int = 1
     east: float = 0.0
     north: float = 0.0
     manoeuvre: float = 0.0
 
-    def drift(self, found: Innovation, pose: ReceivedPose, inflation: float) -> float:
-        """Sum of innovations up to `pose`, in standard deviations."""
-        at_anchor = max(inflation, self.anchor_inflation)
-        stated = stated_variance(self.anchor.accuracy) * at_anchor * at_anchor
-        stated += stated_variance(pose.accuracy) * inflation * inflation
-        deviation = hypot(self.manoeuvre + found.manoeuvre, sqrt(stated))
-        return max(abs(self.east + found.east), abs(self.north + found.north)) / deviation
-
-    def push(self, found: Innovation, pose: ReceivedPose, inflation: float) -> None:
+    def add(self, found: _Innovation, pose: _Stated, inflation: float, gate: float) -> bool:
+        """Append a pose unless the sum of innovations is beyond the gate."""
+        east, north = self.east + found.east, self.north + found.north
+        manoeuvre, widest = self.manoeuvre + found.manoeuvre, max(inflation, self.inflation)
+        variance = self.anchor.variance * widest * widest + pose.variance * inflation * inflation
+        if max(abs(east), abs(north)) > gate * sqrt(manoeuvre * manoeuvre + variance):
+            return False
         self.last = pose
-        if pose.measured_at - self.anchor.measured_at >= ANCHOR_TIME:
-            self.anchor_inflation = inflation
-            self.anchor, self.east, self.north, self.manoeuvre = pose, 0.0, 0.0, 0.0
-            return
-        self.east, self.north = self.east + found.east, self.north + found.north
-        self.manoeuvre += found.manoeuvre
+        if pose.pose.measured_at - self.anchor.pose.measured_at >= ANCHOR_TIME:
+            self.anchor, self.inflation = pose, inflation
+            east = north = manoeuvre = 0.0
+        self.east, self.north, self.manoeuvre = east, north, manoeuvre
+        return True
 
 
 class PoseJudge:
     """Judges the poses of one source in the order in which they are received.
 
-    A pose is compared with the newest trusted one. Refused poses that agree with one another for
-    `settle` become the trusted track, so no source is excluded forever. `refused` counts poses by
-    reason. `at_new_place` is True if the last pose used is the first one at a position to which no
-    car can have driven. Without `noise` only such positions are refused, and nothing is reported.
+    A pose is compared with the newest trusted one. Refused poses that agree with one another become
+    the trusted track, so no source is excluded forever. `refused` counts poses by reason.
+    `at_new_place` is True if the last pose used is the first one at a position to which no car can
+    have driven. Without `noise` only such positions are refused, and nothing is reported.
     """
 
     def __init__(
@@ -185,193 +165,132 @@ class PoseJudge:
         settle: float = 1.0,
         remarks: list[str] | None = None,
     ) -> None:
-        """`noise` applies to all but positions; `gate` is in standard deviations, `settle` in s.
+        """`noise` applies to all but positions; `gate` is in standard deviations.
 
-        Lines for the log, such as "v1 distrusted: frozen", are appended to `remarks`.
+        With it, poses must agree for `settle` (s) to be trusted again. Lines for the log, such as
+        "v1 distrusted: frozen", are appended to `remarks`.
         """
         self.at_new_place = False
         self.refused: Counter[Distrust] = Counter()
         self._name, self._noise, self._gate = name, noise, gate
-        self._settle = round(settle * SECOND)
-        self._used: ReceivedPose | None = None
-        self._away: list[ReceivedPose] = []
+        self._settle = 0 if noise is None else round(settle * SECOND)
         self._remarks = [] if remarks is None else remarks
         self._trusted: _PoseTrack | None = None
         self._suspects: _PoseTrack | None = None
-        self._agreed, self._agreed_since = 0, 0
-        self._accepted: deque[bool] = deque(maxlen=RECENT_POSES)
-        self._last: deque[ReceivedPose] = deque(maxlen=2)
-        self._squares: deque[float] = deque(maxlen=WINDOW)
-        self._inflation = 1.0
-        self._still: ReceivedPose | None = None
-        self._should_move = (0.0, 0.0, 0.0)
-        self._refused_at, self._refusals = 0, 0
+        self._squares = deque([0.0] * WINDOW, WINDOW)
+        self._square, self._inflation = inf, 1.0
+        self._received: ReceivedPose | None = None
+        self._unmoved = 0.0
+        self._refused_at = 0
         self._reported = set[Distrust]()
 
     def judge(self, pose: ReceivedPose) -> Distrust:
         """Verdict on a pose; with a reason in `REFUSED` it must not be used."""
         reason: Distrust = "impossible"
+        self.at_new_place = False
         if isfinite(pose.east + pose.north + pose.yaw + pose.speed + pose.yaw_rate):
-            reason = "" if self._noise is None else self._verdict(pose, self._noise)
-            if reason not in REFUSED:
-                reason = self._reach(pose) or reason
+            variance = min(max(pose.accuracy, MIN_DEVIATION), MAX_DEVIATION) ** 2
+            reason = self._verdict(_Stated(pose, cos(pose.yaw), sin(pose.yaw), variance))
         if reason in REFUSED:
             self.refused[reason] += 1
+        elif self._inflation > 1.0:
+            reason = "over-confident"
         if self._noise is not None and (reason or self._reported):  # rare
             self._report(pose, reason)
         return reason
 
-    def deviation(self, pose: ReceivedPose) -> float:
-        """Standard deviation (m, per axis) to assume for a pose instead of the stated one."""
-        if self._inflation == 1.0:
-            return pose.accuracy
-        return min(self._inflation * max(pose.accuracy, MIN_DEVIATION), MAX_DEVIATION)
-
-    def _reach(self, pose: ReceivedPose) -> Distrust:
-        """Whether a car can have driven from the last used pose to this one; late poses pass.
-
-        It also catches outliers of receivers that state a large deviation.
-        """
-        used, away = self._used, self._away
-        self.at_new_place = False
-        if used is not None and pose.measured_at <= used.measured_at:
+    def _verdict(self, pose: _Stated) -> Distrust:
+        """Add a pose to the trusted track of its source, or to the suspects."""
+        track, now = self._trusted, pose.pose.received_at
+        frozen = self._is_frozen(pose)
+        if track is None:
+            self._trusted = _PoseTrack(pose, pose, self._inflation, now)
             return ""
-        if used is not None and not self._reachable(used, pose):
-            if away and not self._reachable(away[-1], pose):
-                away.clear()
-            away.append(pose)
-            if len(away) < RESTART_POSES:
-                return "jumping"
-            self.at_new_place = True
-        away.clear()
-        self._used = pose
+        is_late, self._square = pose.pose.measured_at <= track.last.pose.measured_at, inf
+        reason: Distrust = "frozen" if frozen else self._extend(track, pose)
+        if is_late:
+            return reason  # it changes nothing
+        if reason and not frozen and self._restart(track, pose, now):
+            return ""
+        if not reason or frozen:
+            self._suspects = None
+        if not frozen and self._noise is not None:
+            self._squares.append(self._square)
+            third = sorted(self._squares)[WINDOW // 3]
+            inflation = min(sqrt(third / HONEST_THIRD), MAX_INFLATION)
+            self._inflation = inflation if inflation >= MIN_INFLATION else 1.0
+        return reason
+
+    def _restart(self, track: _PoseTrack, pose: _Stated, now: int) -> bool:
+        """Add a refused pose to the suspects, which replace the track if enough of them agree."""
+        suspects = self._suspects
+        if suspects is None or self._extend(suspects, pose):
+            self._suspects = _PoseTrack(pose, pose, self._inflation, now)
+            return False
+        suspects.count += 1
+        if suspects.count < RESTART_POSES or now - suspects.since < self._settle:
+            return False
+        self.at_new_place = not self._is_reachable(track.last, pose)
+        self._trusted, self._suspects = suspects, None
+        return True
+
+    def _extend(self, track: _PoseTrack, pose: _Stated) -> Distrust:
+        """Append a pose, unless it is late, to a track; returns how it contradicts the track."""
+        last, noise, gate = track.last, self._noise, self._gate
+        span = (pose.pose.measured_at - last.pose.measured_at) / SECOND
+        if not self._is_reachable(last, pose):
+            return "jumping"
+        if noise is None:
+            track.last = pose if span > 0.0 else last
+            return ""
+        found = _innovation(last, pose, noise, self._inflation)
+        self._square = min(self._square, found.square)
+        if found.deviations > gate:
+            return "jumping"
+        gain = abs(pose.pose.speed - last.pose.speed) - HARDEST_BRAKING * abs(span)
+        if gain > gate * (sqrt(2.0) * noise.speed + 1e-3):
+            return "impossible"
+        if span > 0.0 and not track.add(found, pose, self._inflation, gate):
+            return "impossible"
         return ""
 
-    def _reachable(self, first: ReceivedPose, second: ReceivedPose) -> bool:
-        """Whether one car can have been at both positions, but for their stated deviations."""
+    def _is_reachable(self, before: _Stated, after: _Stated) -> bool:
+        """Whether one car can have been at both positions, but for their stated deviations.
+
+        After a long silence it is stricter than the innovation.
+        """
+        first, second = before.pose, after.pose
         distance = hypot(second.east - first.east, second.north - first.north)
         if self._noise is not None:
-            stated = stated_variance(first.accuracy) + stated_variance(second.accuracy)
-            distance -= self._gate * sqrt(stated)
+            distance -= self._gate * sqrt(before.variance + after.variance)
         span = abs(second.measured_at - first.measured_at)
         return drivable(distance, span, max(abs(first.speed), abs(second.speed)))
 
-    def _verdict(self, pose: ReceivedPose, noise: GnssNoise) -> Distrust:
-        """Compare a pose with the trusted track of its source."""
-        frozen, track = self._observe(pose, noise), self._trusted
-        if track is None:
-            self._trusted = _PoseTrack(pose, pose, self._inflation)
-            return ""
-        found, fault = self._compare(track, pose, noise)
-        reason: Distrust = "frozen" if frozen else fault
-        if pose.measured_at <= track.last.measured_at:
-            return reason or self._confidence  # a late pose changes nothing
-        self._accepted.append(not reason)
-        if not reason:
-            track.push(found, pose, self._inflation)
-            self._agreed = 0
-            return self._confidence
-        if reason != "frozen":
-            returns = [after and not before for before, after in pairwise(self._accepted)]
-            if sum(returns) >= RETURNS:  # alternately trusted and refused
-                reason = "ghost"
-        return self._suspect(pose, reason, noise)
-
-    def _compare(
-        self, track: _PoseTrack, pose: ReceivedPose, noise: GnssNoise
-    ) -> tuple[Innovation, Distrust]:
-        """Innovation of a pose, and how it contradicts a track; empty if it does not."""
-        found, gate = innovation(track.last, pose, noise, self._inflation), self._gate
-        if found.deviations > gate or heading_deviations(track.last, pose, noise) > gate:
-            return found, "jumping"
-        gain = abs(pose.speed - track.last.speed) - HARDEST_BRAKING * abs(found.span)
-        if gain > gate * (sqrt(2.0) * noise.speed + 1e-3):
-            return found, "impossible"
-        if found.span > 0.0 and track.drift(found, pose, self._inflation) > gate:
-            return found, "impossible"
-        return found, ""
-
-    def _suspect(self, pose: ReceivedPose, reason: Distrust, noise: GnssNoise) -> Distrust:
-        """Refuse a pose, unless it completes the poses that restart the track."""
-        track, now = self._suspects, pose.received_at
-        agrees = track is not None and (
-            reason != "frozen" and pose.measured_at - track.last.measured_at <= SUSPECT_LIFETIME
-        )
-        if track is not None and agrees:
-            found, fault = self._compare(track, pose, noise)
-            agrees = not fault
-            if agrees and found.span > 0.0:
-                track.push(found, pose, self._inflation)
-        if track is None or not agrees:
-            self._suspects = _PoseTrack(pose, pose, self._inflation)
-            self._agreed, self._agreed_since = 1, now
-            return reason
-        if not self._agreed:
-            self._agreed_since = now
-        self._agreed += 1
-        if self._agreed < RESTART_POSES or now - self._agreed_since < self._settle:
-            return reason
-        self._trusted, self._suspects = track, None
-        return self._confidence
-
-    @property
-    def _confidence(self) -> Distrust:
-        return "over-confident" if self._inflation > 1.0 else ""
-
-    def _observe(self, pose: ReceivedPose, noise: GnssNoise) -> bool:
-        """Update the inflation of stated deviations; returns whether the position is frozen."""
-        last = self._last
-        if last and pose.measured_at <= last[-1].measured_at:
+    def _is_frozen(self, stated: _Stated) -> bool:
+        """Whether the position repeats although the stated speeds must have changed it."""
+        before, pose, noise = self._received, stated.pose, self._noise
+        if noise is None or (before is not None and pose.measured_at <= before.measured_at):
             return False
-        frozen = False
-        if last:
-            found = innovation(last[-1], pose, noise)
-            frozen = self._is_frozen(found, pose, noise)
-            if not frozen:
-                square = found.square
-                if len(last) > 1:
-                    square = min(square, innovation(last[0], pose, noise).square)
-                self._squares.append(square)
-                self._set_inflation()
-        last.append(pose)
-        return frozen
-
-    def _set_inflation(self) -> None:
-        limit = OVERCONFIDENT_SUM if self._inflation == 1.0 else CONFIDENT_SUM
-        self._inflation = 1.0
-        if sum([min(square, MAX_SQUARE) for square in self._squares]) > limit:
-            third = sorted(self._squares)[len(self._squares) // 3]
-            inflation = min(sqrt(third / HONEST_THIRD), MAX_INFLATION)
-            self._inflation = inflation if inflation >= MIN_INFLATION else 1.0
-
-    def _is_frozen(self, found: Innovation, pose: ReceivedPose, noise: GnssNoise) -> bool:
-        """Whether the position is constant although the stated speeds must have changed it."""
-        still = self._still or pose
-        stated = stated_variance(still.accuracy) + stated_variance(pose.accuracy)
-        limit = self._gate * self._inflation * sqrt(stated)
-        if self._still is None or hypot(pose.east - still.east, pose.north - still.north) > limit:
-            self._still, self._should_move = pose, (0.0, 0.0, 0.0)
-            return False
-        east, north, variance = self._should_move
-        if pose.speed > self._gate * noise.speed:
-            variance += found.manoeuvre**2
-            east, north = east + found.moved[0], north + found.moved[1]
-            self._should_move = east, north, variance
-        return hypot(east, north) > 2.0 * limit + self._gate * sqrt(variance)
+        self._received = pose
+        if before is None or (pose.east, pose.north) != (before.east, before.north):
+            self._unmoved = 0.0
+        elif pose.speed > self._gate * noise.speed:
+            span = (pose.measured_at - before.measured_at) / SECOND
+            self._unmoved += 0.5 * (before.speed + pose.speed) * span
+        return self._unmoved > 2.0 * self._gate * sqrt(2.0 * stated.variance)
 
     def _report(self, pose: ReceivedPose, reason: Distrust) -> None:
-        name = self._name
+        """Log a reason once, until the source has been trusted for `QUIET`."""
         if reason in REFUSED:
             self._refused_at = pose.received_at
-            self._refusals += 1
         elif not reason and pose.received_at - self._refused_at > QUIET:
-            count = f"; {self._refusals} poses refused" if self._refusals else ""
-            self._remarks.append(f"{name} trusted again{count}")
-            self._refusals = 0
+            self._remarks.append(
+                f"{self._name} trusted again; {self.refused.total()} poses refused"
+            )
             self._reported.clear()
         if reason and reason not in self._reported:
             self._reported.add(reason)
             text = f"distrusted: {reason}"
             if reason not in REFUSED:
-                text = f"{reason}: assumed accuracy {self.deviation(pose):.2f} m"
-            self._remarks.append(f"{name} {text}")
+                text = f"{reason}: positions scatter {self._inflation:.1f} times as much as stated"
+            self._remarks.append(f"{self._name} {text}")

@@ -33,11 +33,9 @@ DELAY = 0.01  # Unmodelled delay (s); the change of the yaw rate within it count
 LINEAR_LIMIT = 4.0  # Lateral acceleration (m/s²) above which tyres are not linear
 MIN_RATIO, MAX_RATIO = 0.7, 1.6
 UPDATE_THRESHOLD = 0.002  # Change of the ratio that is passed on to controllers and filters
-LONGEST_STEP = 0.01  # Longest step (s): at 20 ms the load is off by 5 %
-SLOWEST = 3.0  # Slower cars are modelled as at this speed (m/s), and settle within a step
-MIN_LEARNING_SPEED = 8.0  # Below it (m/s) K_sg v² is less than 1 % of the wheelbase
-
-Pair = tuple[float, float]
+STEP = 0.0025  # Step (s) of the models by Euler's method
+MIN_LEARNING_SPEED = 8.0
+"""Below it (m/s) K_sg v² is less than 1 % of the wheelbase; the models stay at it."""
 
 
 def with_load(p: VehicleParameters, ratio: float) -> VehicleParameters:
@@ -58,7 +56,7 @@ class SlipEstimator:
         self._noise = max(yaw_rate_noise, MIN_NOISE)
         cars = parameters, with_load(parameters, LADEN)
         self._coefficients = [lateral_coefficients(car) for car in cars]
-        self._motions: list[Pair] = [(0.0, 0.0), (0.0, 0.0)]  # lateral speed (m/s), yaw rate
+        self._motions = [(0.0, 0.0), (0.0, 0.0)]  # lateral speed (m/s), yaw rate (rad/s)
         self._actuator = actuator(parameters)
         self._steering = self._steering_rate = 0.0
         self._bias = self._turning = 0.0
@@ -77,26 +75,20 @@ class SlipEstimator:
         """Predict by `span` (s) at `speed` (m/s) with a held command (rad): eqs. (1), (2), (4)."""
         if span <= 0.0:
             return
-        parts = math.ceil(span / LONGEST_STEP - 1e-9)
-        step, speed = span / parts, max(speed, SLOWEST)
+        parts, before = math.ceil(span / STEP - 1e-9), self._motions[0][1]
+        (square, damping), limit = self._actuator, self._assumed.steering_rate_limit
+        h, v, motions = span / parts, max(speed, MIN_LEARNING_SPEED), self._motions
         for _ in range(parts):
-            mean, before = self._steer(step, command), self._motions[0][1]
-            pairs = zip(self._coefficients, self._motions, strict=True)
-            self._motions = [_moved(car, motion, step, speed, mean) for car, motion in pairs]
-            self._turning = (self._motions[0][1] - before) / step
+            for k, (a, b, c, d, e, f) in enumerate(self._coefficients):
+                y, r = motions[k]
+                sideways = (a * y + b * r) / v - v * r + c * self._steering
+                motions[k] = y + h * sideways, r + h * ((d * y + e * r) / v + f * self._steering)
+            push = square * (command - self._steering) - damping * self._steering_rate
+            self._steering_rate = min(max(self._steering_rate + h * push, -limit), limit)
+            self._steering += h * self._steering_rate
+        self._turning = (motions[0][1] - before) / span
         self._variance += DRIFT * DRIFT * span
         self._bias_variance += BIAS_DRIFT * BIAS_DRIFT * span
-
-    def _steer(self, span: float, command: float) -> float:
-        """Steer by eq. (4), by the trapezoidal rule; returns the mean angle (rad) of the wheels."""
-        (square, damping), half = self._actuator, 0.5 * span
-        angle, rate = self._steering, self._steering_rate
-        push = rate + half * (square * (2.0 * command - 2.0 * angle - half * rate) - damping * rate)
-        after = push / (1.0 + half * (damping + half * square))
-        limit = self._assumed.steering_rate_limit
-        self._steering_rate = min(max(after, -limit), limit)
-        self._steering = angle + half * (rate + self._steering_rate)
-        return 0.5 * (angle + self._steering)
 
     def correct(self, yaw_rate: float, speed: float) -> None:
         """Correct by a measured yaw rate (rad/s) at a speed (m/s)."""
@@ -115,23 +107,6 @@ class SlipEstimator:
         self._variance = p - to_ratio * with_ratio
         self._bias_variance = q - to_bias * with_bias
         self._covariance = c - to_ratio * with_bias
-
-
-def _moved(
-    coefficients: tuple[float, ...], motion: Pair, h: float, v: float, steering: float
-) -> Pair:
-    """Lateral speed (m/s) and yaw rate (rad/s) after h (s), by the trapezoidal rule: eqs. (1), (2).
-
-    The car has the speed v (m/s) and the mean steering angle (rad) of the step.
-    """
-    of_y, of_r, of_steering, turn_y, turn_r, turn_steering = coefficients
-    (y, r), half = motion, 0.5 * h
-    a, b, d, e = half * of_y / v, half * (of_r / v - v), half * turn_y / v, half * turn_r / v
-    right_y = y + a * y + b * r + h * of_steering * steering
-    right_r = r + d * y + e * r + h * turn_steering * steering
-    determinant = (1.0 - a) * (1.0 - e) - b * d
-    yaw_rate = ((1.0 - a) * right_r + d * right_y) / determinant
-    return ((1.0 - e) * right_y + b * right_r) / determinant, yaw_rate
 
 
 @runtime_checkable

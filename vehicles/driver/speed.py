@@ -131,12 +131,8 @@ class BendsAhead:
         bends.append((station, squared))
 
     def acceleration(self, pose: Pose) -> float:
-        """Largest acceleration (m/s²) before and in bends, infinite without one ahead.
-
-        The allowed speed decreases at `limits.before_bends` towards a bend. The car brakes by that
-        in advance, because correcting an excess lags behind.
-        """
-        path, bends, speed, limits = self._path, self._bends, pose.speed, self._limits
+        """Largest acceleration (m/s²) before and in bends, infinite without one ahead."""
+        path, bends, limits = self._path, self._bends, self._limits
         while len(path) > 1 and _station_along(path[1], pose) >= path[1][0]:
             path.popleft()
         station = _station_along(path[0], pose) if path else 0.0
@@ -145,10 +141,20 @@ class BendsAhead:
         if not bends:
             return inf
         at, squared = bends[0]
-        allowed = math.sqrt(max(squared - 2.0 * limits.before_bends * station, 0.0))
-        share = (at - station) / (BRAKING_BEFORE * speed) if speed > 0.0 else 0.0
-        braking = limits.before_bends * min(share, 1.0)
-        return max(BEND_RATE * (allowed - speed) - braking, -limits.deceleration)
+        squared -= 2.0 * limits.before_bends * station
+        return bend_acceleration(pose.speed, squared, at - station, limits)
+
+
+def bend_acceleration(speed: float, squared: float, distance: float, limits: GapLimits) -> float:
+    """Largest acceleration (m/s²) where `squared` (m²/s²) is allowed, `distance` (m) before a bend.
+
+    The allowed speed decreases at `limits.before_bends` towards the bend. The car brakes by that in
+    advance, because correcting an excess lags behind.
+    """
+    allowed = math.sqrt(max(squared, 0.0))
+    share = distance / (BRAKING_BEFORE * speed) if speed > 0.0 else 0.0
+    braking = limits.before_bends * min(share, 1.0)
+    return max(BEND_RATE * (allowed - speed) - braking, -limits.deceleration)
 
 
 def _station_along(point: tuple[float, float, float, float], pose: Pose) -> float:

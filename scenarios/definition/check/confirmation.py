@@ -8,7 +8,7 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.road.route import spacing_policy
 from scenarios.definition.scenario import Scenario
 from vehicles.car.parameters import least_spacing
-from vehicles.driver.ahead import shortest_loop
+from vehicles.driver.convoy import shortest_loop
 
 # ---- Convoys that are longer than a lap or another loop of their path, or nearly so
 
@@ -25,15 +25,20 @@ class _Loop(NamedTuple):
 
 
 def longer_than_lap(scenario: Scenario) -> Iterator[str]:
-    """Report a convoy that does not fit on a lap or another loop even if it stands."""
-    vehicles, keeps_gap = len(scenario.vehicle_names), scenario.tables.speed.lead_keeps_gap
-    speed = 0.0 if keeps_gap else max(scenario.route.profile.speeds)
-    length = _length(scenario, speed, whole=bool(keeps_gap))
-    loop = _driven_loop(scenario, length)
-    if loop is None or length < loop.length:
+    """Report a convoy that does not fit on a lap, or on another loop at full speed.
+
+    On a lap the lead may keep its distance; then the convoy must fit if it stands.
+    """
+    vehicles, fastest = len(scenario.vehicle_names), max(scenario.route.profile.speeds)
+    loop = _driven_loop(scenario, _length(scenario, fastest, whole=False))
+    if loop is None:
+        return
+    keeps_gap = loop.name == "lap" and bool(scenario.tables.speed.lead_keeps_gap)
+    length = _length(scenario, 0.0 if keeps_gap else fastest, whole=keeps_gap)
+    if length < loop.length:
         return
     end = "stops permanently behind" if keeps_gap else "runs into"
-    if not keeps_gap and loop.name == "loop":
+    if loop.name == "loop":
         end = "or another vehicle can run into"
     cars = vehicles if keeps_gap else vehicles - 1
     most = max(int(loop.length * cars / length), 2)
@@ -52,15 +57,13 @@ def lap_warnings(scenario: Scenario) -> Iterator[str]:
     fastest = max(scenario.route.profile.speeds)
     length, standing = (_length(scenario, speed, whole=True) for speed in (fastest, 0.0))
     loop = _driven_loop(scenario, length)
-    if loop is None or not standing < loop.length < length:
+    if loop is None or loop.name == "loop" or not standing < loop.length < length:
         return
     slower = fastest * (loop.length - standing) / (length - standing)
-    slows = f"keeps its distance from {names[-1]} ahead of it and drives at most {slower:.1f} m/s"
-    if loop.name == "loop":
-        slows = f"waits until {names[-1]} has passed where the path meets itself, and drives slower"
     yield (
-        f"at {fastest:.1f} m/s the convoy with its gaps is {length:.0f} m long and a {loop.name} "
-        f"{loop.length:.0f} m: the lead {slows} on average. Lower convoy.vehicles or the gaps."
+        f"at {fastest:.1f} m/s the convoy with its gaps is {length:.0f} m long and a lap "
+        f"{loop.length:.0f} m: the lead keeps its distance from {names[-1]} ahead of it and drives "
+        f"at most {slower:.1f} m/s on average. Lower convoy.vehicles or the gaps."
     )
 
 

@@ -333,11 +333,10 @@ class SpeedTable(Table):
     lead                           "set" speed, "profile", "oscillating", or "recorded" in the trace
     lead_waits                     whether the lead slows down while it receives nothing from a
                                    follower, or a follower falls behind
-    lead_keeps_gap                 whether the lead keeps the gap of [speed.gap] to members of its
-                                   convoy that are ahead of it on its path, and waits where the
-                                   path meets itself until the last one has passed. It stands behind
-                                   a silent member until that, or a car behind it, is received
-                                   further on. Default: on a closed path
+    lead_keeps_gap                 whether the lead keeps the gap of [speed.gap] to the last member
+                                   of its convoy ahead of it on a lap of a closed path. It stands
+                                   behind a silent member until that is received further on.
+                                   Default: on a closed path
     set_mps                        set speed
     profile                        points of the profile
     profile_delay_s_max            the profile begins later by a time that the seed draws, up to

@@ -11,9 +11,9 @@ from scenarios.runs.node.phases import Car, Driver, VehicleContext
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.gnss_errors import stated_errors
-from vehicles.driver.ahead import ConvoyAhead
 from vehicles.driver.command_limit import CommandLimit, PositionLimit
 from vehicles.driver.controller import SpacingPolicy
+from vehicles.driver.convoy import ConvoyAhead, ConvoyWatch, MemberTrack
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader, WaitingProfile
 from vehicles.driver.own_state import ExactState, OwnState
@@ -24,7 +24,6 @@ from vehicles.driver.source import Source
 from vehicles.driver.sources import Sources
 from vehicles.driver.speed import BendsAhead, GapKeeping, ProfileSpeed, SpeedLaw
 from vehicles.driver.speed_guard import SpeedGuard
-from vehicles.driver.watch import ConvoyMember, ConvoyWatch
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.schedule import MILLISECOND
@@ -83,15 +82,16 @@ class DriverBuilder:
                 own_state=own_state,
                 controller=controller,
                 speed_law=speed_law,
-                watch=self._convoy_watch(now, context.car.body) if speed.lead_waits else None,
-                ahead=self._convoy_ahead(now, context.car.body) if speed.lead_keeps_gap else None,
+                members=self._members(now, context.car.body),
+                watch=ConvoyWatch(setup.degradation) if speed.lead_waits else None,
+                ahead=self._convoy_ahead() if speed.lead_keeps_gap else None,
                 position_limit=self._position_limit(),
                 control=control,
                 path=self._route.path,
                 station=self.station(context.car.body),
                 limit=self._command_limit(context.car),
                 load=load,
-                followers=self._relayed(),
+                relays=self._relays(),
                 drive_lag=setup.assumed_parameters.drive_lag,
             )
         steering, remarks = setup.steering, list[str]()
@@ -155,10 +155,9 @@ class DriverBuilder:
             remarks=remarks,
         )
 
-    def _relayed(self) -> tuple[str, ...]:
-        """Followers whose announced stops the lead repeats."""
-        tables = self._scenario.tables
-        return tables.convoy.vehicle_names[1:-1] if relays_stops(tables) else ()
+    def _relays(self) -> int:
+        """Number of followers whose announced stops the lead repeats: all but the last."""
+        return len(self._scenario.vehicle_names) - 2 if relays_stops(self._scenario.tables) else 0
 
     def _gap_keeping(self) -> GapKeeping:
         scenario, start = self._scenario, self._scenario.longitudinal_setup(self._name)
@@ -260,33 +259,32 @@ class DriverBuilder:
             policies[name] = SpacingPolicy(standstill, headway)
         return policies
 
-    def _convoy_watch(self, now: int, body: Body) -> ConvoyWatch:
-        return ConvoyWatch(self._setup.degradation, self._route.path, self._members(body), now)
-
-    def _members(self, body: Body) -> list[ConvoyMember]:
+    def _members(self, now: int, body: Body) -> list[MemberTrack]:
         """Received followers from front to back, at the initial spacings behind `body`."""
-        station, members = self.station(body), list[ConvoyMember]()
+        station, members = self.station(body), list[MemberTrack]()
         for place, name in enumerate(self._setup.senders, 1):
             station -= self._route.spacings[place]
-            car, period = self._scenario.vehicle(name).parameters, self._usual_period(name)
-            policy = self._scenario.kept_spacing(place)
-            members.append(ConvoyMember(name, car, period, station, policy))
+            member = MemberTrack(
+                name=name,
+                car=self._scenario.vehicle(name).parameters,
+                period=self._usual_period(name),
+                policy=self._scenario.kept_spacing(place),
+                path=self._route.path,
+                station=station,
+                received_at=now,
+            )
+            members.append(member)
         return members
 
-    def _convoy_ahead(self, now: int, body: Body) -> ConvoyAhead | None:
-        scenario, setup, route = self._scenario, self._setup, self._route
-        members = self._members(body)
-        if not members:
+    def _convoy_ahead(self) -> ConvoyAhead | None:
+        if not self._route.lap:
             return None
         return ConvoyAhead(
-            path=route.path,
-            lap=route.lap,
-            car=setup.parameters,
-            members=members,
-            settings=setup.degradation,
-            policy=spacing_policy(scenario.tables, 0.0),
-            limits=scenario.gap_limits,
-            start_at=now,
+            lap=self._route.lap,
+            car=self._setup.parameters,
+            settings=self._setup.degradation,
+            policy=spacing_policy(self._scenario.tables, 0.0),
+            limits=self._scenario.gap_limits,
         )
 
     def _least_period(self, sender: str) -> float:

@@ -116,7 +116,6 @@ def thinned(fixes: Iterable[_Pose], share: float, seed: int) -> list[_Pose]:
 class Judged:
     pose: ReceivedPose
     reason: Distrust
-    deviation: float
 
     @property
     def seconds(self) -> float:
@@ -134,8 +133,7 @@ def judged(fixes: Iterable[Fix | ReceivedPose], gate: PoseJudge | None = None) -
         pose = fix
         if isinstance(pose, Fix):
             pose = received_fix(pose, received_at=pose.measured_at + LATENCY)
-        reason = gate.judge(pose)
-        verdicts.append(Judged(pose, reason, gate.deviation(pose)))
+        verdicts.append(Judged(pose, gate.judge(pose)))
     return verdicts
 
 

@@ -7,6 +7,8 @@ from tests.made.transport.received_poses import received
 from tests.made.vehicles.exact_drives import CONTROL_HZ, START, Step, drive, on
 from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
+from vehicles.driver.controller import SpacingPolicy
+from vehicles.driver.convoy import MemberTrack
 from vehicles.driver.leader import Leader
 from vehicles.driver.pose_estimator import PoseEstimator
 from vehicles.driver.speed import ProfileSpeed, SpeedProfile
@@ -40,7 +42,7 @@ def leader(
     speed: float | SpeedProfile,
     station: float = 0.0,
     control_hz: float = CONTROL_HZ,
-    followers: Sequence[str] = (),
+    members: Sequence[MemberTrack] = (),
 ) -> Leader:
     profile = speed if isinstance(speed, SpeedProfile) else SpeedProfile((0.0,), (speed,))
     return Leader(
@@ -50,7 +52,8 @@ def leader(
         control=Cadence(START, control_hz),
         path=path,
         station=station,
-        followers=followers,
+        members=members,
+        relays=len(members),
     )
 
 
@@ -124,7 +127,20 @@ def test_it_repeats_the_announced_stops_of_its_followers() -> None:
         announced = Announcement(stops_at_ns=stops_at)
         return received(at, 0.0, 0.0, 0.0, 10.0, vehicle=vehicle, announced=announced)
 
-    lead = leader(path_from_segments([Segment(100.0, 0.0)]), 10.0, followers=("v2", "v3"))
+    path, policy = path_from_segments([Segment(100.0, 0.0)]), SpacingPolicy(10.0, 0.0)
+    members = [
+        MemberTrack(
+            name=name,
+            car=CAR,
+            period=0.05,
+            policy=policy,
+            path=path,
+            station=0.0,
+            received_at=START,
+        )
+        for name in ("v2", "v3")
+    ]
+    lead = leader(path, 10.0, members=members)
     start = Fix(0, START, 10.0, 0.0, 0.0, 10.0, 0.0)
     assert lead.step(START, start, None, ()).situation.relayed_stops == (0, 0)
     poses = [pose("v3", START, 7), pose("v2", START + 2, 5), pose("v2", START + 1, 9)]

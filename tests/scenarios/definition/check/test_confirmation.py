@@ -1,5 +1,7 @@
 """Settings that run only with `--yes`."""
 
+from math import pi
+
 import pytest
 
 from scenarios.definition.check import confirmation
@@ -14,10 +16,23 @@ LOOP = (
     "duration_s=60",
     "convoy.gap_m=20",
 )
+LOOP_M = 1.5 * pi * 8.0
+EIGHT = (
+    f"path={{kind='segments', segments=[{{length_m=8}}, {{length_m={LOOP_M}, radius_m=8, "
+    f"turn='left'}}, {{length_m=16}}, {{length_m={LOOP_M}, radius_m=8, turn='right'}}]}}",
+    "convoy.vehicles=3",
+    "convoy.gap_m=22",
+    "duration_s=14",
+    "speed.set_mps=5",
+    "speed.lateral_acceleration_mps2_max=4",
+    "control.gains={lateral_rad_per_m=0.25, heading_rad_per_rad=1.4, yaw_rate_s=0.04}",
+)
+"""It crosses its first straight after 8 m of it, 54 m later."""
 UNUSUAL = {
     "one vehicle": ("lane_change", ("convoy.vehicles=1",), "convoy.vehicles = 1", False),
     "church_lot": ("church_lot", ("convoy.vehicles=20",), "lap 82 m", False),
     "a circle": ("lane_change", (*LOOP, "convoy.vehicles=10"), "lap 157 m", False),
+    "a crossing": ("lane_change", EIGHT, "or another vehicle can run into", False),
     "microseconds": ("lane_change", ("links.latency_ms=0.02",), "did you mean 20?", True),
     "no latency": ("lane_change", ("links.latency_ms=0",), "latency_ms = 0", True),
     "one link": (

@@ -67,7 +67,7 @@ NEEDS_MANY = Fault(
 
 NO_STOP_ANNOUNCED = Fault("vehicles.driver.sources.Sources.stops_at", lambda *_: 0)
 """No follower announces when it will stop without data."""
-IGNORES_CONVOY = Fault("vehicles.driver.ahead.ConvoyAhead.acceleration", lambda *_: inf)
+IGNORES_CONVOY = Fault("vehicles.driver.convoy.ConvoyAhead.acceleration", lambda *_: inf)
 """The lead ignores its followers."""
 CONSTANT_SPEED = Fault(
     "vehicles.driver.situation.SourceState.predicted",

@@ -7,11 +7,11 @@ import pytest
 from tests.made.transport.received_poses import received
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.controller import SpacingPolicy, VehiclesAhead
+from vehicles.driver.convoy import ConvoyWatch, MemberTrack
 from vehicles.driver.leader import WAITING_SHARE, WaitingProfile
 from vehicles.driver.own_state import Pose
 from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.speed import SpeedProfile
-from vehicles.driver.watch import ConvoyMember, ConvoyWatch
 from vehicles.geometry.sampled_path import Segment, path_from_segments
 from vehicles.messages import Announcement, Mode
 from vehicles.received_pose import ReceivedPose
@@ -29,27 +29,40 @@ def pose_of(
     return received(at, 0.0, 0.0, 0.0, 10.0, vehicle=vehicle, announced=announced)
 
 
-def watch() -> ConvoyWatch:
-    path, policy = path_from_segments([Segment(100.0, 0.0)]), SpacingPolicy(10.0, 0.0)
-    members = [ConvoyMember(name, CAR, 0.05, 0.0, policy) for name in ("v2", "v3")]
-    return ConvoyWatch(SETTINGS, path, members, 0)
+class Convoy:
+    """A lead that watches two followers."""
 
+    def __init__(self) -> None:
+        path, policy = path_from_segments([Segment(100.0, 0.0)]), SpacingPolicy(10.0, 0.0)
+        self.watch = ConvoyWatch(SETTINGS)
+        self.members = {
+            name: MemberTrack(
+                name=name,
+                car=CAR,
+                period=0.05,
+                policy=policy,
+                path=path,
+                station=0.0,
+                received_at=0,
+            )
+            for name in ("v2", "v3")
+        }
 
-def reason(one: ConvoyWatch, now: int, poses: Sequence[ReceivedPose]) -> str:
-    """Reason why the lead waits after receiving these poses."""
-    one.observe(now, [replace(pose, received_at=now) for pose in poses])
-    assert one.waits == bool(one.reason)
-    return one.reason
+    def reason(self, now: int, poses: Sequence[ReceivedPose]) -> str:
+        """Reason why the lead waits after receiving these poses."""
+        for pose in poses:
+            self.members[pose.message.vehicle].receive(replace(pose, received_at=now))
+        return self.watch.reason(now, list(self.members.values()), 0.0)
 
 
 def waited(silent_from: float, silent_to: float, until: float) -> list[tuple[float, str]]:
     """Instants (s) at which the lead begins or ends to wait while v3 is silent, with reasons."""
-    convoy, changes, before = watch(), [], ""
+    convoy, changes, before = Convoy(), [], ""
     for now in range(0, round(until * SECOND), TICK):
         received = [pose_of("v2", now)]
         if not silent_from <= now / SECOND < silent_to:
             received.append(pose_of("v3", now))
-        why = reason(convoy, now, received)
+        why = convoy.reason(now, received)
         if bool(why) != bool(before):
             changes.append((now / SECOND, why))
         before = why
@@ -67,17 +80,17 @@ def test_the_lead_waits_from_the_loss_of_a_follower_to_the_end_of_its_probation(
 
 @pytest.mark.parametrize(("mode", "hazard"), [("coast", False), ("stop", True), ("lead", True)])
 def test_the_lead_waits_for_a_follower_that_announces_trouble(mode: Mode, hazard: bool) -> None:
-    convoy = watch()
-    assert reason(convoy, 0, [pose_of("v2", 0), pose_of("v3", 0)]) == ""
-    why = reason(convoy, TICK, [pose_of("v2", TICK, mode, hazard=hazard)])
+    convoy = Convoy()
+    assert convoy.reason(0, [pose_of("v2", 0), pose_of("v3", 0)]) == ""
+    why = convoy.reason(TICK, [pose_of("v2", TICK, mode, hazard=hazard)])
     assert why.endswith(f"v2 in mode {mode}")
     later = 2 * TICK
-    assert reason(convoy, later, [pose_of("v2", TICK // 2)]) != ""  # an older pose changes nothing
+    assert convoy.reason(later, [pose_of("v2", TICK // 2)]) != ""  # an older pose changes nothing
     soon, after = later + round(0.4 * SECOND), later + round(0.6 * SECOND)
     for now in range(later + TICK, after, TICK):
-        why = reason(convoy, now, [pose_of("v2", now), pose_of("v3", now)])
+        why = convoy.reason(now, [pose_of("v2", now), pose_of("v3", now)])
         assert why or now > soon
-    assert reason(convoy, after, [pose_of("v2", after), pose_of("v3", after)]) == ""
+    assert convoy.reason(after, [pose_of("v2", after), pose_of("v3", after)]) == ""
 
 
 def driven(waits: tuple[float, float], until: float) -> list[tuple[float, float, float]]:

@@ -92,7 +92,7 @@ def test_sources_with_an_intermittent_fix_are_trusted() -> None:
             '{ kind = "replayed", age_s = 2.0, from_s = 5.0, to_s = 7.0 }',
             "v2 distrusted: jumping",
         ),
-        ('{ kind = "ghost", left_m = 4.0, from_s = 5.0, to_s = 7.0 }', "v2 distrusted: ghost"),
+        ('{ kind = "ghost", left_m = 4.0, from_s = 5.0, to_s = 7.0 }', "v2 distrusted: jumping"),
     ],
 )
 def test_false_content_is_named_and_the_source_comes_back(false: str, line: str) -> None:

@@ -1,7 +1,5 @@
 """The lead of a convoy that is longer than its lap does not drive into its own last cars."""
 
-from math import pi
-
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
@@ -70,23 +68,3 @@ def commands(*overrides: str) -> list[Message]:
 
 def test_on_an_open_path_nobody_drives_differently() -> None:
     assert commands("speed.lead_keeps_gap=true") == commands()
-
-
-LOOP_M = 1.5 * pi * 8.0
-EIGHT = (
-    f"path={{kind='segments', segments=[{{length_m=8}}, {{length_m={LOOP_M}, radius_m=8, "
-    f"turn='left'}}, {{length_m=16}}, {{length_m={LOOP_M}, radius_m=8, turn='right'}}]}}",
-    "convoy.vehicles=3",
-    "convoy.gap_m=19.5",
-    "duration_s=14",
-    "speed.set_mps=5",
-    "speed.lateral_acceleration_mps2_max=4",
-    "control.gains={lateral_rad_per_m=0.25, heading_rad_per_rad=1.4, yaw_rate_s=0.04}",
-)
-"""The lead comes to the crossing a second time when its last car comes to it for the first."""
-
-
-@pytest.mark.parametrize("keeps_gap", [True, False])
-def test_the_lead_waits_for_its_last_car_at_a_crossing(*, keeps_gap: bool) -> None:
-    keeps = f"speed.lead_keeps_gap={str(keeps_gap).lower()}"
-    assert bool(hits_of_lead(load_scenario("lane_change", [*EIGHT, keeps]))) != keeps_gap
