@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 from math import nan
 from typing import Final
 
-from vehicles.car.dynamics import Actuation
+from vehicles.car.dynamics import Actuation, achieved_acceleration
 from vehicles.car.gnss import Fix
 from vehicles.driver.own_state import Pose
 from vehicles.driver.situation import OFF_PATH, Situation
@@ -12,6 +12,7 @@ from vehicles.driver.steering import SteeringCommand
 from vehicles.driver.tracking import TrackingErrors
 from vehicles.messages import Announcement, Mode, Override
 from vehicles.preview.trajectory import Fit
+from vehicles.schedule import SECOND
 
 DEAD_RECKONED_DEVIATION: Final = 0.35
 """Standard deviation (m) of the own lateral position up to which it is certain enough for others
@@ -27,12 +28,12 @@ class Decision:
     own_pose is its estimate at the control instant. `path_offset` (m, left positive) is the offset
     of the last own fix from the lead's path, NaN if unknown. `law_acceleration` (m/s²) is that of
     the longitudinal law, NaN without one, `override` why the command differs from it; `achieved`
-    (m/s²) is what the drive has reached. `leaving`: the car leaves the convoy. `fresh` is False
-    between two control instants, where the last decision is held. `fit` is the trajectory if it was
-    refitted. `remarks`
-    are lines for the log.
+    (m/s²) is what the drive has reached at the instant `at` (ns). `leaving`: the car leaves the
+    convoy. `fresh` is False between two control instants, where the last decision is held. `fit` is
+    the trajectory if it was refitted. `remarks` are lines for the log.
     """
 
+    at: int
     actuation: Actuation
     steering: SteeringCommand
     errors: TrackingErrors
@@ -61,9 +62,14 @@ class Decision:
             return None
         return Fix(0, now, own.east, own.north, own.yaw, own.speed, own.yaw_rate)
 
-    def held(self) -> "Decision":
-        """Copy of this decision for an instant between two control instants."""
-        return replace(self, fresh=False)
+    def achieved_at(self, now: int, lag: float) -> float:
+        """Acceleration (m/s²) that a drive with this `lag` (s) has reached at `now` (ns)."""
+        span, command = (now - self.at) / SECOND, self.actuation.acceleration
+        return achieved_acceleration(self.achieved, command, span, lag)
+
+    def held(self, now: int, lag: float) -> "Decision":
+        """Copy of this decision for an instant (ns) between two control instants."""
+        return replace(self, at=now, fresh=False, achieved=self.achieved_at(now, lag))
 
     @property
     def keeps_to_path(self) -> bool:

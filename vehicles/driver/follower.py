@@ -6,12 +6,12 @@ refits the trajectory if poses arrived (`_fit`), and derives the state and the m
 vehicles ahead (`speed_guard`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import isnan, nan
 from typing import Final
 
-from vehicles.car.dynamics import Actuation, Body, achieved_acceleration
+from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
 from vehicles.car.sensors import GapMeasurement
@@ -20,7 +20,8 @@ from vehicles.driver.controller import OwnMotion, VehiclesAhead
 from vehicles.driver.decision import Decision
 from vehicles.driver.intended_path import path_offset
 from vehicles.driver.modes import ModesByReach, StateMachine, Trajectory
-from vehicles.driver.own_state import OwnState, Pose
+from vehicles.driver.own_state import Pose
+from vehicles.driver.pose_estimator import OwnState
 from vehicles.driver.reactions import ReactionPolicy
 from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import Situation
@@ -30,18 +31,13 @@ from vehicles.driver.speed import SpeedCommand, SpeedLaw
 from vehicles.driver.speed_guard import SpeedGuard
 from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import PathBehind, Rejoining, TrackingErrors, track
-from vehicles.preview.curve_fit import MIN_WEIGHT_FOR_NOISE, FitSettings
+from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.fusion import CompositeFusion, SourceFusion
-from vehicles.preview.samples import Window
 from vehicles.preview.trajectory import Fit, SourceWindow
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer
 
 REFIT_AFTER: Final = 50 * MILLISECOND  # Period (ns) of refits, so that a silent source is noticed
-JUST_BEGUN: Final = 3
-"""Up to this number of samples beyond the initial bridge make no bend: their offset from its line
-may be noise of the sample at which the bridge ends."""
-
 FADE_TIME: Final = 1.0  # Driving time (s) over which the curvature fades beyond the samples
 SLOWEST_FADE: Final = 1.0  # The fade of slower cars is that of this speed (m/s)
 REMARKED: Final = ("contact", "announced stop")  # Overrides whose begin is a line of the log
@@ -82,8 +78,6 @@ class Follower:
             self.fusion = CompositeFusion()
         degrades = self.degradation.reaction == "degrade"
         self._period = 1.0 / self.control.rate_hz
-        self._stated_noise = self.settings.with_stated_noise()
-        self._cautious, self._line_only = self.settings.cautious(), self.settings.line_only()
         self._position_limit = PositionLimit(self.degradation)
         self._degrades = degrades
         self._machine = StateMachine(self.degradation) if degrades else ModesByReach()
@@ -114,8 +108,7 @@ class Follower:
         for pose in received:
             self._receive(now, pose)
         if self._decision is not None and not self.control.due(now):
-            self._decision = decision = self._decision.held()
-            decision.achieved = self._achieved(now)
+            self._decision = decision = self._decision.held(now, self.drive_lag)
         else:
             self._decision = decision = self._decide(now, self.own_state.at(now))
         if fix is not None:
@@ -133,7 +126,7 @@ class Follower:
 
     def _decide(self, now: int, pose: Pose) -> Decision:
         last, sources, limit = self._decision, self.sources, self._position_limit
-        self._advance_own(now, pose)
+        self._advance_own(now, pose.speed, last)
         refit = self._refit.is_due(now)
         if refit:
             self._fit(pose, last)
@@ -172,6 +165,7 @@ class Follower:
             limit.reason,
         ]
         return Decision(
+            at=now,
             actuation=Actuation(steering.steering, wanted),
             steering=steering,
             errors=errors,
@@ -219,21 +213,15 @@ class Follower:
             SourceWindow(self.sources.all[name].place, weights[name], window)
             for name, window in windows.items()
         ]
-        along = tuple(self.fusion.fuse(sources, self._settings_for(windows)))
+        settings = self.settings
+        if self.sources.have_bridge_points(windows):
+            settings = settings.beside_bridge(self.sources.sample_count(windows))
+        along = tuple(self.fusion.fuse(sources, settings))
         if self._degrades and self._fitted and not along:
             self._extrapolate(pose.speed)
         self._fitted = bool(along)
         if not self._is_kept:
             self._trajectories = along or self._trajectories
-
-    def _settings_for(self, windows: Mapping[str, Window]) -> FitSettings:
-        """Settings of the fit; bridge points weaken the evidence for a bend."""
-        if not self.sources.have_bridge_points(windows):
-            return self.settings
-        count = self.sources.sample_count(windows)
-        if count < MIN_WEIGHT_FOR_NOISE:
-            return self._cautious if count > JUST_BEGUN else self._line_only
-        return self._stated_noise
 
     def _steer(self, now: int, pose: Pose) -> tuple[TrackingErrors, SteeringCommand]:
         """Errors and command along each trajectory, blended by their shares."""
@@ -303,21 +291,13 @@ class Follower:
             ahead.sources[sources.own_predecessor] = left
         return ahead
 
-    def _achieved(self, now: int) -> float:
-        """Acceleration (m/s²) that the drive has reached at `now` (ns) by the last command."""
-        span = (now - self._decided_at) / SECOND
-        command = self._decision.actuation.acceleration if self._decision else 0.0
-        return achieved_acceleration(self._own.achieved, command, span, self.drive_lag)
-
-    def _advance_own(self, now: int, pose: Pose) -> None:
+    def _advance_own(self, now: int, speed: float, last: Decision | None) -> None:
         """Motion of the car at the control instant `now` (ns), for the longitudinal controller."""
-        step = (now - self._decided_at) / SECOND if self._decided_at else 0.0
-        if pose.speed <= 0.0:
-            self._own.achieved = 0.0  # it stands, as its drive assumes
-        command = self._decision.actuation.acceleration if self._decision else 0.0
-        achieved = self._achieved(now) if self._decided_at else 0.0
+        if last is not None:
+            achieved = last.achieved_at(now, self.drive_lag) if speed > 0.0 else 0.0
+            step = (now - self._decided_at) / SECOND
+            self._own = OwnMotion(step, last.actuation.acceleration, achieved)
         self._decided_at = now
-        self._own = OwnMotion(step, command, achieved)
 
 
 def blended(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Final
 
-from vehicles.car.dynamics import Actuation, Body, achieved_acceleration
+from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
 from vehicles.car.sensors import GapMeasurement
@@ -16,7 +16,8 @@ from vehicles.driver.command_limit import CommandLimit, PositionLimit
 from vehicles.driver.controller import VehiclesAhead
 from vehicles.driver.convoy import ConvoyAhead, ConvoyWatch, MemberTrack
 from vehicles.driver.decision import Decision
-from vehicles.driver.own_state import OwnState, Pose
+from vehicles.driver.own_state import Pose
+from vehicles.driver.pose_estimator import OwnState
 from vehicles.driver.settings import Braking
 from vehicles.driver.situation import Situation
 from vehicles.driver.slip_estimator import LoadWatch
@@ -111,8 +112,6 @@ class Leader:
     members: Sequence[MemberTrack] = ()
     relays: int = 0
     drive_lag: float = 0.0
-    _achieved: float = 0.0
-    _decided_at: int = 0
     _decision: Decision | None = None
 
     def __post_init__(self) -> None:
@@ -136,36 +135,30 @@ class Leader:
             if pose.message.vehicle in self._tracks:
                 self._tracks[pose.message.vehicle].receive(pose)
         if self._decision is not None and not self.control.due(now):
-            self._decision = decision = self._decision.held()
-            decision.achieved = self._reached(now)
-            return decision
+            self._decision = self._decision.held(now, self.drive_lag)
+            return self._decision
         own = self.own_state.at(now)
-        self._achieved = self._reached(now) if own.speed > 0.0 else 0.0
-        self._decided_at = now
+        last, achieved = self._decision, 0.0
+        if last is not None and own.speed > 0.0:
+            achieved = last.achieved_at(now, self.drive_lag)
         errors = self._track(own)
         steering = self.limit.limited(self.controller.steer(errors, own.speed))
         self.load.record_command(steering.steering)
         speed, reason = self._speed(now, own, errors.station)
         self._decision = Decision(
+            at=now,
             actuation=Actuation(steering.steering, speed.acceleration),
             steering=steering,
             errors=errors,
             mode="path",
             reason=reason,
             target_speed=speed.target_speed,
-            achieved=self._achieved,
+            achieved=achieved,
             lateral_deviation=self.own_state.lateral_deviation,
             own_pose=own,
             situation=self._situation(own.speed),
         )
         return self._decision
-
-    def _reached(self, now: int) -> float:
-        """Acceleration (m/s²) that the drive has reached at `now` (ns) by the last command."""
-        if self._decision is None:
-            return 0.0
-        span, command = (now - self._decided_at) / SECOND, self._decision.actuation.acceleration
-        return achieved_acceleration(self._achieved, command, span, self.drive_lag)
 
     def _speed(self, now: int, pose: Pose, station: float) -> tuple[SpeedCommand, str]:
         """Planned speed, unless the lead waits or must keep its distance, and the reason."""

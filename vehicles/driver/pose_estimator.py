@@ -29,7 +29,7 @@ from vehicles.car.imu import DriftModel, InertialNoise, Motion, SlipModel
 from vehicles.car.noise import GnssNoise
 from vehicles.car.parameters import VehicleParameters
 from vehicles.driver.joint_covariance import HEADING, JointCovariance
-from vehicles.driver.own_state import Pose
+from vehicles.driver.own_state import ExactState, Pose
 from vehicles.geometry.geodesy import wrap_angle
 from vehicles.messages import FixState
 from vehicles.schedule import SECOND
@@ -229,3 +229,7 @@ def _moved(
         pose.north + chord * (speed * sin + sideways * cos),
         wrap_angle(pose.yaw + 2.0 * half),
     )
+
+
+OwnState = PoseEstimator | ExactState
+"""Estimates the own pose: the vehicle block of Fig. 1, with the integration of V-D."""

@@ -62,6 +62,7 @@ MIN_WEIGHT_FOR_NOISE: Final = 8.0
 """From this total weight on the residuals measure the noise: an arc then leaves five degrees of
 freedom.
 """
+JUST_BEGUN: Final = 3  # Up to this number of samples beside a bridge make no bend
 FEW_SAMPLES: Final = 4.0  # Up to this weight a bend must explain more
 POOR_SCATTER: Final = 2.0
 """Scatter, in tolerances, above which receivers count as poor. Two good receivers a few decimetres
@@ -102,9 +103,15 @@ class FitSettings:
         """
         return replace(self, noise_floor=self.position_noise, caution=self.caution + CAUTION)
 
-    def line_only(self) -> "FitSettings":
-        """Settings for too few samples for a bend of Section III-A."""
-        return replace(self, noise_floor=self.position_noise, caution=inf)
+    def beside_bridge(self, count: float) -> "FitSettings":
+        """Settings for `count` samples and the points of a bridge (Section III-A).
+
+        The few samples just beyond a bridge make no bend: their offset from its line may be noise
+        of the sample at which it ends.
+        """
+        if count <= JUST_BEGUN:
+            return replace(self.cautious(), caution=inf)
+        return self.with_stated_noise() if count >= MIN_WEIGHT_FOR_NOISE else self.cautious()
 
     def ahead(self, speed: float) -> float:
         """Preview distance L_preview (m) at `speed` (m/s), Section III-A, with a floor."""

@@ -16,8 +16,8 @@ from vehicles.driver.controller import SpacingPolicy
 from vehicles.driver.convoy import ConvoyAhead, ConvoyWatch, MemberTrack
 from vehicles.driver.follower import Follower
 from vehicles.driver.leader import Leader, WaitingProfile
-from vehicles.driver.own_state import ExactState, OwnState
-from vehicles.driver.pose_estimator import PoseEstimator
+from vehicles.driver.own_state import ExactState
+from vehicles.driver.pose_estimator import OwnState, PoseEstimator
 from vehicles.driver.reactions import ReactionPolicy
 from vehicles.driver.slip_estimator import LoadWatch, ParameterUser, SlipEstimator
 from vehicles.driver.source import Source

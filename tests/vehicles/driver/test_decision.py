@@ -23,6 +23,7 @@ FIT = Fit(
     outliers=1,
 )
 DECISION = Decision(
+    at=NOW,
     actuation=Actuation(steering=0.03, acceleration=-1.5),
     steering=SteeringCommand(steering=0.03, feedforward=0.05, feedback=-0.01),
     errors=TrackingErrors(lateral=0.21, heading=-0.02, yaw_rate=0.003, curvature=0.004),

@@ -47,6 +47,7 @@ BODY = Body(
 )  # fmt: skip
 FIX = Fix(seq=4, measured_at=START, east=10.01, north=-20.02, yaw=0.51, speed=15.1, yaw_rate=0.03)
 DECISION = Decision(
+    at=0,
     actuation=Actuation(0.02, 0.5),
     steering=SteeringCommand(0.02, 0.015, 0.005),
     errors=TrackingErrors(0.1, 0.0, 0.0, 0.0),
