@@ -11,9 +11,10 @@ from scenarios.definition.schema.scenario_tables import (
 from scenarios.definition.schema.settings_table import overlay
 from scenarios.definition.topology import InformationFlow, information_flow
 from vehicles.car.gnss_settings import GnssSettings
+from vehicles.car.imu import ImuSettings
 from vehicles.car.parameters import LINCOLN_MKZ, Gains, VehicleParameters, loaded
 from vehicles.car.sending_rules import EveryFix, SendingRule
-from vehicles.car.sensors import GapSensorSettings, ImuSettings
+from vehicles.car.sensors import GapSensorSettings
 from vehicles.driver.settings import DegradationSettings, InstantDraw
 from vehicles.driver.steering import LateralController
 

@@ -9,7 +9,6 @@ from typing import Annotated
 from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
-from vehicles.car.imu import InertialNoise
 from vehicles.car.parameters import VehicleParameters
 from vehicles.messages import TruePose
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer
@@ -152,35 +151,3 @@ def _end(body: Body, ahead: float) -> tuple[float, float, float, float]:
         *(body.east + ahead * ux, body.north + ahead * uy),
         *(along * ux - left * uy, along * uy + left * ux),
     )
-
-
-# ---- Settings of the inertial sensor (TOML table `[imu]`)
-
-
-NOISE = InertialNoise()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ImuSettings:
-    """The emulated inertial sensor of a vehicle: gyroscope and wheel speed.
-
-    All values are standard deviations. Biases are constant, and drawn once per vehicle.
-    """
-
-    rate: Annotated[
-        float | None, Setting("rate; default: control.rate_hz", "hz", 0.01, 1000, example=50.0)
-    ] = None
-    speed_noise: Annotated[float, Setting("white noise of the speed", "mps", 0, 10)] = NOISE.speed
-    speed_bias: Annotated[float, Setting("bias of the speed", "mps", 0, 10)] = NOISE.speed_bias
-    yaw_rate_noise: Annotated[
-        float, Setting("white noise of the yaw rate; the default equals 0.1 deg/s", "radps", 0, 1)
-    ] = NOISE.yaw_rate
-    yaw_rate_bias: Annotated[float, Setting("bias of the yaw rate", "radps", 0, 1)] = (
-        NOISE.yaw_rate_bias
-    )
-
-    @property
-    def noise(self) -> InertialNoise:
-        return InertialNoise(
-            self.speed_noise, self.yaw_rate_noise, self.speed_bias, self.yaw_rate_bias
-        )

@@ -13,8 +13,8 @@ from typing import Final
 
 from vehicles.car.dynamics import Actuation, Body, achieved_acceleration
 from vehicles.car.gnss import Fix
+from vehicles.car.gnss_settings import GnssSettings
 from vehicles.car.imu import Motion
-from vehicles.car.noise import GnssNoise
 from vehicles.car.sensors import GapMeasurement
 from vehicles.driver.command_limit import CommandLimit, PositionLimit
 from vehicles.driver.controller import OwnMotion, SourceMotion, SpacingPolicy, VehiclesAhead
@@ -84,7 +84,7 @@ class Follower:
         reaction: ReactionPolicy,
         limit: CommandLimit | None = None,
         load: LoadWatch | None = None,
-        noises: Mapping[str, GnssNoise] | None = None,
+        receivers: Mapping[str, GnssSettings] | None = None,
         bends: Mapping[str, BendsAhead] | None = None,
         drive_lag: float,
         relay: int = 0,
@@ -95,7 +95,7 @@ class Follower:
         `places` has all sources from front to back, `lateral` and `longitudinal` name those of
         either direction of control (see `Source`: 0 is the lead, k the k-th vehicle ahead).
         `periods` (s) between messages, `delays` (s) of the first message, drive `lags` (s), spacing
-        `policies` and receiver `noises` are by source; without noise only jumps are refused.
+        `policies` and `receivers` are by source; without a receiver only jumps are refused.
         `bends` by source limit the speed. `least_spacing` (m) to the predecessor is that at which
         the bumpers touch. `drive_lag` (s) is the car's. The lead's message repeats the
         predecessor's announced stop at the index `relay`. `draw` has the random numbers of
@@ -119,7 +119,7 @@ class Follower:
         self._position_limit = PositionLimit(degradation)
         self._bends = bends or {}
         self._remarks: list[str] = []
-        delays, noises, lags = delays or {}, noises or {}, lags or {}
+        delays, receivers, lags = delays or {}, receivers or {}, lags or {}
         self._sources = Sources(
             [
                 Source(
@@ -127,7 +127,7 @@ class Follower:
                     periods[name],
                     degradation,
                     delays.get(name, 0.0),
-                    self._judge(name, noises.get(name), degradation),
+                    self._judge(name, receivers.get(name), degradation),
                     place,
                     lags.get(name, 0.0),
                 )
@@ -159,10 +159,10 @@ class Follower:
         self._decision: Decision | None = None
 
     def _judge(
-        self, name: str, noise: GnssNoise | None, settings: DegradationSettings
+        self, name: str, receiver: GnssSettings | None, settings: DegradationSettings
     ) -> PoseJudge:
         gate, settle = settings.gate, settings.probation
-        return PoseJudge(name, noise, gate=gate, settle=settle, remarks=self._remarks)
+        return PoseJudge(name, receiver, gate=gate, settle=settle, remarks=self._remarks)
 
     def step(
         self,

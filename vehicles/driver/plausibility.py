@@ -14,7 +14,7 @@ from itertools import pairwise
 from math import cos, hypot, isfinite, remainder, sin, sqrt, tau
 from typing import Final, Literal, NamedTuple
 
-from vehicles.car.noise import GnssNoise
+from vehicles.car.gnss_settings import GnssSettings
 from vehicles.geometry.sampled_path import HARDEST_BRAKING, drivable
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
@@ -83,14 +83,14 @@ def stated_variance(accuracy: float) -> float:
 
 
 def innovation(
-    before: ReceivedPose, pose: ReceivedPose, noise: GnssNoise, inflation: float = 1.0
+    before: ReceivedPose, pose: ReceivedPose, receiver: GnssSettings, inflation: float = 1.0
 ) -> Innovation:
     """Innovation of the position of `pose` against `before`.
 
     The prediction holds for any manoeuvre: the displacement is the mean velocity times the time T
     in between, and with an acceleration of at most A the error is at most A T²/4, assumed to be
-    three standard deviations. `noise` is that of all but positions; stated deviations count
-    `inflation` times.
+    three standard deviations. `receiver` has the noise of all but positions; stated deviations
+    count `inflation` times.
     """
     span = (pose.measured_at - before.measured_at) / SECOND
     size, half = abs(span), 0.5 * span
@@ -104,8 +104,10 @@ def innovation(
     slipping = max(abs(pose.yaw_rate), abs(before.yaw_rate))
     slip = slipping * (SLIP_ARM + SLIP_ARM_GROWTH * fastest * fastest)
     driven = (CORNERING * size * size / 12.0) ** 2
-    along_variance = driven + 0.5 * (size * noise.speed) ** 2
-    across_variance = driven + 0.5 * (size * fastest * noise.heading) ** 2 + (size * slip) ** 2
+    along_variance = driven + 0.5 * (size * receiver.speed_noise) ** 2
+    across_variance = (
+        driven + 0.5 * (size * fastest * receiver.heading_noise) ** 2 + (size * slip) ** 2
+    )
     stated = stated_variance(before.accuracy) + stated_variance(pose.accuracy)
     along, across = east * cosine + north * sine, north * cosine - east * sine
     along, across = along * along, across * across
@@ -122,13 +124,13 @@ def innovation(
     )
 
 
-def heading_deviations(before: ReceivedPose, pose: ReceivedPose, noise: GnssNoise) -> float:
+def heading_deviations(before: ReceivedPose, pose: ReceivedPose, receiver: GnssSettings) -> float:
     """Innovation of the heading of `pose` against `before`, in standard deviations."""
     span = (pose.measured_at - before.measured_at) / SECOND
     turn = remainder(pose.yaw - before.yaw - 0.5 * span * (before.yaw_rate + pose.yaw_rate), tau)
     variance = (
-        2.0 * noise.heading**2
-        + 0.5 * (span * noise.yaw_rate) ** 2
+        2.0 * receiver.heading_noise**2
+        + 0.5 * (span * receiver.yaw_rate_noise) ** 2
         + (MAX_YAW_ACCELERATION * span * span / 12.0) ** 2
     )
     return abs(turn) / sqrt(variance) if variance else 0.0
@@ -173,25 +175,25 @@ class PoseJudge:
     A pose is compared with the newest trusted one. Refused poses that agree with one another for
     `settle` become the trusted track, so no source is excluded forever. `refused` counts poses by
     reason. `at_new_place` is True if the last pose used is the first one at a position to which no
-    car can have driven. Without `noise` only such positions are refused, and nothing is reported.
+    car can have driven. Without `receiver` only such positions are refused, none reported.
     """
 
     def __init__(
         self,
         name: str = "",
-        noise: GnssNoise | None = None,
+        receiver: GnssSettings | None = None,
         *,
         gate: float = 5.0,
         settle: float = 1.0,
         remarks: list[str] | None = None,
     ) -> None:
-        """`noise` applies to all but positions; `gate` is in standard deviations, `settle` in s.
+        """`receiver` is that of the source; `gate` is in standard deviations, `settle` in s.
 
         Lines for the log, such as "v1 distrusted: frozen", are appended to `remarks`.
         """
         self.at_new_place = False
         self.refused: Counter[Distrust] = Counter()
-        self._name, self._noise, self._gate = name, noise, gate
+        self._name, self._receiver, self._gate = name, receiver, gate
         self._settle = round(settle * SECOND)
         self._used: ReceivedPose | None = None
         self._away: list[ReceivedPose] = []
@@ -212,12 +214,12 @@ class PoseJudge:
         """Verdict on a pose; with a reason in `REFUSED` it must not be used."""
         reason: Distrust = "impossible"
         if isfinite(pose.east + pose.north + pose.yaw + pose.speed + pose.yaw_rate):
-            reason = "" if self._noise is None else self._verdict(pose, self._noise)
+            reason = "" if self._receiver is None else self._verdict(pose, self._receiver)
             if reason not in REFUSED:
                 reason = self._reach(pose) or reason
         if reason in REFUSED:
             self.refused[reason] += 1
-        if self._noise is not None and (reason or self._reported):  # rare
+        if self._receiver is not None and (reason or self._reported):  # rare
             self._report(pose, reason)
         return reason
 
@@ -250,19 +252,19 @@ class PoseJudge:
     def _reachable(self, first: ReceivedPose, second: ReceivedPose) -> bool:
         """Whether one car can have been at both positions, but for their stated deviations."""
         distance = hypot(second.east - first.east, second.north - first.north)
-        if self._noise is not None:
+        if self._receiver is not None:
             stated = stated_variance(first.accuracy) + stated_variance(second.accuracy)
             distance -= self._gate * sqrt(stated)
         span = abs(second.measured_at - first.measured_at)
         return drivable(distance, span, max(abs(first.speed), abs(second.speed)))
 
-    def _verdict(self, pose: ReceivedPose, noise: GnssNoise) -> Distrust:
+    def _verdict(self, pose: ReceivedPose, receiver: GnssSettings) -> Distrust:
         """Compare a pose with the trusted track of its source."""
-        frozen, track = self._observe(pose, noise), self._trusted
+        frozen, track = self._observe(pose, receiver), self._trusted
         if track is None:
             self._trusted = _PoseTrack(pose, pose, self._inflation)
             return ""
-        found, fault = self._compare(track, pose, noise)
+        found, fault = self._compare(track, pose, receiver)
         reason: Distrust = "frozen" if frozen else fault
         if pose.measured_at <= track.last.measured_at:
             return reason or self._confidence  # a late pose changes nothing
@@ -275,30 +277,30 @@ class PoseJudge:
             returns = [after and not before for before, after in pairwise(self._accepted)]
             if sum(returns) >= RETURNS:  # alternately trusted and refused
                 reason = "ghost"
-        return self._suspect(pose, reason, noise)
+        return self._suspect(pose, reason, receiver)
 
     def _compare(
-        self, track: _PoseTrack, pose: ReceivedPose, noise: GnssNoise
+        self, track: _PoseTrack, pose: ReceivedPose, receiver: GnssSettings
     ) -> tuple[Innovation, Distrust]:
         """Innovation of a pose, and how it contradicts a track; empty if it does not."""
-        found, gate = innovation(track.last, pose, noise, self._inflation), self._gate
-        if found.deviations > gate or heading_deviations(track.last, pose, noise) > gate:
+        found, gate = innovation(track.last, pose, receiver, self._inflation), self._gate
+        if found.deviations > gate or heading_deviations(track.last, pose, receiver) > gate:
             return found, "jumping"
         gain = abs(pose.speed - track.last.speed) - HARDEST_BRAKING * abs(found.span)
-        if gain > gate * (sqrt(2.0) * noise.speed + 1e-3):
+        if gain > gate * (sqrt(2.0) * receiver.speed_noise + 1e-3):
             return found, "impossible"
         if found.span > 0.0 and track.drift(found, pose, self._inflation) > gate:
             return found, "impossible"
         return found, ""
 
-    def _suspect(self, pose: ReceivedPose, reason: Distrust, noise: GnssNoise) -> Distrust:
+    def _suspect(self, pose: ReceivedPose, reason: Distrust, receiver: GnssSettings) -> Distrust:
         """Refuse a pose, unless it completes the poses that restart the track."""
         track, now = self._suspects, pose.received_at
         agrees = track is not None and (
             reason != "frozen" and pose.measured_at - track.last.measured_at <= SUSPECT_LIFETIME
         )
         if track is not None and agrees:
-            found, fault = self._compare(track, pose, noise)
+            found, fault = self._compare(track, pose, receiver)
             agrees = not fault
             if agrees and found.span > 0.0:
                 track.push(found, pose, self._inflation)
@@ -318,19 +320,19 @@ class PoseJudge:
     def _confidence(self) -> Distrust:
         return "over-confident" if self._inflation > 1.0 else ""
 
-    def _observe(self, pose: ReceivedPose, noise: GnssNoise) -> bool:
+    def _observe(self, pose: ReceivedPose, receiver: GnssSettings) -> bool:
         """Update the inflation of stated deviations; returns whether the position is frozen."""
         last = self._last
         if last and pose.measured_at <= last[-1].measured_at:
             return False
         frozen = False
         if last:
-            found = innovation(last[-1], pose, noise)
-            frozen = self._is_frozen(found, pose, noise)
+            found = innovation(last[-1], pose, receiver)
+            frozen = self._is_frozen(found, pose, receiver)
             if not frozen:
                 square = found.square
                 if len(last) > 1:
-                    square = min(square, innovation(last[0], pose, noise).square)
+                    square = min(square, innovation(last[0], pose, receiver).square)
                 self._squares.append(square)
                 self._set_inflation()
         last.append(pose)
@@ -344,7 +346,7 @@ class PoseJudge:
             inflation = min(sqrt(third / HONEST_THIRD), MAX_INFLATION)
             self._inflation = inflation if inflation >= MIN_INFLATION else 1.0
 
-    def _is_frozen(self, found: Innovation, pose: ReceivedPose, noise: GnssNoise) -> bool:
+    def _is_frozen(self, found: Innovation, pose: ReceivedPose, receiver: GnssSettings) -> bool:
         """Whether the position is constant although the stated speeds must have changed it."""
         still = self._still or pose
         stated = stated_variance(still.accuracy) + stated_variance(pose.accuracy)
@@ -353,7 +355,7 @@ class PoseJudge:
             self._still, self._should_move = pose, (0.0, 0.0, 0.0)
             return False
         east, north, variance = self._should_move
-        if pose.speed > self._gate * noise.speed:
+        if pose.speed > self._gate * receiver.speed_noise:
             variance += found.manoeuvre**2
             east, north = east + found.moved[0], north + found.moved[1]
             self._should_move = east, north, variance

@@ -10,8 +10,7 @@ from scenarios.definition.topology import relays_stops
 from scenarios.runs.node.phases import Car, VehicleContext
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
-from vehicles.car.gnss_errors import stated_errors
-from vehicles.car.noise import GnssNoise
+from vehicles.car.gnss_settings import GnssSettings, stated_errors
 from vehicles.driver.ahead import ConvoyAhead
 from vehicles.driver.command_limit import CommandLimit, PositionLimit
 from vehicles.driver.controller import SpacingPolicy
@@ -122,7 +121,7 @@ class DriverBuilder:
             reaction=reaction,
             limit=self._command_limit(context.car),
             load=load,
-            noises=self._noises(),
+            receivers=self._receivers(),
             bends=self._bends(),
             drive_lag=setup.assumed_parameters.drive_lag,
             draw=self._draw,
@@ -160,8 +159,8 @@ class DriverBuilder:
         start = Fix(0, now, *place, body.speed, body.yaw_rate)
         estimator = PoseEstimator(
             setup.assumed_parameters,
-            gnss.noise,
-            setup.imu.noise,
+            gnss,
+            setup.imu,
             setup.imu_rate_hz,
             stated=stated_errors(gnss),
             start=start,
@@ -214,11 +213,11 @@ class DriverBuilder:
         ahead = [name for name in self._setup.senders if self._source_place(name) >= 0]
         return {name: BendsAhead(lateral, braking) for name in ahead}
 
-    def _noises(self) -> dict[str, GnssNoise]:
-        """Noise of the sources' receivers, by which poses are judged; not by baseline reactions."""
+    def _receivers(self) -> dict[str, GnssSettings]:
+        """The sources' receivers, by which poses are judged; not by baseline reactions."""
         if self._setup.degradation.reaction != "degrade":
             return {}
-        return {name: self._scenario.vehicle(name).gnss.noise for name in self._setup.senders}
+        return {name: self._scenario.vehicle(name).gnss for name in self._setup.senders}
 
     def _own_profile(self, start_at: int) -> ProfileSpeed:
         """The planned speed, reduced while a lead waits or is uncertain of its position."""

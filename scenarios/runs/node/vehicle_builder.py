@@ -50,7 +50,6 @@ from transport.links.true_poses import TruePoses
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import GnssReceiver
 from vehicles.car.gnss_error_terms import ReceiverContext, Streams
-from vehicles.car.gnss_errors import ReceiverErrors
 from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.car.path_history import PathHistory
 from vehicles.car.sending_rules import Sender, SendingContext
@@ -74,7 +73,6 @@ def make_receiver(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Gns
 
     White noise and each other error have random streams of their own, so that none affects another.
     """
-    gnss = setup.gnss
     random = np.random.Generator(np.random.PCG64([scenario.seed, setup.place]))
     start = ReceiverContext(
         start_at,
@@ -82,9 +80,7 @@ def make_receiver(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Gns
         own_streams=_streams(scenario.seed, setup.place),
         shared_streams=_streams(scenario.seed, SHARED_STREAM),
     )
-    return GnssReceiver(
-        gnss.noise, gnss.rate, start_at, random, ReceiverErrors(gnss, start, begin_error)
-    )
+    return GnssReceiver(setup.gnss, start, random, begin_error)
 
 
 def make_sender(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Sender:
@@ -365,7 +361,7 @@ class VehicleBuilder:
             return ExactSensor()
         # A separate stream keeps the receiver's noise independent of this sensor.
         random = self._stream(IMU_STREAM)
-        return InertialSensor(self._setup.imu.noise, self._setup.imu_rate_hz, start_at, random)
+        return InertialSensor(self._setup.imu, self._setup.imu_rate_hz, start_at, random)
 
     def _gap_sensor(self, start_at: int) -> GapSensor | None:
         setup = self._setup

@@ -62,7 +62,7 @@ def test_no_source_of_a_shipped_scenario_is_distrusted(case: int) -> None:
 def test_the_gate_leaves_commands_as_they_are(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = load_scenario(name, ["duration_s=12", THREE])
     _, commands = driven(scenario)
-    monkeypatch.setattr(DriverBuilder, "_noises", lambda _builder: {})
+    monkeypatch.setattr(DriverBuilder, "_receivers", lambda _builder: {})
     assert commands
     assert driven(scenario)[1] == commands
 

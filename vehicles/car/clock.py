@@ -1,30 +1,10 @@
-"""White noise of a GNSS receiver."""
+"""A vehicle's own clock, with an initial offset and a drift."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 from vehicles.received_pose import ReceivedPose
-
-
-@dataclass(frozen=True, slots=True)
-class GnssNoise:
-    """Standard deviations of the white Gaussian noise (Section III-A has that of the position).
-
-    position (m) per axis: 2 cm, the paper's RTK receiver. heading (rad) 0.1 deg, speed (m/s), and
-    yaw rate (rad/s) 0.1 deg/s: open-sky data of RTK-aided inertial units with two antennas and a
-    MEMS gyroscope.
-    """
-
-    position: float = 0.02
-    heading: float = math.radians(0.1)
-    speed: float = 0.03
-    yaw_rate: float = 0.00175
-
-
-# ---- A vehicle's own clock, with an initial offset and a drift
-
 
 MILLION: Final = 1_000_000
 
