@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.results.encounters import overlap
+from scenarios.results.encounters import BodySize, CarBody, body_of, overlap
+from tests.made.scenarios.messages import truth
 from tests.made.transport.received_poses import received
-from vehicles.car.outline import Outline, outline_of
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.driver.ahead import ConvoyAhead, ReservedPath
 from vehicles.driver.controller import GapLimits, SpacingPolicy
@@ -52,9 +52,9 @@ EIGHT = path_from_segments(
 CROSSING, SECOND_LEG = 15.0, 30.0 + 22.5 * pi + 15.0
 
 
-def car_at(path: SampledPath, station: float) -> Outline:
+def car_at(path: SampledPath, station: float) -> CarBody:
     place = path.at(station)
-    return outline_of(CAR, place.east, place.north, place.yaw)
+    return body_of(truth("v1", 0, place.east, place.north, yaw=place.yaw), BodySize.of(CAR))
 
 
 def pose_on(
