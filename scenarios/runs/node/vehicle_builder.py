@@ -52,7 +52,7 @@ from vehicles.car.gnss import GnssReceiver
 from vehicles.car.gnss_error_terms import ReceiverContext, Streams
 from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.car.path_history import PathHistory
-from vehicles.car.sending_rules import Sender, SendingContext
+from vehicles.car.sending_rules import ReactiveControl, Sender, SendingContext
 from vehicles.car.sensors import GapSensor
 from vehicles.driver.decision import Driver
 from vehicles.driver.speed import ProfileSpeed
@@ -85,7 +85,7 @@ def make_receiver(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Gns
 
 def make_sender(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Sender:
     rule = setup.sending
-    control = None if rule.dcc is None else rule.dcc.begin(start_at)
+    control = None if rule.dcc is None else ReactiveControl(rule.dcc, start_at)
     path = PathHistory(LocalPlane(scenario.origin), rule.path_history, rule.path_history_points)
     return Sender(begin_rule(rule, _sending_start(scenario, setup, start_at)), control, path)
 
