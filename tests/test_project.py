@@ -128,7 +128,7 @@ ROOMS = {
     "transport/log": 2_180,
     "transport/picture": 2_250,
     "vehicles": 640,
-    "vehicles/car": 3_100,
+    "vehicles/car": 2_845,
     "vehicles/driver": 5_690,
     "vehicles/geometry": 1_970,
     "vehicles/preview": 1_610,

@@ -23,8 +23,6 @@ class VehicleClock:
 
     def error(self, now: int) -> int:
         """Error (ns, positive if the clock is ahead) at the true instant `now` (ns)."""
-        if not self.drift:
-            return self.offset
         return self.offset + round(self.drift * (now - self.start_at) / MILLION)
 
     def reading(self, at: int) -> int:
@@ -35,7 +33,7 @@ class VehicleClock:
 
         The age of such a pose in true time equals its age by this clock.
         """
-        error = self.error(now)
-        if not error:
+        if not (self.offset or self.drift):
             return poses
+        error = self.error(now)
         return [replace(pose, measured_at=pose.measured_at - error) for pose in poses]

@@ -94,7 +94,8 @@ class GnssReceiver:
         With a latency this is an earlier fix. Each quantity has its own white Gaussian noise
         (Section III-A has that of the position).
         """
-        fix, latency = self._measured(body, now), self._settings.latency
+        seq, latency = self._cadence.index(now), self._settings.latency
+        fix = None if seq is None else self._measured(seq, body, now)
         if not latency:
             return fix
         if fix is not None:
@@ -110,10 +111,7 @@ class GnssReceiver:
         """
         self._forced = None if state is None else StateInterval(state, since, until)
 
-    def _measured(self, body: Body, now: int) -> Fix | None:
-        seq = self._cadence.index(now)
-        if seq is None:
-            return None
+    def _measured(self, seq: int, body: Body, now: int) -> Fix | None:
         if not self._drawn:
             self._drawn = self._random.standard_normal(5 * BLOCK).tolist()
             self._drawn.reverse()
