@@ -54,7 +54,7 @@ from scenarios.definition.traces.scenario_drives import (
 from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
 from scenarios.definition.wording import toml_repr
 from transport.links.laws.link_law import LinkSetting
-from vehicles.car.noise import VehicleClock
+from vehicles.car.clock import VehicleClock
 from vehicles.car.tyres import GRAVITY
 from vehicles.driver.controller import (
     GapLimits,

@@ -12,9 +12,10 @@ from scenarios.definition.schema.scenario_tables import (
 from scenarios.definition.schema.settings_table import overlay
 from scenarios.definition.topology import InformationFlow, information_flow
 from vehicles.car.gnss_settings import GnssSettings
+from vehicles.car.imu import ImuSettings
 from vehicles.car.parameters import LINCOLN_MKZ, Gains, VehicleParameters, loaded
-from vehicles.car.sending_rules import EveryFix, SendingRule
-from vehicles.car.sensors import GapSensorSettings, ImuSettings
+from vehicles.car.sending_rules import EveryFix, FixedRate, SendingRule
+from vehicles.car.sensors import GapSensorSettings
 from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.steering import LateralController
 
@@ -61,7 +62,8 @@ class VehicleSetup:
     @property
     def even_rate_hz(self) -> float | None:
         """Rate of periodic messages; None for other rules of sending."""
-        return self.highest_rate_hz if self.sending.is_periodic else None
+        is_periodic = isinstance(self.sending, EveryFix | FixedRate) and self.sending.dcc is None
+        return self.highest_rate_hz if is_periodic else None
 
     def usual_rate_hz(self, speed: float) -> float:
         """Return messages per second at a constant speed (m/s) on a straight.

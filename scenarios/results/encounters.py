@@ -10,7 +10,6 @@ from itertools import pairwise
 from math import cos, hypot, inf, sin
 from typing import Literal, NamedTuple
 
-from vehicles.car.outline import Outline
 from vehicles.car.parameters import VehicleParameters
 from vehicles.messages import TruePose
 from vehicles.schedule import SECOND
@@ -31,9 +30,15 @@ class BodySize(NamedTuple):
 
 
 @dataclass(slots=True)
-class CarBody(Outline):
-    """A body in the world that moves: its outline and velocity (m/s)."""
+class CarBody:
+    """A body in the world: centre (m), unit vector forwards, half sizes (m), velocity (m/s)."""
 
+    east: float
+    north: float
+    along_east: float
+    along_north: float
+    half_length: float
+    half_width: float
     speed_east: float
     speed_north: float
 
@@ -61,7 +66,7 @@ def body_of(pose: TruePose, size: BodySize) -> CarBody:
     )
 
 
-def corners(body: Outline) -> tuple[tuple[float, float], ...]:
+def corners(body: CarBody) -> tuple[tuple[float, float], ...]:
     """Corners (east, north) of a body, counter-clockwise from front left."""
     forward_east = body.half_length * body.along_east
     forward_north = body.half_length * body.along_north
@@ -76,7 +81,7 @@ def corners(body: Outline) -> tuple[tuple[float, float], ...]:
     )
 
 
-def overlap(body: Outline, other: Outline) -> bool:
+def overlap(body: CarBody, other: CarBody) -> bool:
     """Whether two bodies share more than their edges (separating axis theorem).
 
     Two convex shapes are apart if and only if they are along the normal of one of their sides.

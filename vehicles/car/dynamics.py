@@ -17,13 +17,15 @@ steering and speed. For v -> 0 this is the kinematic single-track model; it is c
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
 
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.tyres import (
     GRAVITY,
     WALKING_PACE,
+    axle_loads,
+    brush_force,
     lateral_coefficients,
     lateral_share,
 )
@@ -79,13 +81,11 @@ def _step(  # noqa: PLR0917 - every tick calls this
     drive: float,
     h: float,
     actuation: tuple[float, float],
-    planned: tuple[float, float] | None,
 ) -> tuple[Vector4, Vector5]:
     """One Runge-Kutta step, written out because runs spend most of their time here.
 
     `position` is (east, north, yaw, distance), `state` is (speed, lateral speed, yaw rate,
-    steering, steering rate). Its derivative at stage i is (ci + drive, ai, bi, wi, di), unless the
-    speeds in the middle and at the end of the step are `planned`.
+    steering, steering rate). Its derivative at stage i is (ci + drive, ai, bi, wi, di).
     """
     square, damping = actuation
     (v1, y1, r1, s1, w1), half = state, 0.5 * h
@@ -93,17 +93,17 @@ def _step(  # noqa: PLR0917 - every tick calls this
     c1, a1, b1 = rates(v1, y1, r1, s1, axles)
     d1 = square * (command - s1) - damping * w1
 
-    v2 = v1 + half * (c1 + drive) if planned is None else planned[0]
+    v2 = v1 + half * (c1 + drive)
     y2, r2, s2, w2 = y1 + half * a1, r1 + half * b1, s1 + half * w1, w1 + half * d1
     c2, a2, b2 = rates(v2, y2, r2, s2, axles)
     d2 = square * (command - s2) - damping * w2
 
-    v3 = v1 + half * (c2 + drive) if planned is None else planned[0]
+    v3 = v1 + half * (c2 + drive)
     y3, r3, s3, w3 = y1 + half * a2, r1 + half * b2, s1 + half * w2, w1 + half * d2
     c3, a3, b3 = rates(v3, y3, r3, s3, axles)
     d3 = square * (command - s3) - damping * w3
 
-    v4 = v1 + h * (c3 + drive) if planned is None else planned[1]
+    v4 = v1 + h * (c3 + drive)
     y4, r4, s4, w4 = y1 + h * a3, r1 + h * b3, s1 + h * w3, w1 + h * d3
     c4, a4, b4 = rates(v4, y4, r4, s4, axles)
     d4 = square * (command - s4) - damping * w4
@@ -120,14 +120,13 @@ def _step(  # noqa: PLR0917 - every tick calls this
     northward += 2.0 * ((v2 * z2 + y2 * k2) + (v3 * z3 + y3 * k3))
     along = sqrt(v1 * v1 + y1 * y1) + sqrt(v4 * v4 + y4 * y4)
     along += 2.0 * (sqrt(v2 * v2 + y2 * y2) + sqrt(v3 * v3 + y3 * y3))
-    final = v1 + h * drive + sixth * (c1 + 2.0 * (c2 + c3) + c4)
     return (
         east + sixth * eastward,
         north + sixth * northward,
         yaw + sixth * (r1 + 2.0 * (r2 + r3) + r4),
         distance + sixth * along,
     ), (
-        final if planned is None else planned[1],
+        v1 + h * drive + sixth * (c1 + 2.0 * (c2 + c3) + c4),
         y1 + sixth * (a1 + 2.0 * (a2 + a3) + a4),
         r1 + sixth * (b1 + 2.0 * (b2 + b3) + b4),
         s1 + sixth * (w1 + 2.0 * (w2 + w3) + w4),
@@ -242,7 +241,7 @@ class CarMotion:
         overdamped = damping + math.sqrt(damping * damping - 1.0) if damping > 1.0 else 1.0
         self._steering_rate = overdamped * p.steering_frequency
         self._tyres_damping = -min(self._tyres[0], self._tyres[4])
-        self._grip = p.friction * GRAVITY
+        self._grip = p.friction * GRAVITY if self._saturates else math.inf
 
     def advance(self, body: Body, actuation: Actuation, span: float) -> Body:
         """Move the car by `span` (s) with constant `actuation`; classical Runge–Kutta method.
@@ -259,14 +258,13 @@ class CarMotion:
         limit = self._steering_limit
         command = -limit if command < -limit else limit if command > limit else command
         if self._saturates:
-            return self._move(body, command, acceleration, span, None)
-        final_speed = body.speed + acceleration * span
-        if final_speed >= 0.0:
-            moved = self._move(body, command, 0.0, span, final_speed)
+            return self._move(body, command, acceleration, span)
+        if body.speed + acceleration * span >= 0.0:
+            moved = self._move(body, command, acceleration, span)
         else:
             rolling = -body.speed / acceleration
-            stopped = self._move(body, command, 0.0, rolling, 0.0)
-            moved = self._move(stopped, command, 0.0, span - rolling, 0.0)
+            stopped = replace(self._move(body, command, acceleration, rolling), speed=0.0)
+            moved = self._move(stopped, command, 0.0, span - rolling)
         if not abs(moved.lateral_speed) < FASTEST_SLIDE:
             raise OutOfModelError(f"the car spins: it is unstable at {moved.speed:.1f} m/s")
         return moved
@@ -306,45 +304,29 @@ class CarMotion:
             return angle, math.copysign(self._rate_limit, rate)
         return angle, rate
 
-    def _move(
-        self,
-        body: Body,
-        command: float,
-        acceleration: float,
-        span: float,
-        final_speed: float | None,
-    ) -> Body:
-        """Move the car by `span` (s), with up to the acceleration (m/s²) that friction allows.
-
-        On linear tyres the speed changes linearly to `final_speed` (m/s) instead.
-        """
+    def _move(self, body: Body, command: float, acceleration: float, span: float) -> Body:
+        """Move the car by `span` (s), with up to the acceleration (m/s²) that friction allows."""
         if span <= 0.0:
             return body
-        if final_speed is None:
-            # In a slide the rotation of the body also changes the speed along it.
-            gained = span * (acceleration + body.yaw_rate * body.lateral_speed)
-            slowest = body.speed + gained if gained < 0.0 else body.speed
-        else:
-            slowest = final_speed if final_speed < body.speed else body.speed
+        # In a slide the rotation of the body also changes the speed along it.
+        turning = body.yaw_rate * body.lateral_speed if self._saturates else 0.0
+        gained = span * (acceleration + turning)
+        slowest = body.speed + gained if gained < 0.0 else body.speed
         off, rate = command - body.steering, body.steering_rate
         count, near_limit = self._substeps(span, slowest, off, rate)
         grip, h, free = self._grip, span / count, self._free
         given = -grip if acceleration < -grip else grip if acceleration > grip else acceleration
         drive = given if body.speed > 0.0 or given > 0.0 else 0.0
-        rates, axles, planned = _brush_rates, self._axles(drive), None
-        if final_speed is not None:
-            rates, change = self._linear_rates, (final_speed - body.speed) / count
+        rates = _brush_rates if self._saturates else self._linear_rates
+        axles = self._axles(drive) if self._saturates else ()
         position: Vector4 = (body.east, body.north, body.yaw, body.distance)
         speed, lateral, yaw_rate = body.speed, body.lateral_speed, body.yaw_rate
         steering = body.steering
-        for index in range(count):
-            if final_speed is not None:
-                faster = body.speed + change * (index + 1)
-                planned = 0.5 * (speed + faster), faster
+        for _ in range(count):
             actuation = self._actuation(command - steering, rate) if near_limit else free
             state = speed, lateral, yaw_rate, steering, rate
             position, (speed, lateral, yaw_rate, steering, rate) = _step(
-                rates, axles, position, state, command, drive, h, actuation, planned
+                rates, axles, position, state, command, drive, h, actuation
             )
             if abs(steering) > self._steering_limit or abs(rate) > self._rate_limit:
                 steering, rate = self._clamped(steering, rate)
@@ -352,7 +334,6 @@ class CarMotion:
             possible = given if speed > 0.0 or given > 0.0 else 0.0
             if possible != drive:
                 drive, axles = possible, self._axles(possible)
-        speed = speed if final_speed is None else final_speed
         east, north, yaw, distance = position
         return Body(east, north, yaw, speed, lateral, yaw_rate, steering, rate, distance)
 
@@ -392,3 +373,62 @@ class CarMotion:
 def fastest_rate(p: VehicleParameters) -> float:
     """Fastest rate (1/s) of tyres and steering over all speeds: that at WALKING_PACE."""
     return CarMotion(p).fastest_rate(WALKING_PACE)
+
+
+# ---- Use of the tyres
+
+
+class TyreUse(NamedTuple):
+    """State of the tyres of the single-track model (Section II) at an instant.
+
+    Lateral acceleration (m/s²) across the body; slip angles of the axles (rad), as in eqs. (1),
+    (2): negative in a left turn; share of friction in use at the more heavily used axle (ratio),
+    above 1 only with linear tyres.
+    """
+
+    lateral_acceleration: float
+    front_slip: float
+    rear_slip: float
+    friction_share: float
+
+
+def tyre_use(
+    state: Body,
+    acceleration: float,
+    p: VehicleParameters,
+    loads: tuple[float, float] | None = None,
+) -> TyreUse:
+    """Tyre use in a state of eqs. (1), (2), at a commanded acceleration (m/s²).
+
+    Uses the tyre model of `p`. Slip is divided by a speed of at least WALKING_PACE. A standing car
+    uses no friction for braking. `loads` (N) of the axles may be passed in if they are known.
+    """
+    speed, across, yaw_rate = state.speed, state.lateral_speed, state.yaw_rate
+    rolling = WALKING_PACE if speed < WALKING_PACE else speed
+    # Speed along the steered wheels is not slip.
+    front_slip = (across + (p.front_axle_distance * yaw_rate - speed * state.steering)) / rolling
+    rear_slip = (across - p.rear_axle_distance * yaw_rate) / rolling
+    along = acceleration if speed > 0.0 or acceleration > 0.0 else 0.0
+    front_load, rear_load = loads or axle_loads(p)
+    if p.tyres == "linear":
+        front = -p.front_cornering_stiffness * front_slip
+        rear = -p.rear_cornering_stiffness * rear_slip
+    else:
+        limit = p.friction * GRAVITY
+        along = -limit if along < -limit else limit if along > limit else along
+        left = p.friction * lateral_share(along, p.friction)
+        front = brush_force(front_slip, p.front_cornering_stiffness, left * front_load)
+        rear = brush_force(rear_slip, p.rear_cornering_stiffness, left * rear_load)
+    used = max(abs(front) / front_load, abs(rear) / rear_load)
+    share = math.hypot(used, along / GRAVITY) / p.friction
+    front_angle, rear_angle = math.atan(front_slip), math.atan(rear_slip)  # large in a spin
+    return TyreUse((front + rear) / p.mass, front_angle, rear_angle, share)
+
+
+def rolling_use(state: Body, p: VehicleParameters) -> TyreUse:
+    """Tyre use of a car that rolls without slip, for recorded motion, which has no simulated tyres.
+
+    Lateral acceleration v_x dθ/dt of eq. (1), and the share of friction that it needs.
+    """
+    across = state.speed * state.yaw_rate
+    return TyreUse(across, 0.0, 0.0, abs(across) / (p.friction * GRAVITY))

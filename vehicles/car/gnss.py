@@ -5,15 +5,24 @@ east-north plane with yaw; on the wire it is WGS84 with a compass course.
 """
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
-from vehicles.car.gnss_error_terms import NO_END, ReceiverState
-from vehicles.car.gnss_errors import ReceiverErrors
-from vehicles.car.noise import GnssNoise
+from vehicles.car.gnss_error_terms import (
+    NO_END,
+    ErrorProcess,
+    ErrorTerm,
+    GaussMarkov,
+    ReceiverContext,
+    ReceiverState,
+    ScheduledStates,
+    StateInterval,
+)
+from vehicles.car.gnss_settings import STATES_WITH_FIX, GnssSettings
 from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw, wrap_angle
 from vehicles.geometry.sampled_path import NO_HISTORY, HistoryDeltas
 from vehicles.messages import NO_ANNOUNCEMENT, Announcement, FixState, GpsPose
@@ -43,29 +52,41 @@ class Fix:
 
 
 class GnssReceiver:
-    """GPS receiver of Section III-A, measuring every 1/`rate_hz` s from `start_at` (ns) on.
+    """GPS receiver of Section III-A, measuring every 1/`rate` s from the start of a run on.
 
-    `random` belongs to this receiver: it draws five normal numbers per measurement, with or without
-    a fix. `errors` replace the position noise; if they are white noise only, they apply only while
-    a fix state is forced by `force`.
+    `random` draws five normal numbers per measurement, with or without a fix. Other errors have
+    random streams of their own, from the `context`. Calls must be in order of time.
     """
 
     def __init__(
         self,
-        noise: GnssNoise,
-        rate_hz: float,
-        start_at: int,
+        settings: GnssSettings,
+        context: ReceiverContext,
         random: Generator,
-        errors: ReceiverErrors | None = None,
+        begin: Callable[[ErrorTerm, ReceiverContext], ErrorProcess] | None = None,
     ) -> None:
-        self._noise = noise
-        self._cadence = Cadence(start_at, rate_hz)
-        self._random = random
+        """`begin` begins an error term; by default its own method does."""
+        self._settings, self._context, self._random = settings, context, random
+        self._cadence = Cadence(context.start_at, settings.rate)
         self._drawn: list[float] = []
-        self._errors = errors
-        self._is_plain = errors is None or errors.settings.has_only_white_noise
-        self._latency = errors.settings.latency if errors else 0
         self._pending: deque[Fix] = deque()
+        law, own = settings.fix_states or ScheduledStates(()), context.own_streams
+        self._intervals = law.intervals(settings.fix, context)
+        self._scheduled = next(self._intervals)
+        self._forced: StateInterval | None = None
+        # The receiver has been running: the first state is not entered at the start.
+        self._present: StateInterval | None = self._scheduled
+        self._errors = {state: settings.errors_in(state) for state in STATES_WITH_FIX}
+        self._deviations = {state: settings.deviation(state) for state in STATES_WITH_FIX}
+        self._drifts = {
+            state: GaussMarkov(errors.drift, context.start_at, own(f"drift {state}"))
+            for state, errors in self._errors.items()
+            if errors.drift
+        }
+        self._jumps = own("jump")
+        entries = {id(term): context.for_entry(k) for k, term in enumerate(settings.errors)}
+        contexts = ((term, entries.get(id(term), context)) for term in settings.error_terms)
+        self._terms = [begin(*one) if begin else one[0].begin(one[1]) for one in contexts]
 
     def measure(self, body: Body, now: int) -> Fix | None:
         """Measure `body` if `now` (ns) is an instant of measurement; return the fix available now.
@@ -73,53 +94,63 @@ class GnssReceiver:
         With a latency this is an earlier fix. Each quantity has its own white Gaussian noise
         (Section III-A has that of the position).
         """
-        fix = self._measured(body, now)
-        if not self._latency:
+        seq, latency = self._cadence.index(now), self._settings.latency
+        fix = None if seq is None else self._measured(seq, body, now)
+        if not latency:
             return fix
         if fix is not None:
             self._pending.append(fix)
-        if self._pending and self._pending[0].measured_at + self._latency <= now:
+        if self._pending and self._pending[0].measured_at + latency <= now:
             return self._pending.popleft()
         return None
 
     def force(self, state: ReceiverState | None, since: int, until: int = NO_END) -> None:
         """Force a fix state from `since` (ns) to `until`, excluded; None ends it.
 
-        Outages still apply. Raises ValueError for a receiver without fix states.
+        Outages still apply. The scheduled or random states continue in the background.
         """
-        if self._errors is None:
-            raise ValueError("this receiver has no fix states, only white noise")
-        self._errors.states.force(state, since, until)
+        self._forced = None if state is None else StateInterval(state, since, until)
 
-    def _measured(self, body: Body, now: int) -> Fix | None:
-        seq = self._cadence.index(now)
-        if seq is None:
-            return None
+    def _measured(self, seq: int, body: Body, now: int) -> Fix | None:
         if not self._drawn:
             self._drawn = self._random.standard_normal(5 * BLOCK).tolist()
             self._drawn.reverse()
-        draw, noise, errors = self._drawn.pop, self._noise, self._errors
+        draw, settings = self._drawn.pop, self._settings
         east, north, yaw, speed, yaw_rate = draw(), draw(), draw(), draw(), draw()
-        fix = Fix(
+        while now >= self._scheduled.until:
+            self._scheduled = next(self._intervals)
+        interval, forced = self._scheduled, self._forced
+        if forced is not None and forced.since <= now < forced.until:
+            interval = forced
+        state, outages = interval.state, settings.outages
+        if state == "none" or (
+            outages and any(outage.covers(body, now, self._context) for outage in outages)
+        ):
+            self._present = None
+            return None
+        errors, drift = self._errors[state], self._drifts.get(state)
+        if drift and errors.entry_jump is not None and interval is not self._present:
+            drift.restart(body, now, errors.entry_jump, self._jumps)
+        self._present = interval
+        off_east, off_north = drift.at(body, now) if drift else (0.0, 0.0)
+        for term in self._terms:
+            more_east, more_north = term.at(body, now)
+            off_east, off_north = off_east + more_east, off_north + more_north
+        east = body.east + errors.position_noise * east + off_east
+        north = body.north + errors.position_noise * north + off_north
+        if step := settings.quantisation:
+            east, north = step * round(east / step), step * round(north / step)
+        return Fix(
             seq,
             now,
-            body.east + noise.position * east,
-            body.north + noise.position * north,
-            wrap_angle(body.yaw + noise.heading * yaw),
-            max(0.0, body.speed + noise.speed * speed),
-            body.yaw_rate + noise.yaw_rate * yaw_rate,
-            "fixed",
-            noise.position,
+            east,
+            north,
+            wrap_angle(body.yaw + settings.heading_noise * yaw),
+            max(0.0, body.speed + settings.speed_noise * speed),
+            body.yaw_rate + settings.yaw_rate_noise * yaw_rate,
+            state,
+            errors.accuracy * self._deviations[state],
         )
-        if errors is None or (self._is_plain and not errors.states.is_forced(now)):
-            return fix
-        error = errors.at(body, now)
-        if error is None:
-            return None
-        off_east, off_north, fix.state, white, fix.accuracy = error
-        fix.east = errors.rounded(body.east + white * east + off_east)
-        fix.north = errors.rounded(body.north + white * north + off_north)
-        return fix
 
 
 def to_message(
@@ -153,14 +184,7 @@ def to_message(
         sent_at_ns=sent_at,
         fix=fix.state,
         position_accuracy_m=fix.accuracy,
-        mode=announcement.mode,
-        hazard=announcement.hazard,
-        acceleration_mps2=announcement.acceleration_mps2,
-        path_offset_m=announcement.path_offset_m,
-        stops_at_ns=announcement.stops_at_ns,
-        leaving=announcement.leaving,
-        relayed_stops_at_ns=announcement.relayed_stops_at_ns,
-        achieved_acceleration_mps2=announcement.achieved_acceleration_mps2,
+        **announcement._asdict(),
         true_east_m=true_position[0],
         true_north_m=true_position[1],
         true_distance_m=true_position[2],

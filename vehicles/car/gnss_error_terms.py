@@ -4,7 +4,6 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from math import hypot
 from typing import Annotated, ClassVar, Final, Literal, Protocol
 
 import numpy as np
@@ -142,7 +141,8 @@ class GaussMarkov:
         self._kept = np.array([math.exp(-rate * k) for k in steps])
         spread = math.sqrt(-math.expm1(-2.0 * rate))
         self._scaled = np.array([spread * math.exp(rate * k) for k in steps])
-        self._deviation, self._start_at, self._random = drift.deviation, start_at, random
+        self._drift, self._start_at, self._random = drift, start_at, random
+        self._jump: tuple[int, float, float] | None = None
         self._before = random.standard_normal(2)
         self._first, self._east, self._north = 0, *([one] for one in self._before.tolist())
 
@@ -156,7 +156,36 @@ class GaussMarkov:
             path = self._kept * (self._before[:, None] + np.cumsum(self._scaled * drawn, axis=1))
             self._before = path[:, -1]
             self._east, self._north = path.tolist()
-        return self._deviation * self._east[index], self._deviation * self._north[index]
+        deviation, jump = self._drift.deviation, self._jump
+        east, north = deviation * self._east[index], deviation * self._north[index]
+        if jump is None:
+            return east, north
+        kept = math.exp(-(now - jump[0]) / SECOND / self._drift.time_constant)
+        return east + kept * jump[1], north + kept * jump[2]
+
+    def restart(self, body: Body, now: int, radius: float, random: Generator) -> None:
+        """Restart within `radius` (m) of 0 at `now` (ns); the change decays exponentially."""
+        self._jump = None
+        east, north = self.at(body, now)
+        first, second = random.random(2).tolist()
+        to_east, to_north = draw_truncated(self._drift.deviation, radius, (first, second))
+        self._jump = now, to_east - east, to_north - north
+
+
+def draw_truncated(
+    deviation: float, radius: float, draws: tuple[float, float]
+) -> tuple[float, float]:
+    """Draw a normal position (m), truncated to a circle of `radius` (m) around 0.
+
+    `deviation` (m) is the standard deviation per axis, `draws` are uniform in [0, 1). Inverts the
+    distribution function of Rayleigh's distribution.
+    """
+    if deviation <= 0.0 or radius <= 0.0:
+        return 0.0, 0.0
+    probability = -math.expm1(-0.5 * (radius / deviation) ** 2)
+    far = deviation * math.sqrt(-2.0 * math.log1p(-draws[0] * probability))
+    distance, angle = min(far, radius), 2.0 * math.pi * draws[1]
+    return distance * math.cos(angle), distance * math.sin(angle)
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +252,7 @@ class FixOutageCircle:
     radius: Annotated[float, Setting("radius", "m", above=0, maximum=FAR, example=40.0)]
 
     def covers(self, body: Body, now: int, context: ReceiverContext) -> bool:
-        return hypot(body.east - self.east, body.north - self.north) <= self.radius
+        return math.hypot(body.east - self.east, body.north - self.north) <= self.radius
 
     def problems(self) -> Iterator[Problem]:
         yield from ()
@@ -254,31 +283,6 @@ class StateInterval:
     state: ReceiverState
     since: int
     until: int
-
-
-class FixStates:
-    """The fix states of a receiver over time; calls must be in order of time.
-
-    The sequence continues in the background while a state is forced.
-    """
-
-    def __init__(self, intervals: Iterator[StateInterval]) -> None:
-        self._intervals = intervals
-        self._current = next(intervals)
-        self._forced: StateInterval | None = None
-
-    def at(self, now: int) -> StateInterval:
-        """State at `now` (ns)."""
-        while now >= self._current.until:
-            self._current = next(self._intervals)
-        return self._forced if self._forced is not None and self.is_forced(now) else self._current
-
-    def force(self, state: ReceiverState | None, since: int, until: int = NO_END) -> None:
-        """Force a state from `since` (ns) to `until`, excluded; None ends it."""
-        self._forced = None if state is None else StateInterval(state, since, until)
-
-    def is_forced(self, now: int) -> bool:
-        return self._forced is not None and self._forced.since <= now < self._forced.until
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,11 +1,12 @@
 """Settings of a GNSS receiver: its rate, white noise, and position errors.
 
-To add an error, add a kind to ERRORS.
+To add an error, add a kind to ERRORS. The model of these errors that an estimator may know follows
+from the settings.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from math import degrees, hypot, sqrt
+from math import degrees, exp, expm1, hypot, inf, radians, sqrt
 from typing import Annotated, Any, Literal, get_args
 
 from vehicles.car.gnss_error_terms import (
@@ -19,13 +20,11 @@ from vehicles.car.gnss_error_terms import (
     FixStateLaw,
     ReceiverState,
 )
-from vehicles.car.noise import GnssNoise
 from vehicles.messages import FixState
-from vehicles.schedule import MILLISECOND
+from vehicles.schedule import MILLISECOND, SECOND
 from vehicles.setting import Problem, Setting
 
 STATES_WITH_FIX: tuple[FixState, ...] = get_args(FixState)
-NOISE = GnssNoise()
 NO_DRIFT = Drift(0.0)
 Preset = Literal["rtk_fixed", "rtk_float", "single", "none"]
 
@@ -62,7 +61,7 @@ class StateErrors:
     An accuracy_ratio of 1 is correct; 0.05 was measured for one solver.
     """
 
-    position_noise: Annotated[float, Setting("white noise, per axis", "m", 0, 100)] = NOISE.position
+    position_noise: Annotated[float, Setting("white noise, per axis", "m", 0, 100)] = 0.02
     drift: Annotated[Drift | None, Setting("drift of the receiver, independent of rate_hz")] = None
     entry_jump: Annotated[
         float | None,
@@ -80,7 +79,10 @@ class GnssSettings(StateErrors):
     """The emulated receiver: its rate, white noise, and position errors.
 
     Position errors given here apply in the state `fix`. Other states use the preset of their name,
-    or the table `while_...`. A `preset` provides defaults for other keys.
+    or the table `while_...`. A `preset` provides defaults for other keys. White noise is given by
+    standard deviations. By default that of the position is the paper's RTK receiver (Section
+    III-A); the others are open-sky data of RTK-aided inertial units with two antennas and a MEMS
+    gyroscope (yaw rate: 0.1 deg/s).
     """
 
     preset: Annotated[
@@ -93,9 +95,9 @@ class GnssSettings(StateErrors):
         ),
     ] = None
     rate: Annotated[float, Setting("rate of fixes", "hz", 0.01, 100)] = 20.0
-    heading_noise: Annotated[float, Setting("noise of the heading", "deg", 0, 45)] = NOISE.heading
-    speed_noise: Annotated[float, Setting("noise of the speed", "mps", 0, 10)] = NOISE.speed
-    yaw_rate_noise: Annotated[float, Setting("noise of yaw rate", "radps", 0, 1)] = NOISE.yaw_rate
+    heading_noise: Annotated[float, Setting("noise of the heading", "deg", 0, 45)] = radians(0.1)
+    speed_noise: Annotated[float, Setting("noise of the speed", "mps", 0, 10)] = 0.03
+    yaw_rate_noise: Annotated[float, Setting("noise of yaw rate", "radps", 0, 1)] = 0.00175
     fix: Annotated[
         ReceiverState,
         Setting(
@@ -126,21 +128,10 @@ class GnssSettings(StateErrors):
     ] = ()
 
     @property
-    def noise(self) -> GnssNoise:
-        return GnssNoise(
-            self.position_noise, self.heading_noise, self.speed_noise, self.yaw_rate_noise
-        )
-
-    @property
     def error_terms(self) -> tuple[ErrorTerm, ...]:
         """Errors added to those of the fix state, shared ones last."""
         terms = [term for term in (self.common_drift, self.bias, *self.errors) if term is not None]
         return tuple(sorted(terms, key=lambda term: term.shared))
-
-    @property
-    def has_only_white_noise(self) -> bool:
-        more = self.drift or self.error_terms or self.quantisation or self.accuracy != 1.0
-        return self.fix == "fixed" and not (more or self.fix_states or self.outages)
 
     @property
     def has_fix_every_instant(self) -> bool:
@@ -233,3 +224,95 @@ class GnssSettings(StateErrors):
             f"reports {self.accuracy:g} of its deviation" if self.accuracy != 1.0 else "",
         )
         yield from filter(None, parts)
+
+
+# ---- The error model that a receiver states: what an estimator may know of its errors
+#
+# It is that of the settings, scaled by the ratio of the reported accuracy to the true one. A
+# receiver that reports a wrong accuracy therefore misleads its estimator.
+
+
+LEAST_NOISE = 0.001  # Least white noise (m) of a position: receivers report millimetres
+
+
+@dataclass(frozen=True, slots=True)
+class LastingError:
+    """An error per axis that lasts from fix to fix: a stationary Gauss–Markov process.
+
+    Standard deviation (m), time constant (s, infinite for a constant error). It is part of fixes in
+    `states`, and restarts with `entry_deviation` (m), if given, when such a state is entered.
+    """
+
+    deviation: float
+    time_constant: float
+    states: frozenset[FixState]
+    entry_deviation: float | None = None
+
+    def kept(self, span: float) -> float:
+        """Share of the error that is left after `span` (s): exp(-t / time constant)."""
+        return exp(-span / self.time_constant)
+
+    def growth(self, span: float) -> float:
+        """Variance (m²) that is added in `span` (s); the stationary variance remains."""
+        return -(self.deviation**2) * expm1(-2.0 * span / self.time_constant)
+
+
+@dataclass(frozen=True, slots=True)
+class StatedErrors:
+    """Errors of a receiver's positions, per axis.
+
+    `white` is the variance (m²) of the white noise by fix state, `period` (ns) that of fixes. The
+    error shared by all receivers, which does not change relative positions, has `common_variance`
+    (m²) and `common_density` (m²/s), its random walk, 2 σ²/τ of a Gauss–Markov process.
+    """
+
+    white: Mapping[FixState, float]
+    lasting: tuple[LastingError, ...]
+    common_variance: float
+    common_density: float
+    period: int
+
+    def is_white(self, state: FixState) -> bool:
+        return not self.common_variance and not any(state in one.states for one in self.lasting)
+
+
+def stated_errors(settings: GnssSettings) -> StatedErrors:
+    """Error model that a receiver with these settings states.
+
+    A configured bias counts with its size, not its direction, as in a data sheet. Rounding to a
+    step q has the variance q²/12.
+    """
+    white, lasting = {}, []
+    for state in STATES_WITH_FIX:
+        errors = settings.errors_in(state)
+        noise = hypot(errors.position_noise, settings.quantisation / sqrt(12.0))
+        white[state] = max(errors.accuracy * noise, LEAST_NOISE) ** 2
+        if state in settings.states and errors.drift is not None and errors.drift.deviation > 0.0:
+            drift, entry = errors.drift, errors.entry_jump
+            deviation = errors.accuracy * drift.deviation
+            entered = None if entry is None else deviation * _entry_share(entry / drift.deviation)
+            lasting.append(
+                LastingError(deviation, drift.time_constant, frozenset({state}), entered)
+            )
+    bias, common = settings.bias, settings.common_drift
+    if bias is not None:
+        size = hypot(bias.deviation, hypot(bias.east, bias.north) / sqrt(2.0))
+        lasting.append(LastingError(settings.accuracy * size, inf, frozenset(STATES_WITH_FIX)))
+    variance = (settings.accuracy * common.deviation) ** 2 if common else 0.0
+    return StatedErrors(
+        white,
+        tuple(error for error in lasting if error.deviation > 0.0),
+        variance,
+        2.0 * variance / common.time_constant if common else 0.0,
+        round(SECOND / settings.rate),
+    )
+
+
+def _entry_share(radius: float) -> float:
+    """Deviation per axis of a drift that restarts within `radius` of 0, both over its deviation.
+
+    The distance has Rayleigh's distribution, truncated: half its mean square is
+    σ² (1 - u / (e^u - 1)) with u = r² / 2σ².
+    """
+    u = 0.5 * radius**2
+    return sqrt(1.0 - u / expm1(u) if 0.0 < u < 700.0 else float(u > 0.0))

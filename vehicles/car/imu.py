@@ -2,13 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
 from vehicles.car.parameters import VehicleParameters
 from vehicles.schedule import Cadence
+from vehicles.setting import Setting
 
 BLOCK: Final = 64  # Readings whose noise is drawn at once; changes no number
 
@@ -21,21 +22,27 @@ class Motion:
     yaw_rate: float
 
 
-@dataclass(frozen=True, slots=True)
-class InertialNoise:
-    """Standard deviations of the errors of speed (m/s) and yaw rate (rad/s).
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImuSettings:
+    """The emulated inertial sensor of a vehicle: gyroscope and wheel speed.
 
-    Each reading has white Gaussian noise. Biases are constant over a run and drawn once per
-    vehicle. Gyroscope: 0.1 deg/s of noise, which is 0.01 deg/s/sqrt(Hz) over 100 Hz (data sheets
-    of automotive MEMS gyroscopes such as ST's ASM330LHH state half that density), and 0.1 deg/s of
-    bias, the rest of the zero-rate offset after averaging at a standstill. Wheel speed: 0.03 m/s of
-    noise, as of the receiver, and a bias of 0.1 m/s, which is 0.5 % of the tyre's radius at 20 m/s.
+    All values are standard deviations. Each reading has white Gaussian noise. Biases are constant
+    over a run and drawn once per vehicle. Gyroscope: 0.1 deg/s of noise, which is 0.01
+    deg/s/sqrt(Hz) over 100 Hz (data sheets of automotive MEMS gyroscopes such as ST's ASM330LHH
+    state half that density), and 0.1 deg/s of bias, the rest of the zero-rate offset after
+    averaging at a standstill. Wheel speed: 0.03 m/s of noise, as of the receiver, and a bias of 0.1
+    m/s, which is 0.5 % of the tyre's radius at 20 m/s.
     """
 
-    speed: float = 0.03
-    yaw_rate: float = 0.00175
-    speed_bias: float = 0.1
-    yaw_rate_bias: float = 0.00175
+    rate: Annotated[
+        float | None, Setting("rate; default: control.rate_hz", "hz", 0.01, 1000, example=50.0)
+    ] = None
+    speed_noise: Annotated[float, Setting("white noise of the speed", "mps", 0, 10)] = 0.03
+    speed_bias: Annotated[float, Setting("bias of the speed", "mps", 0, 10)] = 0.1
+    yaw_rate_noise: Annotated[
+        float, Setting("white noise of the yaw rate; the default equals 0.1 deg/s", "radps", 0, 1)
+    ] = 0.00175
+    yaw_rate_bias: Annotated[float, Setting("bias of the yaw rate", "radps", 0, 1)] = 0.00175
 
 
 class InertialSensor:
@@ -46,13 +53,13 @@ class InertialSensor:
     """
 
     def __init__(
-        self, noise: InertialNoise, rate_hz: float, start_at: int, random: Generator
+        self, settings: ImuSettings, rate_hz: float, start_at: int, random: Generator
     ) -> None:
-        self._noise = noise
+        self._settings = settings
         self._cadence = Cadence(start_at, rate_hz)
         self._random = random
         speed, yaw_rate = random.standard_normal(2).tolist()
-        self._bias = Motion(noise.speed_bias * speed, noise.yaw_rate_bias * yaw_rate)
+        self._bias = Motion(settings.speed_bias * speed, settings.yaw_rate_bias * yaw_rate)
         self._drawn: list[float] = []
 
     def measure(self, body: Body, now: int) -> Motion | None:
@@ -62,9 +69,9 @@ class InertialSensor:
         if not self._drawn:
             self._drawn = self._random.standard_normal(2 * BLOCK).tolist()
             self._drawn.reverse()
-        noise, bias, draw = self._noise, self._bias, self._drawn.pop
-        speed = body.speed + bias.speed + noise.speed * draw()
-        yaw_rate = body.yaw_rate + bias.yaw_rate + noise.yaw_rate * draw()
+        settings, bias, draw = self._settings, self._bias, self._drawn.pop
+        speed = body.speed + bias.speed + settings.speed_noise * draw()
+        yaw_rate = body.yaw_rate + bias.yaw_rate + settings.yaw_rate_noise * draw()
         return Motion(speed if speed > 0.0 else 0.0, yaw_rate)
 
 
@@ -144,12 +151,12 @@ class DriftModel:
     (rad²/s). White noise of standard deviation s, constant over each T, has the density s² T.
     """
 
-    def __init__(self, slip: SlipModel, noise: InertialNoise, rate_hz: float) -> None:
+    def __init__(self, slip: SlipModel, settings: ImuSettings, rate_hz: float) -> None:
         self._slip = slip
         period = 1.0 / rate_hz
         between = period * period / 12.0  # error of linear interpolation between two readings
-        self.along = period * (noise.speed**2 + (JERK * between) ** 2)
-        self.heading = period * (noise.yaw_rate**2 + (YAW_JERK * between) ** 2)
+        self.along = period * (settings.speed_noise**2 + (JERK * between) ** 2)
+        self.heading = period * (settings.yaw_rate_noise**2 + (YAW_JERK * between) ** 2)
 
     def across(self, speed: float, yaw_rate: float) -> float:
         """Density across the body (m²/s), 2 s² t of the slip's error s with correlation time t."""

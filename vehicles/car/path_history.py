@@ -3,7 +3,7 @@
 from bisect import bisect_left
 from collections.abc import Callable
 from itertools import pairwise
-from math import cos, hypot, sin, sqrt
+from math import asin, atan2, cos, hypot, inf, remainder, sin, tau
 from typing import Final
 
 from vehicles.car.gnss import Fix
@@ -60,9 +60,8 @@ class PathHistory:
 
     def _begin_chord(self, east: float, north: float) -> None:
         self._east, self._north = east, north
-        self._low = self._high = 0.0, 0.0
-        self._has_wedge = self._is_closed = False
-        self._reached = 0.0
+        self._towards = self._reached = 0.0
+        self._low, self._high = -inf, inf  # Limits (rad) of the wedge, relative to `_towards`
         self._end: Fix | None = None
         self._tail: list[Fix] = []
 
@@ -106,41 +105,30 @@ class PathHistory:
 
     def _may_extend(self, fix: Fix) -> bool:
         """Whether a chord to `fix` or to a later fix may keep the tolerance."""
-        if self._is_closed or len(self._tail) >= MAX_TAIL:
+        if self._low >= self._high or len(self._tail) >= MAX_TAIL:
             return False
         return hypot(fix.east - self._east, fix.north - self._north) <= self._longest
 
     def _extend(self, fix: Fix) -> None:
         """Note whether the chord can end at `fix`, and narrow the wedge."""
         east, north = fix.east - self._east, fix.north - self._north
-        length = hypot(east, north)
-        low, high = self._low, self._high
-        is_end = length >= self._reached
-        if self._has_wedge:
-            is_end = (
-                is_end
-                and low[0] * north - low[1] * east >= POSITION_ROUNDING
-                and east * high[1] - north * high[0] >= POSITION_ROUNDING
-            )
-        if is_end or self._end is None:
+        length, direction = hypot(east, north), atan2(north, east)
+        has_wedge = self._high < inf
+        if not has_wedge:
+            self._towards = direction
+        angle = remainder(direction - self._towards, tau)
+        if length >= self._reached and (
+            not has_wedge
+            or length * min(sin(angle - self._low), sin(self._high - angle)) >= POSITION_ROUNDING
+        ):
             self._end = fix
             self._tail.clear()
         else:
             self._tail.append(fix)
-        self._reached = length if length > self._reached else self._reached
-        if length <= TOLERANCE:
-            return
-        sine = TOLERANCE / length
-        cosine = sqrt(1.0 - sine * sine)
-        east, north = east / length, north / length
-        right = east * cosine + north * sine, north * cosine - east * sine
-        left = east * cosine - north * sine, north * cosine + east * sine
-        if not self._has_wedge or low[0] * right[1] > low[1] * right[0]:
-            self._low = low = right
-        if not self._has_wedge or left[0] * high[1] > left[1] * high[0]:
-            self._high = high = left
-        self._has_wedge = True
-        self._is_closed = low[0] * high[1] <= low[1] * high[0]
+        self._reached = max(self._reached, length)
+        if length > TOLERANCE:
+            half = asin(TOLERANCE / length)
+            self._low, self._high = max(self._low, angle - half), min(self._high, angle + half)
 
     def _choose(self, fix: Fix) -> None:
         """Make `fix` a chosen position, from which the next chord begins."""
@@ -163,12 +151,10 @@ class PathHistory:
         newest, end = self._newest, self._end
         if newest is None or end is None:
             return NO_HISTORY
-        fixes = [end]
-        if newest is not end:
-            fixes += self._tail
-            if fixes[-1] is not newest:
-                fixes.append(newest)
-            fixes = _chords(fixes)
+        fixes = [end, *self._tail]
+        if fixes[-1] is not newest:
+            fixes.append(newest)
+        fixes = _chords(fixes)
         length = hypot(end.east - self._east, end.north - self._north)
         for before, fix in pairwise(fixes):
             length += hypot(fix.east - before.east, fix.north - before.north)

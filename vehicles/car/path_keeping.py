@@ -53,26 +53,25 @@ class AlongPath(NamedTuple):
     step: float
     values: Sequence[float]
 
-    def at(self, distance: float) -> float:
-        """Value `distance` (m) ahead, interpolated; constant beyond the ends."""
-        start, step, values = self
-        where, last = (distance - start) / step, len(values) - 1
-        if where <= 0.0 or last == 0:
-            return values[0]
-        if where >= last:
-            return values[last]
-        index = int(where)
-        return values[index] + (where - index) * (values[index + 1] - values[index])
-
     def mean(self, distance: float, apart: float) -> float:
         """Mean at `distance` (m) ahead and `apart` (m) before and after, weights 1/4, 1/2, 1/4.
 
-        It belongs to the path of mean curvature, as the motion is linear in the curvature.
+        It belongs to the path of mean curvature, as the motion is linear in the curvature. Values
+        are interpolated, and constant beyond the ends.
         """
-        if len(self.values) == 1:
-            return self.values[0]
-        both_sides = self.at(distance - apart) + self.at(distance + apart)
-        return 0.25 * both_sides + 0.5 * self.at(distance)
+        start, step, values = self
+        last, mean = len(values) - 1, 0.0
+        if last == 0:
+            return values[0]
+        for ahead, share in ((distance - apart, 0.25), (distance + apart, 0.25), (distance, 0.5)):
+            where = (ahead - start) / step
+            if where <= 0.0 or where >= last:
+                mean += share * values[0 if where <= 0.0 else last]
+            else:
+                index = int(where)
+                value = values[index]
+                mean += share * (value + (where - index) * (values[index + 1] - value))
+        return mean
 
 
 class PathMotion(NamedTuple):
@@ -93,9 +92,10 @@ class PathKeeping:
     """Motion of one car that follows paths exactly: the inverse of eqs. (1), (2)."""
 
     def __init__(self, p: VehicleParameters) -> None:
-        self._wheelbase, self._steer_gradient = p.wheelbase, p.steer_gradient
+        self._wheelbase = wheelbase = p.wheelbase
+        self._steer_gradient = p.steer_gradient
         self._rear, self._moment = p.rear_axle_distance, p.mass * p.front_axle_distance
-        self._stiffness = p.wheelbase * p.rear_cornering_stiffness
+        self._stiffness = wheelbase * p.rear_cornering_stiffness
         self._square = self._stiffness / p.yaw_inertia
         ratio = p.rear_cornering_stiffness / p.front_cornering_stiffness
         self._by_heading, self._by_turn = 1.0 + ratio, p.front_axle_distance - ratio * self._rear

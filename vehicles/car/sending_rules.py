@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import accumulate, pairwise
 from math import ceil, degrees, floor, hypot, inf
-from typing import Annotated, ClassVar, Final, Literal, Protocol
+from typing import Annotated, Final, Literal, Protocol
 
 from numpy.random import Generator
 
@@ -53,9 +53,6 @@ class CongestionControl:
     def longest_interval(self) -> int:
         """Minimum time (ns) between messages at the highest busy ratio."""
         return MIN_INTERVALS[_state_of(max(entry.busy for entry in self.busy))]
-
-    def begin(self, start_at: int) -> "ReactiveControl":
-        return ReactiveControl(self, start_at)
 
 
 class ReactiveControl:
@@ -154,13 +151,6 @@ class SendingRule(ABC):
         int, Setting("largest number of its positions; bends need more of them", "", 1, 40)
     ] = 23
 
-    has_period: ClassVar[bool] = False
-
-    @property
-    def is_periodic(self) -> bool:
-        """Whether messages are periodic, except for missing fixes."""
-        return self.has_period and self.dcc is None
-
     @abstractmethod
     def begin(self, context: SendingContext) -> SendingTrigger:
         """Return the trigger of a run."""
@@ -175,7 +165,7 @@ class SendingRule(ABC):
 
     def nominal_rate(self, fixes: float, speed: float) -> float:
         """Rate (Hz) at a constant `speed` (m/s) on a straight, without congestion control."""
-        return fixes
+        return self.max_rate(fixes)
 
     def controlled_rate(self, fixes: float, speed: float) -> float:
         """Nominal rate (Hz), limited by the rate of fixes and by congestion control."""
@@ -214,7 +204,10 @@ class PhasedRule(SendingRule):
             phase = int(context.streams("phase").random() * SECOND / self.schedule_rate)
         return Cadence(context.start_at + phase, self.schedule_rate)
 
-    def instants(self, context: SendingContext, end_at: int) -> Iterator[int] | None:
+    def begin(self, context: SendingContext) -> SendingTrigger:
+        return InstantTrigger(self.instants(context, NO_END))
+
+    def instants(self, context: SendingContext, end_at: int) -> Iterator[int]:
         return self.cadence(context).until(end_at)
 
     def problems(self) -> Iterator[Problem]:
@@ -236,8 +229,6 @@ class PhasedRule(SendingRule):
 class EveryFix(SendingRule, SendingTrigger):
     """Each fix, as soon as it is available (Section III-A)."""
 
-    has_period = True
-
     def begin(self, context: SendingContext) -> SendingTrigger:
         return self
 
@@ -253,20 +244,13 @@ class FixedRate(PhasedRule):
     """At a constant rate and phase, independent of control and GNSS."""
 
     rate: Annotated[float, Setting("rate of sending", "hz", 0.01, 100, example=10.0)]
-    has_period = True
 
     @property
     def schedule_rate(self) -> float:
         return self.rate
 
-    def begin(self, context: SendingContext) -> SendingTrigger:
-        return InstantTrigger(self.cadence(context).until(NO_END))
-
     def max_rate(self, fixes: float) -> float:
         return min(self.rate, fixes)
-
-    def nominal_rate(self, fixes: float, speed: float) -> float:
-        return self.rate
 
     def describe(self) -> str:
         return f"{self.rate:g} Hz, {self.describe_phase()}"
@@ -481,7 +465,7 @@ class CamTrigger:
     def sent(self, now: int, fix: Fix) -> None:
         if self._changed:
             self._interval, self._repeats = min(now - self._sent_at, MAX_INTERVAL), 0
-        elif self._last is not None:
+        else:
             self._repeats += 1
             if self._repeats >= REPEATS:
                 self._interval = MAX_INTERVAL
@@ -493,11 +477,9 @@ def cam_interval(speed: float, check: float) -> float:
 
     On a straight, a message is due at the first check after more than 4 m and 0.1 to 1 s.
     """
-    if speed * MAX_INTERVAL / SECOND <= POSITION:
-        return MAX_INTERVAL / SECOND
-    after_distance = floor((POSITION + 1e-9) / (check * speed)) + 1
-    checks = max(after_distance, ceil((MIN_INTERVAL / SECOND - 1e-9) / check))
-    return min(checks * check, MAX_INTERVAL / SECOND)
+    least, most = MIN_INTERVAL / SECOND, MAX_INTERVAL / SECOND
+    after_distance = floor((POSITION + 1e-9) / (check * max(speed, POSITION / most))) + 1
+    return min(max(after_distance, ceil((least - 1e-9) / check)) * check, most)
 
 
 RULES: Mapping[str, type[SendingRule]] = {

@@ -1,5 +1,6 @@
 """On-board sensor of the gap to the predecessor and of its rate, such as a radar; SI units."""
 
+import cmath
 import math
 from collections import deque
 from collections.abc import Callable
@@ -9,7 +10,6 @@ from typing import Annotated
 from numpy.random import Generator
 
 from vehicles.car.dynamics import Body
-from vehicles.car.imu import InertialNoise
 from vehicles.car.parameters import VehicleParameters
 from vehicles.messages import TruePose
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer
@@ -116,71 +116,22 @@ class GapSensor:
         nothing = GapMeasurement(at, valid_until)
         if target is None or at - target.true_at_ns > OLDEST_POSE:
             return nothing
-        ends = zip(_end(_moved(target, at), self._rear), _end(own, self._front), strict=True)
-        east, north, away_east, away_north = (there - here for there, here in ends)
-        gap = math.hypot(east, north)
-        bearing = math.remainder(math.atan2(north, east) - own.yaw, 2.0 * math.pi)
+        # Complex numbers are vectors, east and north, or along and left of a body.
+        ahead, ux, there = self._front, cmath.rect(1.0, own.yaw), cmath.rect(1.0, target.yaw_rad)
+        # Messages have instants of their own: the predecessor goes straight on to this one.
+        behind = self._rear + target.speed_mps * (at - target.true_at_ns) / SECOND
+        turning = target.lateral_speed_mps + target.yaw_rate_radps * self._rear
+        sight = complex(target.east_m - own.east, target.north_m - own.north)
+        sight += behind * there - ahead * ux
+        apart = there * complex(target.speed_mps, turning)
+        apart -= ux * complex(own.speed, own.lateral_speed + own.yaw_rate * ahead)
+        gap, bearing = abs(sight), cmath.phase(sight / ux)
         if not 0.0 < gap <= settings.reach or abs(bearing) > 0.5 * settings.field_of_view:
             return nothing
-        rate = (east * away_east + north * away_north) / gap
+        rate = (sight.conjugate() * apart).real / gap
         return GapMeasurement(
             at,
             valid_until,
             max(gap + settings.gap_noise * gap_noise, 0.0),
             rate + settings.gap_rate_noise * rate_noise,
-        )
-
-
-def _moved(pose: TruePose, now: int) -> Body:
-    """Body of `pose`, moved straight to `now` (ns): messages have instants of their own."""
-    driven = pose.speed_mps * (now - pose.true_at_ns) / SECOND
-    return Body(
-        east=pose.east_m + driven * math.cos(pose.yaw_rad),
-        north=pose.north_m + driven * math.sin(pose.yaw_rad),
-        yaw=pose.yaw_rad,
-        speed=pose.speed_mps,
-        lateral_speed=pose.lateral_speed_mps,
-        yaw_rate=pose.yaw_rate_radps,
-    )
-
-
-def _end(body: Body, ahead: float) -> tuple[float, float, float, float]:
-    """Position (m) and velocity (m/s) of the long axis, `ahead` (m) of the centre of mass."""
-    ux, uy = math.cos(body.yaw), math.sin(body.yaw)
-    along, left = body.speed, body.lateral_speed + body.yaw_rate * ahead
-    return (
-        *(body.east + ahead * ux, body.north + ahead * uy),
-        *(along * ux - left * uy, along * uy + left * ux),
-    )
-
-
-# ---- Settings of the inertial sensor (TOML table `[imu]`)
-
-
-NOISE = InertialNoise()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ImuSettings:
-    """The emulated inertial sensor of a vehicle: gyroscope and wheel speed.
-
-    All values are standard deviations. Biases are constant, and drawn once per vehicle.
-    """
-
-    rate: Annotated[
-        float | None, Setting("rate; default: control.rate_hz", "hz", 0.01, 1000, example=50.0)
-    ] = None
-    speed_noise: Annotated[float, Setting("white noise of the speed", "mps", 0, 10)] = NOISE.speed
-    speed_bias: Annotated[float, Setting("bias of the speed", "mps", 0, 10)] = NOISE.speed_bias
-    yaw_rate_noise: Annotated[
-        float, Setting("white noise of the yaw rate; the default equals 0.1 deg/s", "radps", 0, 1)
-    ] = NOISE.yaw_rate
-    yaw_rate_bias: Annotated[float, Setting("bias of the yaw rate", "radps", 0, 1)] = (
-        NOISE.yaw_rate_bias
-    )
-
-    @property
-    def noise(self) -> InertialNoise:
-        return InertialNoise(
-            self.speed_noise, self.yaw_rate_noise, self.speed_bias, self.yaw_rate_bias
         )

@@ -1,4 +1,4 @@
-"""Tyres: slip angles, lateral forces, and the share of friction in use.
+"""Tyres: lateral forces, axle loads, and the range of the linear model.
 
 There are two models of an axle. In the paper's (Section II) the force is proportional to the slip
 angle, without limit. In the brush model it is the same for small slip, and limited to friction
@@ -13,7 +13,7 @@ cornering. SI units; left is positive.
 """
 
 import math
-from typing import Final, NamedTuple, Protocol
+from typing import Final
 
 from vehicles.car.parameters import VehicleParameters
 
@@ -25,32 +25,7 @@ NONLINEAR_SLIP = 0.5 * (3.0 - math.sqrt(6.6))
 brush model is 20 % below C s. The root of 1 - x + x²/3 = 0.8, at 52 % of the friction."""
 
 SLIDING_SHARE: Final = 0.99  # Share of friction in use above which an axle counts as sliding
-
-
-class LateralState(Protocol):
-    """State of the car in eqs. (1), (2) and (4), such as `dynamics.Body`."""
-
-    speed: float
-    lateral_speed: float
-    yaw_rate: float
-    steering: float
-
-
 Coefficients = tuple[float, float, float, float, float, float]  # A to F of `lateral_coefficients`
-
-
-class TyreUse(NamedTuple):
-    """State of the tyres of the single-track model (Section II) at an instant.
-
-    Lateral acceleration (m/s²) across the body; slip angles of the axles (rad), as in eqs. (1),
-    (2): negative in a left turn; share of friction in use at the more heavily used axle (ratio),
-    above 1 only with linear tyres.
-    """
-
-    lateral_acceleration: float
-    front_slip: float
-    rear_slip: float
-    friction_share: float
 
 
 def lateral_coefficients(p: VehicleParameters) -> Coefficients:
@@ -94,48 +69,6 @@ def lateral_share(acceleration: float, friction: float) -> float:
     used = acceleration / (friction * GRAVITY)
     left = 1.0 - used * used
     return 0.0 if left < 0.0 else math.sqrt(left)
-
-
-def tyre_use(
-    state: LateralState,
-    acceleration: float,
-    p: VehicleParameters,
-    loads: tuple[float, float] | None = None,
-) -> TyreUse:
-    """Tyre use in a state of eqs. (1), (2), at a commanded acceleration (m/s²).
-
-    Uses the tyre model of `p`. Slip is divided by a speed of at least WALKING_PACE. A standing car
-    uses no friction for braking. `loads` (N) of the axles may be passed in if they are known.
-    """
-    speed, across, yaw_rate = state.speed, state.lateral_speed, state.yaw_rate
-    rolling = WALKING_PACE if speed < WALKING_PACE else speed
-    # Speed along the steered wheels is not slip.
-    front_slip = (across + (p.front_axle_distance * yaw_rate - speed * state.steering)) / rolling
-    rear_slip = (across - p.rear_axle_distance * yaw_rate) / rolling
-    along = acceleration if speed > 0.0 or acceleration > 0.0 else 0.0
-    front_load, rear_load = loads or axle_loads(p)
-    if p.tyres == "linear":
-        front = -p.front_cornering_stiffness * front_slip
-        rear = -p.rear_cornering_stiffness * rear_slip
-    else:
-        limit = p.friction * GRAVITY
-        along = -limit if along < -limit else limit if along > limit else along
-        left = p.friction * lateral_share(along, p.friction)
-        front = brush_force(front_slip, p.front_cornering_stiffness, left * front_load)
-        rear = brush_force(rear_slip, p.rear_cornering_stiffness, left * rear_load)
-    used = max(abs(front) / front_load, abs(rear) / rear_load)
-    share = math.hypot(used, along / GRAVITY) / p.friction
-    front_angle, rear_angle = math.atan(front_slip), math.atan(rear_slip)  # large in a spin
-    return TyreUse((front + rear) / p.mass, front_angle, rear_angle, share)
-
-
-def rolling_use(state: LateralState, p: VehicleParameters) -> TyreUse:
-    """Tyre use of a car that rolls without slip, for recorded motion, which has no simulated tyres.
-
-    Lateral acceleration v_x dθ/dt of eq. (1), and the share of friction that it needs.
-    """
-    across = state.speed * state.yaw_rate
-    return TyreUse(across, 0.0, 0.0, abs(across) / (p.friction * GRAVITY))
 
 
 def linear_range(p: VehicleParameters) -> tuple[float, float]:

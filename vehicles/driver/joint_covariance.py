@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vehicles.car.gnss import Fix
-from vehicles.car.gnss_errors import StatedErrors
+from vehicles.car.gnss_settings import StatedErrors
 from vehicles.car.imu import UNKNOWN_LOAD
 from vehicles.messages import FixState
 

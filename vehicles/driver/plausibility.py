@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from math import cos, hypot, inf, isfinite, remainder, sin, sqrt, tau
 from typing import Final, Literal, NamedTuple
 
-from vehicles.car.noise import GnssNoise
+from vehicles.car.gnss_settings import GnssSettings
 from vehicles.geometry.sampled_path import HARDEST_BRAKING, drivable
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
@@ -74,13 +74,15 @@ class _Innovation(NamedTuple):
     square: float
 
 
-def _innovation(first: _Stated, second: _Stated, noise: GnssNoise, inflation: float) -> _Innovation:
+def _innovation(
+    first: _Stated, second: _Stated, receiver: GnssSettings, inflation: float
+) -> _Innovation:
     """Innovation of the `second` pose against the `first`.
 
     The prediction holds for any manoeuvre: the displacement is the mean velocity times the time T
     in between, and with an acceleration of at most A the error is at most A T²/4, assumed to be
-    three standard deviations; so is that of the heading. `noise` is that of all but positions;
-    stated deviations count `inflation` times, except in the `square`.
+    three standard deviations; so is that of the heading. `receiver` has the noise of all but
+    positions; stated deviations count `inflation` times, except in the `square`.
     """
     before, pose, cosine, sine = first.pose, second.pose, second.cosine, second.sine
     span = (pose.measured_at - before.measured_at) / SECOND
@@ -92,10 +94,14 @@ def _innovation(first: _Stated, second: _Stated, noise: GnssNoise, inflation: fl
     slipping = max(abs(pose.yaw_rate), abs(before.yaw_rate))
     slip = slipping * (SLIP_ARM + SLIP_ARM_GROWTH * fastest * fastest)
     driven, turned = CORNERING * size * size / 12.0, MAX_YAW_ACCELERATION * size * size / 12.0
-    along_variance = driven * driven + 0.5 * (size * noise.speed) ** 2
-    across_variance = driven * driven + 0.5 * (size * fastest * noise.heading) ** 2
+    along_variance = driven * driven + 0.5 * (size * receiver.speed_noise) ** 2
+    across_variance = driven * driven + 0.5 * (size * fastest * receiver.heading_noise) ** 2
     across_variance += (size * slip) ** 2
-    turn_variance = turned * turned + 2.0 * noise.heading**2 + 0.5 * (size * noise.yaw_rate) ** 2
+    turn_variance = (
+        turned * turned
+        + 2.0 * receiver.heading_noise**2
+        + 0.5 * (size * receiver.yaw_rate_noise) ** 2
+    )
     along, across = east * cosine + north * sine, north * cosine - east * sine
     along, across = along * along, across * across
     stated = first.variance + second.variance
@@ -153,27 +159,27 @@ class PoseJudge:
     A pose is compared with the newest trusted one. Refused poses that agree with one another become
     the trusted track, so no source is excluded forever. `refused` counts poses by reason.
     `at_new_place` is True if the last pose used is the first one at a position to which no car can
-    have driven. Without `noise` only such positions are refused, and nothing is reported.
+    have driven. Without `receiver` only such positions are refused, and nothing is reported.
     """
 
     def __init__(
         self,
         name: str = "",
-        noise: GnssNoise | None = None,
+        receiver: GnssSettings | None = None,
         *,
         gate: float = 5.0,
         settle: float = 1.0,
         remarks: list[str] | None = None,
     ) -> None:
-        """`noise` applies to all but positions; `gate` is in standard deviations.
+        """`receiver` is that of the source; `gate` is in standard deviations.
 
         With it, poses must agree for `settle` (s) to be trusted again. Lines for the log, such as
         "v1 distrusted: frozen", are appended to `remarks`.
         """
         self.at_new_place = False
         self.refused: Counter[Distrust] = Counter()
-        self._name, self._noise, self._gate = name, noise, gate
-        self._settle = 0 if noise is None else round(settle * SECOND)
+        self._name, self._receiver, self._gate = name, receiver, gate
+        self._settle = 0 if receiver is None else round(settle * SECOND)
         self._remarks = [] if remarks is None else remarks
         self._trusted: _PoseTrack | None = None
         self._suspects: _PoseTrack | None = None
@@ -195,7 +201,7 @@ class PoseJudge:
             self.refused[reason] += 1
         elif self._inflation > 1.0:
             reason = "over-confident"
-        if self._noise is not None and (reason or self._reported):  # rare
+        if self._receiver is not None and (reason or self._reported):  # rare
             self._report(pose, reason)
         return reason
 
@@ -214,7 +220,7 @@ class PoseJudge:
             return ""
         if not reason or frozen:
             self._suspects = None
-        if not frozen and self._noise is not None:
+        if not frozen and self._receiver is not None:
             self._squares.append(self._square)
             third = sorted(self._squares)[WINDOW // 3]
             inflation = min(sqrt(third / HONEST_THIRD), MAX_INFLATION)
@@ -236,19 +242,19 @@ class PoseJudge:
 
     def _extend(self, track: _PoseTrack, pose: _Stated) -> Distrust:
         """Append a pose, unless it is late, to a track; returns how it contradicts the track."""
-        last, noise, gate = track.last, self._noise, self._gate
+        last, receiver, gate = track.last, self._receiver, self._gate
         span = (pose.pose.measured_at - last.pose.measured_at) / SECOND
         if not self._is_reachable(last, pose):
             return "jumping"
-        if noise is None:
+        if receiver is None:
             track.last = pose if span > 0.0 else last
             return ""
-        found = _innovation(last, pose, noise, self._inflation)
+        found = _innovation(last, pose, receiver, self._inflation)
         self._square = min(self._square, found.square)
         if found.deviations > gate:
             return "jumping"
         gain = abs(pose.pose.speed - last.pose.speed) - HARDEST_BRAKING * abs(span)
-        if gain > gate * (sqrt(2.0) * noise.speed + 1e-3):
+        if gain > gate * (sqrt(2.0) * receiver.speed_noise + 1e-3):
             return "impossible"
         if span > 0.0 and not track.add(found, pose, self._inflation, gate):
             return "impossible"
@@ -261,20 +267,20 @@ class PoseJudge:
         """
         first, second = before.pose, after.pose
         distance = hypot(second.east - first.east, second.north - first.north)
-        if self._noise is not None:
+        if self._receiver is not None:
             distance -= self._gate * sqrt(before.variance + after.variance)
         span = abs(second.measured_at - first.measured_at)
         return drivable(distance, span, max(abs(first.speed), abs(second.speed)))
 
     def _is_frozen(self, stated: _Stated) -> bool:
         """Whether the position repeats although the stated speeds must have changed it."""
-        before, pose, noise = self._received, stated.pose, self._noise
-        if noise is None or (before is not None and pose.measured_at <= before.measured_at):
+        before, pose, receiver = self._received, stated.pose, self._receiver
+        if receiver is None or (before is not None and pose.measured_at <= before.measured_at):
             return False
         self._received = pose
         if before is None or (pose.east, pose.north) != (before.east, before.north):
             self._unmoved = 0.0
-        elif pose.speed > self._gate * noise.speed:
+        elif pose.speed > self._gate * receiver.speed_noise:
             span = (pose.measured_at - before.measured_at) / SECOND
             self._unmoved += 0.5 * (before.speed + pose.speed) * span
         return self._unmoved > 2.0 * self._gate * sqrt(2.0 * stated.variance)

@@ -23,10 +23,8 @@ from typing import Final
 
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
-from vehicles.car.gnss_errors import StatedErrors
-from vehicles.car.gnss_settings import STATES_WITH_FIX
-from vehicles.car.imu import DriftModel, InertialNoise, Motion, SlipModel
-from vehicles.car.noise import GnssNoise
+from vehicles.car.gnss_settings import STATES_WITH_FIX, GnssSettings, StatedErrors
+from vehicles.car.imu import DriftModel, ImuSettings, Motion, SlipModel
 from vehicles.car.parameters import VehicleParameters
 from vehicles.driver.joint_covariance import HEADING, JointCovariance
 from vehicles.driver.own_state import ExactState, Pose
@@ -56,15 +54,15 @@ class PoseEstimator:
     def __init__(
         self,
         parameters: VehicleParameters,
-        gnss: GnssNoise | None = None,
-        imu: InertialNoise | None = None,
+        gnss: GnssSettings | None = None,
+        imu: ImuSettings | None = None,
         imu_rate_hz: float = 50.0,
         *,
         stated: StatedErrors | None = None,
         start: Fix | None = None,
         latency: int = 0,
     ) -> None:
-        gnss, imu = gnss or GnssNoise(), imu or InertialNoise()
+        gnss, imu = gnss or GnssSettings(), imu or ImuSettings()
         self._slip = SlipModel(parameters)
         drift = DriftModel(self._slip, imu, imu_rate_hz)
         self._joint = JointCovariance(
@@ -72,9 +70,9 @@ class PoseEstimator:
             (drift.along, drift.across(0.0, 0.0), drift.heading),
             (imu.speed_bias, imu.yaw_rate_bias),
         )
-        self._heading = gnss.heading**2 + LEAST_VARIANCE
-        self._speed_noise = gnss.speed**2 + imu.speed**2 + LEAST_VARIANCE
-        self._yaw_rate_noise = gnss.yaw_rate**2 + imu.yaw_rate**2 + LEAST_VARIANCE
+        self._heading = gnss.heading_noise**2 + LEAST_VARIANCE
+        self._speed_noise = gnss.speed_noise**2 + imu.speed_noise**2 + LEAST_VARIANCE
+        self._yaw_rate_noise = gnss.yaw_rate_noise**2 + imu.yaw_rate_noise**2 + LEAST_VARIANCE
         self._start = start
         self._pose: Pose | None = None  # with the speed and yaw rate of the last reading
         self._lateral_speed = self._speed_bias = self._yaw_rate_bias = 0.0

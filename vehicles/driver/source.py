@@ -6,7 +6,7 @@ SI units; instants in ns.
 from math import hypot, log, sin
 from typing import Final
 
-from vehicles.car.noise import GnssNoise
+from vehicles.car.gnss_settings import GnssSettings
 from vehicles.driver.controller import RELIED_ON, SourceState, SpacingPolicy
 from vehicles.driver.intended_path import IntendedPath, is_beside
 from vehicles.driver.own_state import Pose
@@ -134,15 +134,15 @@ class Source:
         place: int = 0,
         delay: float = 0.0,
         lag: float = 0.0,
-        noise: GnssNoise | None = None,
+        receiver: GnssSettings | None = None,
         policy: SpacingPolicy | None = None,
         bends: BendsAhead | None = None,
         remarks: list[str] | None = None,
     ) -> None:
         """`period` (s) between messages and `delay` (s) of the first one are the expected ones.
 
-        `lag` (s) is the assumed drive lag, `noise` that of the receiver, by which poses are judged;
-        without it only jumps are refused, and lines for the log are appended to `remarks`.
+        `lag` (s) is the assumed drive lag. Poses are judged by the noise of the `receiver`; without
+        it only jumps are refused. Lines for the log are appended to `remarks`.
         `policy` is the spacing to keep, `bends` the limit of speed by the poses.
         """
         self.name, self.place, self.policy, self.bends = name, place, policy, bends
@@ -157,7 +157,7 @@ class Source:
         self.refusal = ""
         self.may_leave_path = self.has_left_path = False
         self._judge = PoseJudge(
-            name, noise, gate=settings.gate, settle=settings.probation, remarks=remarks
+            name, receiver, gate=settings.gate, settle=settings.probation, remarks=remarks
         )
         self._moved = False
         self._settings = settings

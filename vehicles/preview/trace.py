@@ -350,9 +350,10 @@ class Trace:
 
     def instants(self, window: Window) -> list[int]:
         """Instants (ns) of the samples of the last `window` (time stamps, Section III-B)."""
-        line, ego = self._line, self._ego_station or 0.0
-        indices = [bisect_left(line.station, ego + station - 1e-6) for station in window.station]
-        return [line.at[min(index, len(line.at) - 1)] for index in indices]
+        at, stations, last = self._line.at, self._line.station, len(self._line.at) - 1
+        begin = (self._ego_station or 0.0) - 1e-6
+        sampled = window.station.tolist()
+        return [at[min(bisect_left(stations, begin + station), last)] for station in sampled]
 
     def without_bridges(self, window: Window) -> Window:
         """The received samples of a window (Section III-A), without the bridges over holes."""

@@ -175,14 +175,14 @@ def _merge(
     merged = [source for source in sampled if source.weight > 0.0] or sampled
     if not merged:
         return None
-    counts = [len(source.window.station) for source in merged]
-    windows = [np.concatenate(source.window).reshape(3, -1) for source in merged]
-    columns = np.concatenate(windows, axis=1)
-    source = np.repeat(np.array([one.place for one in merged], dtype=np.int16), counts)
+    places, weights, windows = zip(*merged, strict=True)
+    counts = [len(window.station) for window in windows]
+    columns = np.array([np.concatenate(rows) for rows in zip(*windows, strict=True)])
+    source = np.repeat(np.array(places, dtype=np.int16), counts)
     if len(merged) == 1:
         return columns, None, source
     order = columns[2].argsort(kind="stable")
-    weights, weight = [one.weight for one in merged], None
+    weight = None
     if max(weights) != min(weights):
         total = sum([share * count for share, count in zip(weights, counts, strict=True)])
         squares = sum([share**2 * count for share, count in zip(weights, counts, strict=True)])

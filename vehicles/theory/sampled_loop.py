@@ -17,8 +17,8 @@ from math import ceil, gcd, inf, lcm, log, log2
 
 import numpy as np
 
-from vehicles.car.imu import DriftModel, InertialNoise, SlipModel
-from vehicles.car.noise import GnssNoise
+from vehicles.car.gnss_settings import GnssSettings
+from vehicles.car.imu import DriftModel, ImuSettings, SlipModel
 from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.theory.linear_model import Array, open_loop, steering_input
 
@@ -47,8 +47,8 @@ class SampledLoop:
     control_hz: float = 50.0
     imu_hz: float | None = 50.0
     gnss_hz: float = 20.0
-    gnss: GnssNoise = GnssNoise()  # noqa: RUF009 - frozen
-    imu: InertialNoise = InertialNoise()  # noqa: RUF009 - frozen
+    gnss: GnssSettings = GnssSettings()  # noqa: RUF009 - frozen
+    imu: ImuSettings = ImuSettings()  # noqa: RUF009 - frozen
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,13 +104,14 @@ def stationary_gains(  # noqa: PLR0917 - all that they depend on
     assumed: VehicleParameters,
     imu_hz: float,
     gnss_hz: float,
-    gnss: GnssNoise,
-    imu: InertialNoise,
+    fix_noise: tuple[float, float],
+    imu: ImuSettings,
     speed: float,
 ) -> Array:
     """Stationary gains of the Kalman filter on a straight, with known biases; shape (2, 2).
 
-    Rows are position (m) and heading (rad), columns are the innovations of both. Between two fixes
+    Rows are position (m) and heading (rad), columns are the innovations of both, as is
+    `fix_noise`, their standard deviations. Between two fixes
     errors are random walks with the densities of `DriftModel`. Riccati's equation
     P = F (P - P (P + R)^-1 P) F' + Q is solved by doubling, equivalent to 2^k fixes.
     """
@@ -120,7 +121,7 @@ def stationary_gains(  # noqa: PLR0917 - all that they depend on
     across = drift.across(speed, 0.0) + distance**2 * drift.heading / 3.0
     mixed = 0.5 * distance * drift.heading
     predicted = span * np.array([[across, mixed], [mixed, drift.heading]])
-    noise = np.diag([max(gnss.position, MIN_NOISE) ** 2, max(gnss.heading, MIN_NOISE) ** 2])
+    noise = np.diag([max(deviation, MIN_NOISE) ** 2 for deviation in fix_noise])
     step, known = np.array([[1.0, 0.0], [distance, 1.0]]), np.linalg.inv(noise)
     for _ in range(DOUBLINGS):
         shared = np.linalg.inv(np.eye(2) + known @ predicted)
@@ -212,8 +213,9 @@ class _Steps:
 
     def _correction(self) -> Array:
         loop, step = self._loop, np.eye(SIZE)
+        noise = loop.gnss.position_noise, loop.gnss.heading_noise
         gains = stationary_gains(
-            loop.assumed, loop.imu_hz or inf, loop.gnss_hz, loop.gnss, loop.imu, self._speed
+            loop.assumed, loop.imu_hz or inf, loop.gnss_hz, noise, loop.imu, self._speed
         )
         for row, gain in zip((PLACE, HEADING), gains, strict=True):
             step[row, [PLACE, HEADING]] -= gain

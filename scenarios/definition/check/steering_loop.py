@@ -66,8 +66,8 @@ def _loop(scenario: Scenario, setup: VehicleSetup) -> SampledLoop:
         control_hz=scenario.control_rate_hz,
         imu_hz=None if setup.has_exact_state else setup.imu_rate_hz,
         gnss_hz=setup.gnss.rate,
-        gnss=replace(setup.gnss.noise, position=setup.gnss.initial_deviation),
-        imu=setup.imu.noise,
+        gnss=replace(setup.gnss, position_noise=setup.gnss.initial_deviation),
+        imu=setup.imu,
     )
 
 

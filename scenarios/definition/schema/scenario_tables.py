@@ -31,9 +31,10 @@ from scenarios.definition.schema.settings_table import (
 from transport.links.laws.outages import ReceiverOff, TransmitterOff
 from vehicles.car.gnss_error_terms import ErrorTerm
 from vehicles.car.gnss_settings import ERRORS, PRESET_OF_STATE, PRESETS, GnssSettings, StateErrors
+from vehicles.car.imu import ImuSettings
 from vehicles.car.parameters import NOMINAL_GAINS, Loading
 from vehicles.car.sending_rules import RULES, EveryFix, SendingRule
-from vehicles.car.sensors import GapSensorSettings, ImuSettings
+from vehicles.car.sensors import GapSensorSettings
 from vehicles.driver.controller import GapLimits
 from vehicles.driver.settings import DegradationSettings
 from vehicles.preview.curve_fit import FitSettings

@@ -10,7 +10,7 @@ from scenarios.definition.topology import relays_stops
 from scenarios.runs.node.phases import Car, Driver, VehicleContext
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
-from vehicles.car.gnss_errors import stated_errors
+from vehicles.car.gnss_settings import stated_errors
 from vehicles.driver.command_limit import CommandLimit, PositionLimit
 from vehicles.driver.controller import SpacingPolicy
 from vehicles.driver.convoy import ConvoyAhead, ConvoyWatch, MemberTrack
@@ -149,7 +149,7 @@ class DriverBuilder:
             place=place,
             delay=self._usual_delay(sender),
             lag=other.assumed_parameters.drive_lag,
-            noise=other.gnss.noise if degradation.reaction == "degrade" else None,
+            receiver=other.gnss if degradation.reaction == "degrade" else None,
             policy=policy,
             bends=bends,
             remarks=remarks,
@@ -178,8 +178,8 @@ class DriverBuilder:
         start = Fix(0, now, *place, body.speed, body.yaw_rate)
         estimator = PoseEstimator(
             setup.assumed_parameters,
-            gnss.noise,
-            setup.imu.noise,
+            gnss,
+            setup.imu,
             setup.imu_rate_hz,
             stated=stated_errors(gnss),
             start=start,

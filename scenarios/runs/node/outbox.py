@@ -19,12 +19,12 @@ from scenarios.runs.node.sink import Sink
 from transport.links.inbox import Inbox
 from transport.links.true_poses import TruePoses
 from vehicles import messages
-from vehicles.car.dynamics import Actuation, Body
+from vehicles.car.clock import VehicleClock
+from vehicles.car.dynamics import Actuation, Body, TyreUse, rolling_use, tyre_use
 from vehicles.car.gnss import Fix, to_message
-from vehicles.car.noise import VehicleClock
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.path_history import PathHistory
-from vehicles.car.tyres import TyreUse, axle_loads, rolling_use, tyre_use
+from vehicles.car.tyres import axle_loads
 from vehicles.driver.decision import Decision
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.geometry.sampled_path import NO_HISTORY

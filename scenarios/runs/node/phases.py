@@ -36,11 +36,11 @@ from transport.links.inbox import Inbox, IncomingLink
 from transport.links.laws.link_law import Position
 from transport.links.link import Link
 from transport.links.true_poses import TruePoses
+from vehicles.car.clock import VehicleClock
 from vehicles.car.dynamics import Actuation, Body, CarMotion, DriveTrain
 from vehicles.car.gnss import Fix, GnssReceiver
 from vehicles.car.gnss_error_terms import NO_END
 from vehicles.car.imu import ExactSensor, InertialSensor, Motion
-from vehicles.car.noise import VehicleClock
 from vehicles.car.parameters import VehicleParameters
 from vehicles.car.sending_rules import Sender
 from vehicles.car.sensors import GapMeasurement, GapSensor

@@ -51,10 +51,9 @@ from transport.links.true_poses import TruePoses
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import GnssReceiver
 from vehicles.car.gnss_error_terms import ReceiverContext, Streams
-from vehicles.car.gnss_errors import ReceiverErrors
 from vehicles.car.imu import ExactSensor, InertialSensor
 from vehicles.car.path_history import PathHistory
-from vehicles.car.sending_rules import Sender, SendingContext
+from vehicles.car.sending_rules import ReactiveControl, Sender, SendingContext
 from vehicles.car.sensors import GapSensor
 from vehicles.driver.speed import ProfileSpeed
 from vehicles.geometry.geodesy import LocalPlane
@@ -74,7 +73,6 @@ def make_receiver(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Gns
 
     White noise and each other error have random streams of their own, so that none affects another.
     """
-    gnss = setup.gnss
     random = np.random.Generator(np.random.PCG64([scenario.seed, setup.place]))
     start = ReceiverContext(
         start_at,
@@ -82,14 +80,12 @@ def make_receiver(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Gns
         own_streams=_streams(scenario.seed, setup.place),
         shared_streams=_streams(scenario.seed, SHARED_STREAM),
     )
-    return GnssReceiver(
-        gnss.noise, gnss.rate, start_at, random, ReceiverErrors(gnss, start, begin_error)
-    )
+    return GnssReceiver(setup.gnss, start, random, begin_error)
 
 
 def make_sender(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Sender:
     rule = setup.sending
-    control = None if rule.dcc is None else rule.dcc.begin(start_at)
+    control = None if rule.dcc is None else ReactiveControl(rule.dcc, start_at)
     path = PathHistory(LocalPlane(scenario.origin), rule.path_history, rule.path_history_points)
     return Sender(begin_rule(rule, _sending_start(scenario, setup, start_at)), control, path)
 
@@ -366,7 +362,7 @@ class VehicleBuilder:
             return ExactSensor()
         # A separate stream keeps the receiver's noise independent of this sensor.
         random = self._stream(IMU_STREAM)
-        return InertialSensor(self._setup.imu.noise, self._setup.imu_rate_hz, start_at, random)
+        return InertialSensor(self._setup.imu, self._setup.imu_rate_hz, start_at, random)
 
     def _gap_sensor(self, start_at: int) -> GapSensor | None:
         setup = self._setup

@@ -35,9 +35,10 @@ from tests.made.channels.drawn_channels import LAWS, drawn_channel, drawn_spans
 from tests.made.channels.drawn_laws import inline
 from vehicles.car.gnss_error_terms import Drift
 from vehicles.car.gnss_settings import StateErrors
+from vehicles.car.imu import ImuSettings
 from vehicles.car.parameters import LINCOLN_MKZ, Loading
 from vehicles.car.sending_rules import CAM_SHARES
-from vehicles.car.sensors import GapSensorSettings, ImuSettings
+from vehicles.car.sensors import GapSensorSettings
 
 Raw = dict[str, Any]
 VEHICLES_MAX = 8

@@ -9,11 +9,11 @@ import numpy as np
 from tests.made.transport.received_poses import received_fix
 from tests.made.vehicles.driving import advance
 from tests.made.vehicles.exact_drives import PLANE, START
+from tests.made.vehicles.receivers import USUAL, receiver
 from transport.links.laws.content import FalseContent, GhostVehicle
 from vehicles.car.dynamics import Actuation, Body
-from vehicles.car.gnss import Fix, GnssReceiver, to_message
-from vehicles.car.gnss_errors import ReceiverErrors
-from vehicles.car.noise import GnssNoise
+from vehicles.car.gnss import Fix, to_message
+from vehicles.car.gnss_settings import GnssSettings
 from vehicles.car.parameters import LINCOLN_MKZ, VehicleParameters
 from vehicles.driver.plausibility import REFUSED, Distrust, PoseJudge
 from vehicles.messages import GpsPose
@@ -61,19 +61,15 @@ def measured_fixes(
     *,
     seconds: float = 10.0,
     speed: float = 20.0,
-    rate_hz: float = 20.0,
-    noise: GnssNoise | None = None,
-    errors: ReceiverErrors | None = None,
+    settings: GnssSettings = USUAL,
     seed: int = 1,
     car: VehicleParameters = LINCOLN_MKZ,
 ) -> list[Fix]:
-    receiver = GnssReceiver(
-        noise or GnssNoise(), rate_hz, START, np.random.default_rng(seed), errors
-    )
+    gnss = receiver(settings, START, seed)
     body, fixes, now = Body(100.0, -50.0, 0.7, speed), [], START
     tick = round(TICK_S * SECOND)
     while now < START + seconds * SECOND:
-        fix = receiver.measure(body, now)
+        fix = gnss.measure(body, now)
         if fix is not None:
             fixes.append(fix)
         body = advance(body, command((now - START) / SECOND, body), TICK_S, car)
@@ -127,7 +123,7 @@ class Judged:
 
 
 def judged(fixes: Iterable[Fix | ReceivedPose], gate: PoseJudge | None = None) -> list[Judged]:
-    gate = gate or PoseJudge(noise=GnssNoise())
+    gate = gate or PoseJudge(receiver=USUAL)
     verdicts = []
     for fix in fixes:
         pose = fix

@@ -12,9 +12,9 @@ from scipy.integrate import solve_ivp
 
 from tests.made.examples import examples
 from tests.made.vehicles.driving import TICK, advance, drive, steer
-from vehicles.car.dynamics import Actuation, Body
+from vehicles.car.dynamics import Actuation, Body, TyreUse, tyre_use
 from vehicles.car.parameters import LINCOLN_MKZ, VehicleParameters
-from vehicles.car.tyres import GRAVITY, WALKING_PACE, TyreUse, axle_loads, tyre_use
+from vehicles.car.tyres import GRAVITY, WALKING_PACE, axle_loads
 
 CAR = replace(LINCOLN_MKZ, tyres="brush", steering_rate_limit=0.59)
 MAX_ACCELERATION = CAR.friction * GRAVITY

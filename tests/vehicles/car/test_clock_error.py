@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.made.transport.received_poses import received
-from vehicles.car.noise import VehicleClock
+from vehicles.car.clock import VehicleClock
 
 START = 1_700_000_000_000_000_000
 errors = st.integers(-10_000_000_000, 10_000_000_000)

@@ -1,30 +1,26 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.made.vehicles.receivers import SILENT, USUAL, receiver
 from vehicles.car.dynamics import Body
-from vehicles.car.gnss import Fix, GnssReceiver, to_message
-from vehicles.car.noise import GnssNoise
+from vehicles.car.gnss import Fix, to_message
 from vehicles.geometry.geodesy import LocalPlane, Origin, wrap_angle
 from vehicles.messages import GpsPose
 from vehicles.received_pose import receive
 
 START = 1_700_000_000_123_456_789
 BODY = Body(120.0, -45.0, 2.5, 20.0, 0.1, 0.05, 0.01, 0.0, 300.0)
-SILENT = GnssNoise(position=0.0, heading=0.0, speed=0.0, yaw_rate=0.0)
 PLANE = LocalPlane(Origin(latitude_deg=30.6, longitude_deg=-96.3, altitude_m=90.0))
-
-
-def receiver(noise: GnssNoise = SILENT, rate_hz: float = 20.0, seed: int = 1) -> GnssReceiver:
-    return GnssReceiver(noise, rate_hz, START, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize("rate_hz", [20.0, 10.0, 30.0, 7.0, 12.5, 1.0])
 def test_measures_at_the_rounded_instants_and_only_there(rate_hz: float) -> None:
-    gnss = receiver(rate_hz=rate_hz)
+    gnss = receiver(replace(SILENT, rate=rate_hz), START)
     for k in (0, 1, 2, 3, 100, 71_999):
         instant = START + round(k * 1e9 / rate_hz)
         fix = gnss.measure(BODY, instant)
@@ -36,18 +32,18 @@ def test_measures_at_the_rounded_instants_and_only_there(rate_hz: float) -> None
 
 
 def test_noise_is_white_and_of_the_stated_size() -> None:
-    gnss, noise = receiver(GnssNoise()), GnssNoise()
+    gnss = receiver(USUAL, START)
     count = 4000
     errors = np.empty((count, 5))
     for k in range(count):
         fix = gnss.measure(BODY, START + k * 50_000_000)
         assert fix is not None
         errors[k] = (
-            (fix.east - BODY.east) / noise.position,
-            (fix.north - BODY.north) / noise.position,
-            (fix.yaw - BODY.yaw) / noise.heading,
-            (fix.speed - BODY.speed) / noise.speed,
-            (fix.yaw_rate - BODY.yaw_rate) / noise.yaw_rate,
+            (fix.east - BODY.east) / USUAL.position_noise,
+            (fix.north - BODY.north) / USUAL.position_noise,
+            (fix.yaw - BODY.yaw) / USUAL.heading_noise,
+            (fix.speed - BODY.speed) / USUAL.speed_noise,
+            (fix.yaw_rate - BODY.yaw_rate) / USUAL.yaw_rate_noise,
         )
     # Five standard errors either way.
     assert np.max(np.abs(errors.mean(axis=0))) < 5.0 / math.sqrt(count)

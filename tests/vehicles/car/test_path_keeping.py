@@ -40,9 +40,9 @@ def steady(car: VehicleParameters, speed: float) -> tuple[float, float]:
 def test_on_an_arc_it_is_steady_cornering(car: VehicleParameters, speed: float) -> None:
     slip, steering = steady(car, speed)
     motion = PathKeeping(car).motion(sampled(lambda _: -0.002), (0.0, 5.0), speed)
-    assert motion.curvature.at(0.0) == pytest.approx(-0.002, rel=1e-5)
-    assert motion.heading.at(0.0) == pytest.approx(0.002 * slip, rel=1e-5)
-    assert motion.steering.at(0.0) == pytest.approx(-0.002 * steering, rel=1e-5)
+    assert motion.curvature.mean(0.0, 0.0) == pytest.approx(-0.002, rel=1e-5)
+    assert motion.heading.mean(0.0, 0.0) == pytest.approx(0.002 * slip, rel=1e-5)
+    assert motion.steering.mean(0.0, 0.0) == pytest.approx(-0.002 * steering, rel=1e-5)
 
 
 @pytest.mark.parametrize("speed", [1.5, 4.0, 6.0])
@@ -52,13 +52,13 @@ def test_the_simulated_car_follows_a_tight_arc_at_large_slip(speed: float, radiu
     motion = PathKeeping(CAR).motion(sampled(lambda _: 1.0 / radius), (0.0, 5.0), speed)
     body = Body(0.0, 0.0, 0.0, speed)
     for _ in range(300):
-        body = advance(body, Actuation(motion.steering.at(0.0), 0.0), 0.02, CAR)
+        body = advance(body, Actuation(motion.steering.mean(0.0, 0.0), 0.0), 0.02, CAR)
     along = math.hypot(body.speed, body.lateral_speed)
     assert along / body.yaw_rate == pytest.approx(radius, rel=2e-3)
     slip = math.atan2(body.lateral_speed, body.speed)
     assert abs(slip) > 0.1
-    assert motion.heading.at(0.0) == pytest.approx(-slip, rel=5e-3)
-    assert motion.curvature.at(0.0) * body.speed == pytest.approx(body.yaw_rate, rel=2e-3)
+    assert motion.heading.mean(0.0, 0.0) == pytest.approx(-slip, rel=5e-3)
+    assert motion.curvature.mean(0.0, 0.0) * body.speed == pytest.approx(body.yaw_rate, rel=2e-3)
 
 
 @pytest.mark.parametrize("car", [CAR, FULL])
@@ -72,9 +72,11 @@ def test_on_a_clothoid_it_has_the_first_order_terms(car: VehicleParameters, spee
     front, rear = car.front_cornering_stiffness, car.rear_cornering_stiffness
     moment = car.yaw_inertia * speed**2 / length
     lag = moment / rear - car.rear_axle_distance * slip
-    assert motion.heading.at(there) == pytest.approx(-rate * (there * slip + lag), abs=1e-3 * rate)
+    assert motion.heading.mean(there, 0.0) == pytest.approx(
+        -rate * (there * slip + lag), abs=1e-3 * rate
+    )
     kick = moment * (1.0 / front + 1.0 / rear) - slip * length
-    assert motion.steering.at(there) == pytest.approx(
+    assert motion.steering.mean(there, 0.0) == pytest.approx(
         rate * (there * steering + kick), abs=1e-2 * rate
     )
 
@@ -86,7 +88,7 @@ def test_at_walking_pace_the_body_turns_in_over_the_rear_axle_s_distance() -> No
     )
     for distance in (1.0, 2.0, 4.0):
         turned_in = -0.1 * b * (1.0 - math.exp(-distance / b))
-        assert motion.heading.at(distance) == pytest.approx(turned_in, rel=0.15)
+        assert motion.heading.mean(distance, 0.0) == pytest.approx(turned_in, rel=0.15)
 
 
 @given(speed=st.floats(0.0, 40.0), at=st.floats(-5.0, 5.0))
@@ -96,8 +98,8 @@ def test_before_the_curvature_changes_it_is_that_of_an_arc(speed: float, at: flo
     arc = keeping.motion(sampled(lambda _: curvature), (-6.0, 6.0), speed)
     where = at - bend.heading.step  # the motion is linear between samples
     for changing, constant in zip(bend, arc, strict=True):
-        assert changing.at(where) == pytest.approx(constant.at(where), rel=1e-12)
-        assert changing.at(6.0) != constant.at(6.0)
+        assert changing.mean(where, 0.0) == pytest.approx(constant.mean(where, 0.0), rel=1e-12)
+        assert changing.mean(6.0, 0.0) != constant.mean(6.0, 0.0)
 
 
 def bends(distance: float) -> float:
@@ -137,12 +139,12 @@ def test_the_simulated_car_follows_the_road_without_feedback(
         motion = PathKeeping(quick).motion(seen_from(body.distance), (0.0, 2.0), speed)
         off_road.append(abs(path.project(body.east, body.north).lateral))
         slip = body.lateral_speed / speed
-        off_slip.append(abs(slip + motion.heading.at(0.0)))
-        off_steady.append(abs(slip - steady(car, speed)[0] * motion.curvature.at(0.0)))
+        off_slip.append(abs(slip + motion.heading.mean(0.0, 0.0)))
+        off_steady.append(abs(slip - steady(car, speed)[0] * motion.curvature.mean(0.0, 0.0)))
         halfway = PathKeeping(quick).motion(
             seen_from(body.distance + 0.5 * span * speed), (0.0, 2.0), speed
         )
-        body = advance(body, Actuation(halfway.steering.at(0.0), 0.0), span, quick)
+        body = advance(body, Actuation(halfway.steering.mean(0.0, 0.0), 0.0), span, quick)
     assert max(off_slip) < 0.15 * max(off_steady)
     assert max(off_road) < 0.03
 

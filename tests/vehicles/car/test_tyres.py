@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicles.car.dynamics import Body
+from vehicles.car.dynamics import Body, tyre_use
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
-from vehicles.car.tyres import GRAVITY, axle_loads, brush_force, linear_range, tyre_use
+from vehicles.car.tyres import GRAVITY, axle_loads, brush_force, linear_range
 
 STIFFNESS, CAPACITY = 400_000.0, 9_000.0
 SLIPS = st.floats(-1.0, 1.0)

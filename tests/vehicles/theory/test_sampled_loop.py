@@ -10,8 +10,8 @@ from scipy.linalg import expm
 from tests.made.vehicles.driving import advance
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix
-from vehicles.car.imu import InertialNoise, Motion
-from vehicles.car.noise import GnssNoise
+from vehicles.car.gnss_settings import GnssSettings
+from vehicles.car.imu import ImuSettings, Motion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import NOMINAL_GAINS, Loading, VehicleParameters, loaded
 from vehicles.driver.own_state import Pose
@@ -29,7 +29,7 @@ from vehicles.theory.sampled_loop import (
 )
 
 FULL = loaded(CAR, Loading(front_passengers=1, rear_passengers=3))
-UNBIASED = InertialNoise(speed_bias=0.0, yaw_rate_bias=0.0)
+UNBIASED = ImuSettings(speed_bias=0.0, yaw_rate_bias=0.0)
 LOOP = SampledLoop(CAR, CAR, NOMINAL_GAINS, imu=UNBIASED)
 
 
@@ -53,15 +53,16 @@ def test_the_exponential_agrees_with_scipy() -> None:
         assert _exponential(matrix) == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("noise", [GnssNoise(), GnssNoise(position=0.3, heading=0.01)])
+@pytest.mark.parametrize("noise", [(0.02, 0.00175), (0.3, 0.01)])
 @pytest.mark.parametrize(("speed", "gnss_hz"), [(30.0, 20.0), (8.0, 20.0), (30.0, 2.0)])
 def test_stationary_gains_are_those_of_the_filter(
-    speed: float, gnss_hz: float, noise: GnssNoise
+    speed: float, gnss_hz: float, noise: tuple[float, float]
 ) -> None:
     """The stationary Kalman gains, against the settled filter of a vehicle."""
     gains = stationary_gains(CAR, 50.0, gnss_hz, noise, UNBIASED, speed)
     for column, (offset, turned) in enumerate(((0.01, 0.0), (0.0, 0.001))):
-        estimator = PoseEstimator(CAR, noise, UNBIASED)
+        gnss = GnssSettings(position_noise=noise[0], heading_noise=noise[1])
+        estimator = PoseEstimator(CAR, gnss, UNBIASED)
         last = round(100 * gnss_hz)
         for k, at in enumerate(
             sorted({*instants(0, 101 * SECOND, 50), *instants(0, 101 * SECOND, gnss_hz)})
@@ -74,7 +75,7 @@ def test_stationary_gains_are_those_of_the_filter(
             shift = seq == last
             place, yaw = (offset, turned) if shift else (0.0, 0.0)
             fix = Fix(seq, at, speed * at / SECOND, place, yaw, speed, 0.0)
-            estimator.correct(replace(fix, accuracy=noise.position))
+            estimator.correct(replace(fix, accuracy=noise[0]))
             if shift:
                 break
         pose = estimator.at(at)

@@ -15,10 +15,9 @@ from transport.codec import decode, encode
 from transport.links.inbox import Inbox
 from transport.links.true_poses import TruePoses
 from transport.topics import TOPIC_OF, TOPICS, key
-from vehicles.car.dynamics import Actuation, Body
+from vehicles.car.dynamics import Actuation, Body, tyre_use
 from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ
-from vehicles.car.tyres import tyre_use
 from vehicles.driver.controller import SourceState
 from vehicles.driver.decision import Decision
 from vehicles.driver.situation import Situation

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from vehicles.car.dynamics import Body
-from vehicles.car.gnss_error_terms import GRID, Drift, GaussMarkov
-from vehicles.car.gnss_errors import draw_truncated
+from vehicles.car.gnss_error_terms import GRID, Drift, GaussMarkov, draw_truncated
 from vehicles.schedule import SECOND, instants
 
 BODY = Body(0.0, 0.0, 0.0, 0.0)

@@ -1,5 +1,7 @@
 """Fix states by schedule and by Markov chain, and outages."""
 
+from itertools import islice
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -10,7 +12,6 @@ from vehicles.car.gnss_error_terms import (
     FixOutageCircle,
     FixOutageStretch,
     FixOutageWindow,
-    FixStates,
     ReceiverContext,
     ReceiverState,
     ScheduledStates,
@@ -37,14 +38,9 @@ def chain(*transitions: tuple[ReceiverState, ReceiverState, float]) -> ChainOfSt
 
 def stays(chain: ChainOfStates, count: int, seed: int) -> list[tuple[ReceiverState, float]]:
     """States and durations (s) of the first state intervals."""
-    states = FixStates(chain.intervals("fixed", context(seed)))
-    result, now = [], START
-    for _ in range(count):
-        stay = states.at(now)
-        assert stay.since == now
-        result.append((stay.state, (stay.until - stay.since) / SECOND))
-        now = stay.until
-    return result
+    intervals = list(islice(chain.intervals("fixed", context(seed)), count))
+    assert [stay.since for stay in intervals] == [START, *(stay.until for stay in intervals[:-1])]
+    return [(stay.state, (stay.until - stay.since) / SECOND) for stay in intervals]
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -71,17 +67,16 @@ def test_competing_transitions_have_their_rates() -> None:
     assert lost == pytest.approx(1000, abs=5 * (4000 * 0.25 * 0.75) ** 0.5)  # a quarter of 4000
 
 
-def scheduled(*entries: tuple[float, ReceiverState]) -> FixStates:
+def scheduled(*entries: tuple[float, ReceiverState]) -> list[tuple[ReceiverState, float]]:
+    """States and their starts (s)."""
     law = ScheduledStates(tuple(StateEntry(*entry) for entry in entries))
-    return FixStates(law.intervals("fixed", context()))
+    return [(at.state, (at.since - START) / SECOND) for at in law.intervals("fixed", context())]
 
 
 def test_a_schedule_is_followed() -> None:
-    schedule = scheduled((2.0, "float"), (5.0, "none"), (5.5, "fixed"))
-    at = {0.0: "fixed", 1.999: "fixed", 2.0: "float", 4.9: "float", 5.0: "none", 5.5: "fixed"}
-    result = {second: schedule.at(START + round(second * SECOND)).state for second in at}
-    assert result == at
-    assert scheduled((0.0, "single")).at(START).state == "single"
+    later: list[tuple[ReceiverState, float]] = [("float", 2.0), ("none", 5.0), ("fixed", 5.5)]
+    assert scheduled(*((at, state) for state, at in later)) == [("fixed", 0.0), *later]
+    assert scheduled((0.0, "single")) == [("single", 0.0)]
 
 
 def test_outages_cover_their_time_stretch_or_circle() -> None:

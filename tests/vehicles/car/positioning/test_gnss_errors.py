@@ -2,52 +2,38 @@
 
 import math
 from dataclasses import replace
-from hashlib import blake2b
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from numpy.random import Generator
 
+from tests.made.vehicles.receivers import SILENT, USUAL, receiver, started
 from vehicles.car.dynamics import Body
-from vehicles.car.gnss import Fix, GnssReceiver
+from vehicles.car.gnss import Fix
 from vehicles.car.gnss_error_terms import (
     Bias,
     CommonDrift,
     Drift,
     FixOutageWindow,
-    ReceiverContext,
     ReceiverState,
     ScheduledStates,
     StateEntry,
-    Streams,
 )
-from vehicles.car.gnss_errors import ReceiverErrors
 from vehicles.car.gnss_settings import GnssSettings, StateErrors
-from vehicles.car.noise import GnssNoise
 from vehicles.schedule import MILLISECOND, SECOND, instants
 
 START = 1_700_000_000_000_000_000
 BODY = Body(120.0, -45.0, 2.5, 20.0, 0.1, 0.05, 0.01, 0.0, 300.0)
-SILENT = GnssNoise(position=0.0, heading=0.0, speed=0.0, yaw_rate=0.0)
 QUIET = StateErrors(0.0)
-SHARED_STREAM = 99
-
-
-def streams(place: int) -> Streams:
-    def stream(purpose: str) -> Generator:
-        word = int.from_bytes(blake2b(purpose.encode(), digest_size=4).digest(), "little")
-        return np.random.default_rng([5, place, 2, word])
-
-    return stream
 
 
 def model(fixed: StateErrors = QUIET, floating: StateErrors = QUIET) -> GnssSettings:
-    return GnssSettings(
-        fixed.position_noise,
-        fixed.drift,
-        fixed.entry_jump,
-        fixed.accuracy,
+    return replace(
+        SILENT,
+        position_noise=fixed.position_noise,
+        drift=fixed.drift,
+        entry_jump=fixed.entry_jump,
+        accuracy=fixed.accuracy,
         while_float=floating,
         while_single=QUIET,
     )
@@ -57,24 +43,10 @@ def scheduled(*entries: tuple[float, ReceiverState]) -> ScheduledStates:
     return ScheduledStates(tuple(StateEntry(at, state) for at, state in entries))
 
 
-def started(place: int = 1) -> ReceiverContext:
-    return ReceiverContext(START, 0.0, streams(place), streams(SHARED_STREAM))
-
-
-def errors(made: GnssSettings, place: int = 1) -> ReceiverErrors:
-    return ReceiverErrors(made, started(place))
-
-
-def fixes(
-    result: ReceiverErrors,
-    seconds: float,
-    rate_hz: float = 20.0,
-    noise: GnssNoise = SILENT,
-    seed: int = 1,
-) -> list[Fix]:
-    gnss = GnssReceiver(noise, rate_hz, START, np.random.default_rng(seed), result)
+def fixes(made: GnssSettings, seconds: float, place: int = 1, seed: int = 1) -> list[Fix]:
+    gnss = receiver(made, START, seed, place)
     end = START + round(seconds * SECOND)
-    measured = (gnss.measure(BODY, now) for now in instants(START, end, rate_hz))
+    measured = (gnss.measure(BODY, now) for now in instants(START, end, made.rate))
     return [fix for fix in measured if fix is not None]
 
 
@@ -85,15 +57,12 @@ def off(fix: Fix) -> tuple[float, float]:
 def test_common_drift_cancels_between_vehicles() -> None:
     """Bit-identical at equal instants, also for receivers of different rates."""
     common = replace(model(), common_drift=CommonDrift(3.0, 50.0))
-    here = {fix.measured_at: off(fix) for fix in fixes(errors(common, 1), 30.0)}
-    there = {fix.measured_at: off(fix) for fix in fixes(errors(common, 2), 30.0)}
-    rare = {fix.measured_at: off(fix) for fix in fixes(errors(common, 3), 30.0, rate_hz=4.0)}
+    here = {fix.measured_at: off(fix) for fix in fixes(common, 60.0, 1)}
+    there = {fix.measured_at: off(fix) for fix in fixes(common, 60.0, 2)}
+    rare = {fix.measured_at: off(fix) for fix in fixes(replace(common, rate=4.0), 30.0, 3)}
     assert here == there
     assert rare.items() <= here.items()
     assert max(map(math.hypot, *zip(*here.values(), strict=True))) > 1.0
-    first, second = errors(common, 1), errors(common, 2)
-    for now in instants(START, START + 60 * SECOND, 20.0):
-        assert first.at(BODY, now) == second.at(BODY, now)
 
 
 def test_own_errors_are_independent_of_common_drift() -> None:
@@ -101,15 +70,11 @@ def test_own_errors_are_independent_of_common_drift() -> None:
     both = replace(own, common_drift=CommonDrift(3.0, 50.0))
     apart = [
         np.subtract(off(first), off(second))
-        for first, second in zip(
-            fixes(errors(own, 1), 20.0), fixes(errors(own, 2), 20.0), strict=True
-        )
+        for first, second in zip(fixes(own, 20.0, 1), fixes(own, 20.0, 2), strict=True)
     ]
     with_common = [
         np.subtract(off(first), off(second))
-        for first, second in zip(
-            fixes(errors(both, 1), 20.0), fixes(errors(both, 2), 20.0), strict=True
-        )
+        for first, second in zip(fixes(both, 20.0, 1), fixes(both, 20.0, 2), strict=True)
     ]
     assert np.max(np.abs(np.subtract(apart, with_common))) < 1e-9
     assert np.max(np.abs(apart)) > 0.05
@@ -117,9 +82,8 @@ def test_own_errors_are_independent_of_common_drift() -> None:
 
 def test_white_noise_is_that_of_a_plain_receiver() -> None:
     """The random numbers are the same, so scenarios differ by the drift only."""
-    noise = GnssNoise()
-    plain = GnssReceiver(noise, 20.0, START, np.random.default_rng(1))
-    result = fixes(errors(model(StateErrors(noise.position))), 2.0, noise=noise)
+    plain = receiver(USUAL, START)
+    result = fixes(replace(USUAL, drift=Drift(0.0)), 2.0)
     for k, fix in enumerate(result):
         before = plain.measure(BODY, START + k * 50 * MILLISECOND)
         assert before is not None
@@ -129,7 +93,7 @@ def test_white_noise_is_that_of_a_plain_receiver() -> None:
 
 def test_a_fix_is_available_after_its_latency() -> None:
     late = replace(model(), latency=70 * MILLISECOND)
-    gnss = GnssReceiver(SILENT, 20.0, START, np.random.default_rng(1), errors(late))
+    gnss = receiver(late, START)
     known = {}
     for step in range(0, 400, 10):
         fix = gnss.measure(BODY, START + step * MILLISECOND)
@@ -146,7 +110,7 @@ def test_entry_jumps_are_bounded_and_decay() -> None:
         entries += [(20.0 * k + 5.0, "float"), (20.0 * k + 18.0, "fixed")]
     tunnels = tuple(FixOutageWindow(s * SECOND, (s + 1) * SECOND) for s in range(10, 1200, 20))
     made = replace(model(floating=floating), fix_states=scheduled(*entries), outages=tunnels)
-    result = fixes(errors(made), 1200.0, rate_hz=4.0)
+    result = fixes(replace(made, rate=4.0), 1200.0)
     jumps, later = [], []
     for before, fix in pairwise(result):
         if fix.state != "float":
@@ -159,16 +123,15 @@ def test_entry_jumps_are_bounded_and_decay() -> None:
     assert max(jumps) <= 0.5 + 1e-12
     assert max(jumps) > 0.4
     assert max(later) > 2.0
-    assert not [
-        fix for fix in result if any(t.covers(BODY, fix.measured_at, started()) for t in tunnels)
-    ]
+    start = started(START)
+    assert not any(t.covers(BODY, fix.measured_at, start) for fix in result for t in tunnels)
 
 
 def test_the_reported_accuracy_is_a_share_of_the_deviation() -> None:
     honest = StateErrors(0.3, Drift(0.4, 10.0))
     lying = replace(honest, accuracy=0.05)
     made = replace(model(honest, lying), fix_states=scheduled((1.0, "float")))
-    result = fixes(errors(made), 2.0)
+    result = fixes(made, 2.0)
     assert {(fix.state, round(fix.accuracy, 12)) for fix in result} == {
         ("fixed", 0.5),
         ("float", 0.025),
@@ -181,25 +144,23 @@ def test_the_reported_accuracy_is_a_share_of_the_deviation() -> None:
 @pytest.mark.campaign(150, 2000)
 def test_errors_have_the_stated_deviation(campaign: int) -> None:
     made = replace(model(StateErrors(0.3, Drift(0.4, 10.0))), bias=Bias(0.5), quantisation=1.0)
-    each = [off(fixes(errors(made, place), 0.04, seed=place)[0]) for place in range(campaign)]
+    each = [off(fixes(made, 0.04, place, seed=place)[0]) for place in range(campaign)]
     size = 2 * campaign
     assert np.std(each) == pytest.approx(made.deviation("fixed"), rel=5.0 / math.sqrt(2.0 * size))
 
 
 def test_a_forced_state_ends_on_request() -> None:
-    gnss = GnssReceiver(SILENT, 20.0, START, np.random.default_rng(1), errors(model()))
+    gnss = receiver(SILENT, START)
     gnss.force("none", START)
     assert gnss.measure(BODY, START) is None
     gnss.force(None, START)
     assert gnss.measure(BODY, START + 50 * MILLISECOND) is not None
-    with pytest.raises(ValueError, match="no fix states"):
-        GnssReceiver(SILENT, 20.0, START, np.random.default_rng(1)).force("float", START)
 
 
 def test_a_bias_is_constant_and_partly_random() -> None:
     given = replace(model(), bias=Bias(0.0, 1.0, -2.0))
-    assert {off(fix) for fix in fixes(errors(given), 3.0)} == {(1.0, -2.0)}
+    assert {off(fix) for fix in fixes(given, 3.0)} == {(1.0, -2.0)}
     drawn = replace(model(), bias=Bias(0.5))
-    each = [off(fixes(errors(drawn, place), 0.1)[0]) for place in range(400)]
+    each = [off(fixes(drawn, 0.1, place)[0]) for place in range(400)]
     assert np.std(each) == pytest.approx(0.5, rel=5 / math.sqrt(2 * 800))
     assert abs(np.mean(each)) < 5 * 0.5 / math.sqrt(800)

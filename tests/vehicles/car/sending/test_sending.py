@@ -160,7 +160,7 @@ def test_no_interval_is_shorter_than_congestion_control_allows(
         "drawn": drawn.begin(CONTEXT),
         "profile": profile_of([(0.0, 25.0)]).begin(CONTEXT),
     }
-    control = congested(ratio).begin(START)
+    control = ReactiveControl(congested(ratio), START)
     result = sent(rules[kind], 10.0, speed=40.0, gnss_hz=25.0, control=control)
     later = [gap for gap, (when, _) in zip(gaps(result), result, strict=False) if when > 100.0]
     assert min(later) >= least

@@ -5,26 +5,26 @@ import numpy as np
 import pytest
 
 from vehicles.car.dynamics import Body
-from vehicles.car.imu import ExactSensor, InertialNoise, InertialSensor, Motion
+from vehicles.car.imu import ExactSensor, ImuSettings, InertialSensor, Motion
 from vehicles.schedule import SECOND
 
 TICK = SECOND // 50
 BODY = Body(3.0, -2.0, 7.0, 20.0, yaw_rate=0.2)
-SILENT = InertialNoise(speed=0.0, yaw_rate=0.0, speed_bias=0.0, yaw_rate_bias=0.0)
+SILENT = ImuSettings(speed_noise=0.0, yaw_rate_noise=0.0, speed_bias=0.0, yaw_rate_bias=0.0)
 
 
-def sensor(noise: InertialNoise, seed: int = 1, rate_hz: float = 50.0) -> InertialSensor:
+def sensor(noise: ImuSettings, seed: int = 1, rate_hz: float = 50.0) -> InertialSensor:
     return InertialSensor(noise, rate_hz, 0, np.random.default_rng(seed))
 
 
-def readings(noise: InertialNoise, count: int, seed: int = 1) -> list[Motion]:
+def readings(noise: ImuSettings, count: int, seed: int = 1) -> list[Motion]:
     imu = sensor(noise, seed)
     taken = [imu.measure(BODY, k * TICK) for k in range(count)]
     return [motion for motion in taken if motion is not None]
 
 
 def test_noise_is_white_and_of_the_stated_size() -> None:
-    noise = replace(SILENT, speed=0.05, yaw_rate=0.002)
+    noise = replace(SILENT, speed_noise=0.05, yaw_rate_noise=0.002)
     for values, mean, deviation in (
         ([motion.speed for motion in readings(noise, 4000)], 20.0, 0.05),
         ([motion.yaw_rate for motion in readings(noise, 4000)], 0.2, 0.002),
@@ -55,6 +55,6 @@ def test_an_exact_sensor_gives_the_state_at_every_instant() -> None:
 def test_readings_do_not_depend_on_how_many_are_drawn_at_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    drawn = readings(InertialNoise(), 200)
+    drawn = readings(ImuSettings(), 200)
     monkeypatch.setattr("vehicles.car.imu.BLOCK", 1)
-    assert readings(InertialNoise(), 200) == drawn
+    assert readings(ImuSettings(), 200) == drawn

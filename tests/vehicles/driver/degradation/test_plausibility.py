@@ -22,9 +22,10 @@ from tests.made.vehicles.measured_drives import (
     refused,
     thinned,
 )
+from tests.made.vehicles.receivers import USUAL
 from transport.links.laws.content import FalseContent, FalseInterval, Shift
 from vehicles.car.gnss import Fix
-from vehicles.car.noise import GnssNoise
+from vehicles.car.gnss_settings import GnssSettings
 from vehicles.driver.plausibility import REFUSED, PoseJudge
 from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
 
@@ -66,13 +67,16 @@ def test_no_honest_source_is_distrusted(
     coarser: float,
     share: float,
 ) -> None:
-    usual = GnssNoise()
-    noise = GnssNoise(
-        position, coarser * usual.heading, coarser * usual.speed, coarser * usual.yaw_rate
+    gnss = GnssSettings(
+        position_noise=position,
+        rate=rate_hz,
+        heading_noise=coarser * USUAL.heading_noise,
+        speed_noise=coarser * USUAL.speed_noise,
+        yaw_rate_noise=coarser * USUAL.yaw_rate_noise,
     )
     wild = random_motion(seed, lateral=lateral, braking=braking)
-    fixes = measured_fixes(wild, seconds=15.0, speed=speed, rate_hz=rate_hz, noise=noise, seed=seed)
-    all_of = judged(thinned(fixes, share, seed), PoseJudge(noise=noise))
+    fixes = measured_fixes(wild, seconds=15.0, speed=speed, settings=gnss, seed=seed)
+    all_of = judged(thinned(fixes, share, seed), PoseJudge(receiver=gnss))
     assert not refused(all_of)
     assert not reasons(all_of)
 
@@ -96,7 +100,7 @@ def test_true_late_poses_are_trusted_and_change_nothing(seed: int, late: int) ->
     fixes = measured_fixes(random_motion(seed, lateral=6.0), seconds=6.0, seed=seed)
     shuffled = sorted(fixes, key=lambda fix: fix.seq + (late if fix.seq % 3 == 0 else 0))
     assert not reasons(judged(shuffled))
-    gate = PoseJudge(noise=GnssNoise())
+    gate = PoseJudge(receiver=USUAL)
     judged(fixes[:50], gate)
     false = replace(fixes[48], east=fixes[48].east + 5.0)
     assert gate.judge(received_fix(false, received_at=fixes[49].measured_at)) in REFUSED
@@ -160,7 +164,7 @@ def test_no_source_is_excluded_forever(seed: int, size: float, share: float) -> 
 )
 def test_impossible_motion_is_named(wrong: Callable[[Fix], Fix]) -> None:
     fixes = measured_fixes(constant_motion(20.0), seconds=6.0)
-    gate = PoseJudge(noise=GnssNoise())
+    gate = PoseJudge(receiver=USUAL)
     judged(fixes[:80], gate)
     assert gate.judge(received_fix(wrong(fixes[80]))) == "impossible"
     assert gate.judge(received_fix(fixes[81])) == ""

@@ -10,9 +10,8 @@ from tests.made.vehicles.driving import advance
 from vehicles.car.dynamics import Actuation, Body
 from vehicles.car.gnss import Fix, GnssReceiver
 from vehicles.car.gnss_error_terms import ReceiverContext
-from vehicles.car.gnss_errors import ReceiverErrors, stated_errors
-from vehicles.car.gnss_settings import GnssSettings
-from vehicles.car.imu import InertialNoise, InertialSensor
+from vehicles.car.gnss_settings import GnssSettings, stated_errors
+from vehicles.car.imu import ImuSettings, InertialSensor
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import VehicleParameters
 from vehicles.driver.pose_estimator import PoseEstimator
@@ -49,12 +48,9 @@ class EstimatedDrive:
         return np.array(rows)
 
     def _run(self, seed: int) -> Iterator[tuple[float, list[float]]]:
-        settings, body = self.gnss, self.course.body
-        gnss = GnssReceiver(
-            settings.noise, settings.rate, 0, np.random.default_rng([seed, 0]),
-            ReceiverErrors(settings, receiver_context(seed)),
-        )  # fmt: skip
-        imu = InertialSensor(InertialNoise(), 50.0, 0, np.random.default_rng([seed, 1]))
+        body, random = self.course.body, np.random.default_rng([seed, 0])
+        gnss = GnssReceiver(self.gnss, receiver_context(seed), random)
+        imu = InertialSensor(ImuSettings(), 50.0, 0, np.random.default_rng([seed, 1]))
         own_state = self._estimator(body)
         for k in range(round(self.seconds * 100)):
             now = k * 10 * MS
@@ -67,7 +63,7 @@ class EstimatedDrive:
         gnss = self.gnss
         start = Fix(0, 0, body.east, body.north, wrap_angle(body.yaw), body.speed, body.yaw_rate)
         stated = None if self.white_only else stated_errors(gnss)
-        estimator = PoseEstimator(CAR, gnss.noise, stated=stated, start=start, latency=gnss.latency)
+        estimator = PoseEstimator(CAR, gnss, stated=stated, start=start, latency=gnss.latency)
         if not gnss.has_fix_every_instant:
             estimator.begin(start)
         return estimator

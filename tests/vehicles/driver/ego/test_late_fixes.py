@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from tests.made.vehicles.driving import advance
+from tests.made.vehicles.receivers import receiver
 from vehicles.car.dynamics import Actuation, Body
-from vehicles.car.gnss import Fix, GnssReceiver
-from vehicles.car.imu import InertialNoise, InertialSensor
-from vehicles.car.noise import GnssNoise
+from vehicles.car.gnss import Fix
+from vehicles.car.imu import ImuSettings, InertialSensor
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.driver.own_state import Pose
 from vehicles.driver.pose_estimator import PoseEstimator
@@ -21,8 +21,8 @@ TICK = 10 * MILLISECOND
 
 def driven(latency: int, *, seconds: float = 6.0) -> tuple[list[Pose], list[Pose], list[Body]]:
     """Poses from fixes with `latency` (ns), from the same fixes without it, and the truth."""
-    gnss = GnssReceiver(GnssNoise(), 20.0, 0, np.random.default_rng(1))
-    imu = InertialSensor(InertialNoise(), 50.0, 0, np.random.default_rng(2))
+    gnss = receiver()
+    imu = InertialSensor(ImuSettings(), 50.0, 0, np.random.default_rng(2))
     body = Body(0.0, 0.0, 0.3, 20.0)
     start = Fix(0, 0, body.east, body.north, body.yaw, body.speed, body.yaw_rate)
     late = PoseEstimator(CAR, latency=latency)

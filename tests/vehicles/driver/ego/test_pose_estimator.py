@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 
 from tests.made.examples import examples
 from tests.made.vehicles.driving import advance
+from tests.made.vehicles.receivers import SILENT, USUAL, receiver
 from vehicles.car.dynamics import Actuation, Body
-from vehicles.car.gnss import Fix, GnssReceiver
-from vehicles.car.imu import InertialNoise, InertialSensor, Motion
-from vehicles.car.noise import GnssNoise
+from vehicles.car.gnss import Fix
+from vehicles.car.gnss_settings import GnssSettings
+from vehicles.car.imu import ImuSettings, InertialSensor, Motion
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import Loading, VehicleParameters, loaded
 from vehicles.driver.own_state import Pose
@@ -20,9 +21,8 @@ from vehicles.driver.pose_estimator import JUMPS_ACCEPTED, PoseEstimator
 from vehicles.geometry.geodesy import wrap_angle
 
 MS = 1_000_000
-SILENT = GnssNoise(position=0.0, heading=0.0, speed=0.0, yaw_rate=0.0)
-STILL = InertialNoise(speed=0.0, yaw_rate=0.0, speed_bias=0.0, yaw_rate_bias=0.0)
-USUAL, IN_CARS = GnssNoise(), InertialNoise()
+STILL = ImuSettings(speed_noise=0.0, yaw_rate_noise=0.0, speed_bias=0.0, yaw_rate_bias=0.0)
+IN_CARS = ImuSettings()
 FULL = loaded(CAR, Loading(front_passengers=1, rear_passengers=3))
 Command = Callable[[float], Actuation]
 
@@ -53,8 +53,8 @@ def steered(angle: float, acceleration: float = 0.0) -> Command:
 class Sensors:
     """Sensor noise, rate of fixes, and random seed."""
 
-    gnss: GnssNoise = USUAL
-    imu: InertialNoise = IN_CARS
+    gnss: GnssSettings = USUAL
+    imu: ImuSettings = IN_CARS
     gnss_hz: float = 20.0
     seed: int = 3
 
@@ -92,7 +92,7 @@ def run(
     body: Body, command: Command, sensors: Sensors, seconds: float, car: VehicleParameters = CAR
 ) -> Iterator[Estimate]:
     """True and estimated pose every 10 ms; the sensor in the car reads every 20 ms."""
-    gnss = GnssReceiver(sensors.gnss, sensors.gnss_hz, 0, np.random.default_rng(sensors.seed))
+    gnss = receiver(replace(sensors.gnss, rate=sensors.gnss_hz), seed=sensors.seed)
     stream = np.random.default_rng([sensors.seed, 1])
     imu = InertialSensor(sensors.imu, 50.0, 0, stream)
     estimator = PoseEstimator(CAR, sensors.gnss, sensors.imu, 50.0)
@@ -142,7 +142,7 @@ def test_a_swerve_is_estimated_to_a_centimetre(car: VehicleParameters) -> None:
 def mean_squares(drives: list[list[Estimate]]) -> tuple[list[float], list[float]]:
     """Means of error² / variance and of innovation² / variance, a second apart each."""
     errors, innovations = [], []
-    noise = (GnssNoise().position, GnssNoise().position, GnssNoise().heading)
+    noise = (USUAL.position_noise, USUAL.position_noise, USUAL.heading_noise)
     for drive in drives:
         errors += [np.array(estimate.error) / estimate.deviations for estimate in drive[400::105]]
         innovations += [
@@ -197,8 +197,8 @@ def test_in_curves_errors_do_not_exceed_the_covariance_of_the_filter(
 def test_without_fixes_dead_reckoning_stays_within_its_covariance() -> None:
     """Ten seconds of a swerve without fixes, after the biases were estimated."""
     body = Body(0.0, 0.0, 0.0, 30.0)
-    imu = InertialSensor(InertialNoise(), 50.0, 0, np.random.default_rng(5))
-    gnss = GnssReceiver(GnssNoise(), 10.0, 0, np.random.default_rng(6))
+    imu = InertialSensor(IN_CARS, 50.0, 0, np.random.default_rng(5))
+    gnss = receiver(replace(USUAL, rate=10.0), seed=6)
     estimator = PoseEstimator(CAR)
     for k in range(2000):
         now = k * 20 * MS

@@ -1,30 +1,10 @@
-"""White noise of a GNSS receiver."""
+"""A vehicle's own clock, with an initial offset and a drift."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 from vehicles.received_pose import ReceivedPose
-
-
-@dataclass(frozen=True, slots=True)
-class GnssNoise:
-    """Standard deviations of the white Gaussian noise (Section III-A has that of the position).
-
-    position (m) per axis: 2 cm, the paper's RTK receiver. heading (rad) 0.1 deg, speed (m/s), and
-    yaw rate (rad/s) 0.1 deg/s: open-sky data of RTK-aided inertial units with two antennas and a
-    MEMS gyroscope.
-    """
-
-    position: float = 0.02
-    heading: float = math.radians(0.1)
-    speed: float = 0.03
-    yaw_rate: float = 0.00175
-
-
-# ---- A vehicle's own clock, with an initial offset and a drift
-
 
 MILLION: Final = 1_000_000
 
@@ -43,8 +23,6 @@ class VehicleClock:
 
     def error(self, now: int) -> int:
         """Error (ns, positive if the clock is ahead) at the true instant `now` (ns)."""
-        if not self.drift:
-            return self.offset
         return self.offset + round(self.drift * (now - self.start_at) / MILLION)
 
     def reading(self, at: int) -> int:
@@ -55,7 +33,7 @@ class VehicleClock:
 
         The age of such a pose in true time equals its age by this clock.
         """
-        error = self.error(now)
-        if not error:
+        if not (self.offset or self.drift):
             return poses
+        error = self.error(now)
         return [replace(pose, measured_at=pose.measured_at - error) for pose in poses]
