@@ -236,7 +236,7 @@ class FigureStream:
 
     def _pass_road_error(self, pose: TruePose) -> None:
         if (road := self._roads.get(pose.vehicle)) is not None:
-            offset = road.offset(pose.east_m, pose.north_m, pose.distance_m)
+            _, offset = road.foot(pose.east_m, pose.north_m, pose.distance_m)
             for take in self._on_road_error:
                 take(RoadError(pose.vehicle, pose.true_at_ns, offset))
 

@@ -36,8 +36,6 @@ STEEPEST = 1.0  # So does a car whose heading differs by more than this (rad)
 class CurvedPath(Protocol):
     """Curvatures (1/m) at stations (m) of the arc spline of Section III-A or of the lead's path."""
 
-    def curvature_at(self, station: float) -> float: ...
-
     def curvatures(self, start: float, step: float, count: int) -> Sequence[float]: ...
 
 
@@ -97,8 +95,7 @@ class TrackingErrors:
 
     def curvature_ahead(self, distance: float) -> float:
         """Signed curvature (1/m) `distance` (m) ahead of the foot point; 1/R of eq. (6) at 0."""
-        path = self.path
-        return self.curvature if path is None else path.curvature_at(self.station + distance)
+        return self.curvatures_ahead(distance, 1.0, 1)[0]
 
     def curvatures_ahead(self, start: float, step: float, count: int) -> Sequence[float]:
         """`curvature_ahead` at `count` stations, from `start` (m) by `step` (m)."""

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from math import cos, hypot, sin, sqrt
 from typing import Final, NamedTuple
 
-from vehicles.geometry.sampled_path import SampledPath
+import numpy as np
+
+from vehicles.geometry.sampled_path import FloatArray, SampledPath
 from vehicles.messages import TruePose
 from vehicles.schedule import SECOND
 
@@ -67,9 +69,10 @@ def walk(
 
 
 class PathWalk:
-    """Offsets of a vehicle that drives along a path, from one position to the next.
+    """Foot points of a vehicle that drives along a path, each searched near the one before.
 
-    The path counts as a polyline through its samples: at a radius of 10 m it is 1 mm off.
+    So it stays on its branch of a path that crosses or repeats itself. The path counts as a
+    polyline through its samples: at a radius of 10 m it is 1 mm off.
     """
 
     def __init__(self, path: SampledPath, station: float) -> None:
@@ -79,15 +82,30 @@ class PathWalk:
         self._north = array("d", path.north.tobytes())
         self._start, self._distance, self._index = station, -2.0 * MAX_STEP, 0
 
-    def offset(self, east: float, north: float, distance: float) -> float:
-        """Lateral offset (m, left positive) of a position (m) after a `distance` driven (m)."""
+    def foot(self, east: float, north: float, distance: float) -> tuple[float, float]:
+        """Station and offset (m, left positive) of a position (m) after a `distance` driven (m)."""
         if not 0.0 <= distance - self._distance <= MAX_STEP:
             index = bisect_right(self._stations, self._start + distance) - 1
             self._index = min(max(index, 0), len(self._stations) - 2)
         self._distance = distance
         index, floor = self._index, max(self._index - MAX_STEP_BACK, 0)
-        self._index, _, lateral = walk(self._east, self._north, index, floor, (east, north))
-        return lateral
+        index, share, lateral = walk(self._east, self._north, index, floor, (east, north))
+        self._index = index
+        start, end = self._stations[index : index + 2]
+        return start + share * (end - start), lateral
+
+
+def driven_feet(
+    path: SampledPath, points: FloatArray, distance: FloatArray, start: float
+) -> FloatArray:
+    """Station and offset (m), shape (2, n), of the points (m) of a drive along a path.
+
+    `points` (2, n) follow each other after `distance` (m) (n,) driven; at distance 0 the vehicle is
+    at station `start` (m).
+    """
+    walked = PathWalk(path, start)
+    rows = zip(*points.tolist(), distance.tolist(), strict=True)
+    return np.array([walked.foot(*row) for row in rows]).reshape(-1, 2).T
 
 
 class CrossTrack(NamedTuple):

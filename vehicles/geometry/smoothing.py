@@ -22,7 +22,7 @@ from vehicles.geometry.bridges import (
     noise_deviation,
     step_lengths,
 )
-from vehicles.geometry.path_offsets import path_offsets
+from vehicles.geometry.driven_path import driven_feet
 from vehicles.geometry.sampled_path import SAMPLING, FloatArray, SampledPath
 
 # ---- Local cubic regression (Cleveland, 1979), in O(points in reach) per location
@@ -234,8 +234,8 @@ def smooth_path(
     path = _path(smoothed)
     at_points = np.interp(record.t, grid, path.station)
     stations = at_points[numbers[:used]]
-    offsets = np.abs(path_offsets(path, given[:, :used], stations))
-    between = np.abs(path_offsets(path, *_between(record, at_points)))
+    offsets = np.abs(driven_feet(path, given[:, :used], stations, 0.0)[1])
+    between = np.abs(driven_feet(path, record.points, at_points, 0.0)[1])
     return SmoothedPath(
         path=path,
         deviation_rms=math.sqrt(float(np.mean(offsets * offsets))),
@@ -265,18 +265,6 @@ def _checked(
     if not 0.0 <= lead_in < math.inf:
         raise ValueError(f"the lead-in must be at least 0 m long, not {lead_in} m")
     return np.stack((x, y))
-
-
-def _between(record: _Record, stations: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points (2, m) halfway between widely spaced points, on cubics, and their stations (m).
-
-    `stations` are those of the record's points.
-    """
-    t, points = record.t, record.points
-    k = np.flatnonzero(np.diff(t[1:-1]) > 2.0 * SAMPLING) + 1
-    four = k + np.arange(-1, 3)[:, None]
-    halfway = [cubic_at(t[four], row[four], 0.5 * (t[k] + t[k + 1])) for row in points]
-    return np.stack(halfway), 0.5 * (stations[k] + stations[k + 1])
 
 
 def _merged(

@@ -20,7 +20,6 @@ from vehicles.geometry.arc_spline import (
     ArcSpline,
     Piece,
     PlanePose,
-    along_arc,
     near_arc,
     on_clothoid,
 )
@@ -178,8 +177,8 @@ def in_world(curve: LocalCurve, samples: Samples, frame: Frame) -> Curve:
     )
     rate, before, after = curve.rate, curve.before, curve.after
     origin, rows = (curve.x, curve.y, curve.angle), samples.rows
-    start = along_arc(origin, before, rows.item(X, 0), rows.item(Y, 0))
-    end = along_arc(origin, after, rows.item(X, -1), rows.item(Y, -1))
+    start = near_arc(origin, before, rows.item(X, 0), rows.item(Y, 0)).station
+    end = near_arc(origin, after, rows.item(X, -1), rows.item(Y, -1)).station
     first, bend = _pose_at(join, before, rate, start), before + rate * start
     if before == after:
         return Curve(ArcSpline((Piece(*first, bend, end - start, rate),)), rest, rms)
