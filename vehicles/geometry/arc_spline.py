@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from math import atan2, ceil, cos, inf, remainder, sin, sqrt, tau
 from typing import Final
 
-import numpy as np
-
 from vehicles.geometry.sampled_path import Foot, PathPoint
 from vehicles.messages import CompositeTrajectory
 
@@ -143,13 +141,16 @@ class ArcSpline:
 
         The end pieces extend the path at both ends, with constant curvature.
         """
-        shapes = np.array([(piece.curvature, piece.rate, piece.length) for piece in self.pieces])
-        begins = np.cumsum(shapes[:, 2]) - shapes[:, 2]
-        stations = start + step * np.arange(count)
-        index = np.searchsorted(begins[1:], stations)  # a joint belongs to the piece before it
-        curvature, rate, length = shapes[index].T
-        within = np.minimum(np.maximum(stations - begins[index], 0.0), length)
-        curvatures: list[float] = (curvature + rate * within).tolist()
+        curvatures: list[float] = []
+        begin, (piece, *later) = 0.0, self.pieces
+        for k in range(count):
+            station = start + k * step - begin
+            while later and station > piece.length:
+                begin += piece.length
+                station -= piece.length
+                piece, *later = later
+            within = min(max(station, 0.0), piece.length)
+            curvatures.append(piece.curvature + piece.rate * within)
         return curvatures
 
     def fading(self, length: float, most: float) -> "ArcSpline":
