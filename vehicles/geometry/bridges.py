@@ -1,8 +1,8 @@
 """Curves over holes in recorded points, and through sparse positions.
 
 At a hole a local polynomial extrapolates the noise of one side. So each side is fitted separately,
-by an arc, or by a line if the points do not require an arc. A cubic with the resulting positions
-and headings joins both sides, and points on it fill the hole.
+by an arc, or by a line if there are few points. A cubic with the resulting positions and headings
+joins both sides, and points on it fill the hole.
 """
 
 import math
@@ -23,9 +23,6 @@ HOLE = 5.0  # A step between two points is a hole if it is longer than this (m).
 UNUSUAL = 4.0  # ...and longer than this multiple of the median of the steps nearby
 NEARBY = 10  # Number of steps on either side that count as nearby
 SIDE = 7  # Minimum number of points to fit a side of a hole, if available
-
-CERTAIN = 3.0
-"""A side is an arc if its curvature is at least this many standard deviations from zero."""
 
 MAX_TURN = math.radians(100.0)
 """Sides are not joined if one points further than this (rad) away from the other."""
@@ -146,8 +143,8 @@ def _course(points: FloatArray, start: int, end: int) -> float:
 def _end(points: FloatArray, reach: float, direction: float) -> PlanePose:
     """Projection of the last of `points` (2, n) on the curve fitted to those within `reach` (m).
 
-    The curve is an arc, or a line if the points do not require an arc. A single point takes
-    `direction` (rad). Raises ValueError if nothing fits the points.
+    The curve is an arc, or a line through fewer than SIDE points. A single point takes `direction`
+    (rad). Raises ValueError if nothing fits the points.
     """
     away = points - points[:, -1:]
     outside = np.flatnonzero(np.hypot(*away) > reach)
@@ -160,10 +157,6 @@ def _end(points: FloatArray, reach: float, direction: float) -> PlanePose:
     yaw = _course(away[:, -SIDE:], 0, -1)
     samples = Samples(away, cos(yaw), sin(yaw), away[0], None)
     arc = samples.arc() if count >= SIDE else None
-    if arc is not None:
-        deviation = math.sqrt(arc.distance / max(count - 3, 1))
-        if not abs(arc.half) * math.sqrt(samples.spread) > CERTAIN * deviation:
-            arc = None
     curve = average_graphs((arc or samples.line(),), (1.0,))
     if not hypot(curve.x, curve.y) <= reach:  # the fit diverged
         raise ValueError("next to which the points lie in no order")

@@ -11,21 +11,13 @@ def simplified(
 ) -> Points:
     """Drop points of a path (m) between which it turns by less than `turn` (rad).
 
-    Remaining points are at most `spacing` (m) apart, unless the original ones are further apart.
+    Remaining points are at most `spacing` (m) and one step of the original ones apart.
     """
     points = np.column_stack([east, north]).astype(np.float64)
-    if len(points) < 3:
-        return points
-    steps = np.diff(points, axis=0)
-    yaw = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])).tolist()
-    length = np.hypot(steps[:, 0], steps[:, 1]).tolist()
-    kept, distance = [0], 0.0
-    for k in range(1, len(points) - 1):
-        distance += length[k - 1]
-        if distance + length[k] > spacing or abs(yaw[k] - yaw[kept[-1]]) > turn:
-            kept.append(k)
-            distance = 0.0
-    return points[[*kept, len(points) - 1]]
+    dx, dy = np.diff(points, axis=0).T
+    cells = np.cumsum(np.hypot(dx, dy)) // spacing, np.round(np.unwrap(np.arctan2(dy, dx)) / turn)
+    kept = np.flatnonzero(np.any(np.diff(cells) != 0.0, axis=0)) + 1
+    return points[[0, *kept.tolist(), -1]]
 
 
 def lane_edges(points: Points, width: float) -> tuple[Points, Points]:

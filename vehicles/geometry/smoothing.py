@@ -111,17 +111,6 @@ def _fit(t: FloatArray, values: FloatArray, at: FloatArray, reaches: FloatArray)
     return smoothed
 
 
-def cubic_at(t: FloatArray, values: FloatArray, at: FloatArray | float) -> FloatArray:
-    """Value at `at` (...) of the cubic through four `values` (4, ...) at `t` (4, ...).
-
-    Lagrange's form (elementary algebra).
-    """
-    total: FloatArray = np.zeros_like(values[0])
-    for i in range(4):
-        total += values[i] * math.prod((at - t[j]) / (t[i] - t[j]) for j in range(4) if j != i)
-    return total
-
-
 # ---- Smoothing
 
 
@@ -162,10 +151,9 @@ class Hole(NamedTuple):
 class SmoothedPath(NamedTuple):
     """A path and its deviations (m) from its source points, such as a run of Section V-D.
 
-    `deviation_rms` is at the points. `deviation_max` also covers the sections between them: the
-    distance from the cubic through four successive points, or in a hole from its filling. `holes`
-    lists the filled holes. `half_width` (m) is the reach of the smoothing. `noise` is the standard
-    deviation of the points' white noise (m, per axis).
+    `deviation_rms` is at the points, `deviation_max` also at those that fill `holes`.
+    `half_width` (m) is the reach of the smoothing. `noise` is the standard deviation of the
+    points' white noise (m, per axis).
 
     `stations` are those of the first `points_used` points; points of a closed drive past its start
     belong to the next lap and are not used. `start` (m) is the station of the first point, the
@@ -213,7 +201,9 @@ def smooth_path(
     point of lap one, smoothed with the path so that the curvature has no step. Raises ValueError if
     the points do not form a path, and NoPathError if a single point is the cause.
     """
-    given = _checked(east, north, half_width, laps, lead_in)
+    given = np.array((east, north), dtype=float)
+    if not np.isfinite(given).all():
+        raise ValueError("a path needs finite coordinates")
     noise = max(noise, noise_deviation(given))
     record, numbers, holes = _merged(given, half_width, noise)
     if closed:
@@ -248,23 +238,6 @@ def smooth_path(
         half_width=half_width,
         noise=noise,
     )
-
-
-def _checked(
-    east: ArrayLike, north: ArrayLike, half_width: float, laps: int, lead_in: float
-) -> FloatArray:
-    x, y = np.asarray(east, dtype=float), np.asarray(north, dtype=float)
-    if x.ndim != 1 or x.shape != y.shape:
-        raise ValueError("a path needs equal numbers of east and north coordinates")
-    if not (np.isfinite(x).all() and np.isfinite(y).all()):
-        raise ValueError("a path needs finite coordinates")
-    if not 0.0 < half_width < math.inf:
-        raise ValueError(f"the half width of the smoothing must be positive, not {half_width} m")
-    if laps < 1:
-        raise ValueError(f"a path has at least one lap, not {laps}")
-    if not 0.0 <= lead_in < math.inf:
-        raise ValueError(f"the lead-in must be at least 0 m long, not {lead_in} m")
-    return np.stack((x, y))
 
 
 def _merged(
@@ -325,10 +298,18 @@ def _closed(record: _Record, half_width: float) -> _Record:
     k = away + int(crossed[0])
     end = float(t[k] + shares[k] * (t[k + 1] - t[k]))
     four = np.arange(4) + min(max(k - 1, 0), t.size - 4)
-    missed = float(cubic_at(t[four], across[four], end))
+    missed = _cubic_at(t[four].tolist(), across[four].tolist(), end)
     t, blend = t[: k + 1], min(SEAM_BLEND, 0.5 * end)
     shift = 0.5 * missed * (_ramp(1.0 - t / blend) - _ramp(1.0 - (end - t) / blend))
     return _Record(t, points[:, : k + 1] + np.stack((-ty * shift, tx * shift)), end)
+
+
+def _cubic_at(t: list[float], values: list[float], at: float) -> float:
+    """Value of the cubic through four `values` at `t`, in Lagrange's form."""
+    return sum(
+        values[i] * math.prod((at - t[j]) / (t[i] - t[j]) for j in range(4) if j != i)
+        for i in range(4)
+    )
 
 
 def _ramp(u: FloatArray) -> FloatArray:
