@@ -138,8 +138,6 @@ class FigureStream:
 
     def on_foot(self, take: TakeError) -> None:
         """Subscribe to the foot point of each follower on the lead's path, from the start on."""
-        if not self._on_foot:
-            self._path.follow(self.followers)
         self._on_foot.append(take)
 
     def on_error(self, take: TakeError) -> None:

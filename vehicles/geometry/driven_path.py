@@ -2,8 +2,8 @@
 
 from array import array
 from bisect import bisect_right
-from collections import deque
-from collections.abc import Collection, Iterable, Sequence
+from collections import defaultdict, deque
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from math import cos, hypot, sin, sqrt
 from typing import Final, NamedTuple
@@ -33,7 +33,6 @@ HOLE_NS: Final = SECOND // 10
 A longer interval is a hole in the record, where the lead's path is unknown.
 """
 
-DROP_EVERY: Final = 500  # Chords of the lead between attempts to drop passed ones
 MAX_WAITING: Final = 3000  # Poses of a follower ahead of the lead's path, 60 s at 50 Hz
 
 
@@ -140,9 +139,8 @@ class CrossTrackError:
     The path is the polyline through the lead's poses, without standstills. Followers start behind
     the lead, so an infinite straight precedes its first pose. Its direction is `road_yaw` (rad), or
     the yaw of the first pose if `road_yaw` is None. If the lead's record does not begin at its
-    start, as in a part of a log, points on that straight have no foot point. If `followers` are
-    given, chords that all of them have passed are dropped. Points of `replayed` vehicles have no
-    foot point on that straight: they start where their own drive does.
+    start, as in a part of a log, points on that straight have no foot point. Neither have points of
+    `replayed` vehicles: they start where their own drive does. The path takes 5 MB an hour.
 
     The poses of each vehicle must be in order of time, but vehicles may be interleaved in any
     order: a pose beyond the end of the lead's path is stored until the path reaches it.
@@ -152,7 +150,6 @@ class CrossTrackError:
         self,
         lead: str,
         road_yaw: float | None = None,
-        followers: Iterable[str] = (),
         replayed: Collection[str] = (),
     ) -> None:
         """`replayed` are names of vehicles; their points are called by them, or by them and `/`."""
@@ -160,18 +157,10 @@ class CrossTrackError:
         self._replayed = replayed
         self._road_yaw = road_yaw
         self._from_start = True
-        self._east: list[float] = []
-        self._north: list[float] = []
-        self._station: list[float] = []
-        self._is_hole: list[bool] = []  # of each chord: poses in between were not recorded
+        self._east, self._north, self._station = array("d"), array("d"), array("d")
+        self._is_hole = bytearray()  # of each chord: poses in between were not recorded
         self._newest: TruePose | None = None
-        self._followers: dict[str, _Follower] = {}
-        self.follow(followers)
-
-    def follow(self, names: Iterable[str]) -> None:
-        """Keep the path until these points have also passed it; call before the first pose."""
-        self._followers |= {name: _Follower() for name in names}
-        self._drops_chords = bool(self._followers)
+        self._followers = defaultdict[str, _Follower](_Follower)
 
     def add(self, pose: TruePose) -> list[CrossTrack]:
         """Add a pose; return the foot points that have become known.
@@ -188,9 +177,7 @@ class CrossTrackError:
 
     def add_point(self, vehicle: str, at: int, east: float, north: float) -> list[CrossTrack]:
         """Add a point (m) of a follower, or of a named part of it."""
-        follower = self._followers.get(vehicle)
-        if follower is None:
-            follower = self._followers[vehicle] = _Follower()
+        follower = self._followers[vehicle]
         follower.waiting.append((at, (east, north)))
         return self._feet(vehicle, follower) if self._station else []
 
@@ -218,13 +205,6 @@ class CrossTrackError:
         self._north.append(pose.north_m)
         self._station.append(station)
         self._is_hole.append(is_hole)
-        if self._drops_chords and len(self._is_hole) % DROP_EVERY == 0:
-            count = min(other.floor for other in self._followers.values())
-            del self._east[:count], self._north[:count], self._station[:count]
-            del self._is_hole[:count]
-            for other in self._followers.values():
-                other.index -= count
-                other.floor -= count
         return True
 
     def _feet(self, vehicle: str, follower: _Follower) -> list[CrossTrack]:

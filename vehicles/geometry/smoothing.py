@@ -35,7 +35,6 @@ from vehicles.geometry.sampled_path import SAMPLING, FloatArray, SampledPath
 
 
 NEIGHBOURS = 7  # Minimum number of points per local cubic (4 unknowns)
-ON_EACH_SIDE = 3  # Minimum number of points on either side, if available
 SLOPE = 0.5  # Rate (m/m) at which the reach widens towards sparse points
 
 _PLACES_AT_ONCE = 256  # locations smoothed at once, to limit memory
@@ -57,15 +56,9 @@ def _reaches(t: FloatArray, at: FloatArray, reach: float) -> FloatArray:
     """Reach of the kernel at each location."""
     short = np.maximum(0.0, reach - (at - t[0])) + np.maximum(0.0, reach - (t[-1] - at))
     right, step = np.searchsorted(t, at), float(at[1] - at[0])
-    nearest = np.full(at.shape, np.inf)
-    for shift in range(NEIGHBOURS + 1):
-        first = np.clip(right - shift, 0, t.size - NEIGHBOURS)
-        span = np.maximum(at - t[first], t[first + NEIGHBOURS - 1] - at)
-        nearest = np.minimum(nearest, span)
-    # Without points on both sides, the cubic would extrapolate.
-    before = at - t[np.maximum(right - ON_EACH_SIDE, 0)]
-    after = t[np.minimum(right + ON_EACH_SIDE - 1, t.size - 1)] - at
-    sparse = np.maximum(nearest, np.maximum(before, after))
+    # With points on both sides if there are any, so that the cubic does not extrapolate.
+    first = np.clip(right - np.array([[3], [4]]), 0, t.size - NEIGHBOURS)
+    sparse = np.min(np.maximum(at - t[first], t[first + NEIGHBOURS - 1] - at), axis=0)
     slope = SLOPE * step * np.arange(at.size)
     from_left = np.maximum.accumulate(sparse + slope) - slope
     from_right = np.maximum.accumulate((sparse - slope)[::-1])[::-1] + slope
