@@ -17,7 +17,7 @@ from pymap3d.rcurve import meridian, transverse
 FloatArray = NDArray[np.float64]
 
 REACH: Final = 100_000.0  # Distance (m) from the origin beyond which a plane is a poor map
-CORRECTED: Final = 1e-6  # A correction below this (m) is the last: its error is far smaller
+CORRECTED: Final = 1e-5  # A correction below this (m) is the last: its error is far smaller
 MAX_CORRECTIONS: Final = 20  # Three are typical within some kilometres of the origin
 
 WGS84 = Ellipsoid.from_name("wgs84")
@@ -33,14 +33,6 @@ class Origin:
     latitude_deg: float
     longitude_deg: float
     altitude_m: float
-
-    def __post_init__(self) -> None:
-        if not -90.0 <= self.latitude_deg <= 90.0:
-            raise ValueError(f"latitude {self.latitude_deg} deg is not within -90 to 90")
-        if not -180.0 <= self.longitude_deg <= 180.0:
-            raise ValueError(f"longitude {self.longitude_deg} deg is not within -180 to 180")
-        if not math.isfinite(self.altitude_m):
-            raise ValueError(f"altitude {self.altitude_m} m is not a finite number")
 
 
 class LocalPlane:
@@ -89,14 +81,6 @@ class LocalPlane:
         places = np.array([self._topocentric(*point, altitude_m) for point in points])
         places = places.reshape(-1, 3).T
         return np.where(np.sum(places * places, axis=0) <= REACH * REACH, places[:2], math.nan)
-
-    def reaches(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> bool:
-        """Whether a WGS84 point is within REACH of the origin, so that `to_plane` accepts it."""
-        try:
-            self.to_plane(latitude_deg, longitude_deg, altitude_m)
-        except ValueError:
-            return False
-        return True
 
     def to_geodetic(self, east: float, north: float) -> tuple[float, float, float]:
         """Latitude (deg), longitude (deg), altitude (m) of a point in the plane (up = 0).
