@@ -4,6 +4,7 @@ It emulates RTK positions aided by an inertial unit, at a fixed rate. Internally
 east-north plane with yaw; on the wire it is WGS84 with a compass course.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass
 from typing import Final
@@ -14,7 +15,7 @@ from vehicles.car.dynamics import Body
 from vehicles.car.gnss_error_terms import NO_END, ReceiverState
 from vehicles.car.gnss_errors import ReceiverErrors
 from vehicles.car.noise import GnssNoise
-from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw, wrap_angle
+from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw
 from vehicles.geometry.sampled_path import NO_HISTORY, HistoryDeltas
 from vehicles.messages import NO_ANNOUNCEMENT, Announcement, FixState, GpsPose
 from vehicles.schedule import Cadence
@@ -105,7 +106,7 @@ class GnssReceiver:
             now,
             body.east + noise.position * east,
             body.north + noise.position * north,
-            wrap_angle(body.yaw + noise.heading * yaw),
+            math.remainder(body.yaw + noise.heading * yaw, math.tau),
             max(0.0, body.speed + noise.speed * speed),
             body.yaw_rate + noise.yaw_rate * yaw_rate,
             "fixed",

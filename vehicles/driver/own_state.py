@@ -1,12 +1,12 @@
 """The own pose of a car: interface of its estimators, and the exact state."""
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
-from vehicles.geometry.geodesy import wrap_angle
 
 
 @dataclass(slots=True)
@@ -45,7 +45,7 @@ class ExactState:
 
     def update(self, now: int, fix: Fix | None, motion: Motion | Body | None) -> None:
         if isinstance(motion, Body):
-            yaw = wrap_angle(motion.yaw)
+            yaw = math.remainder(motion.yaw, math.tau)
             self._pose = Pose(motion.east, motion.north, yaw, motion.speed, motion.yaw_rate)
 
     @property

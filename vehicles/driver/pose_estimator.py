@@ -21,7 +21,7 @@ filter that is restarted at each fix with stored readings.
 
 import math
 from collections import deque
-from math import nan
+from math import nan, remainder, tau
 from typing import Final
 
 from vehicles.car.dynamics import Body
@@ -33,7 +33,6 @@ from vehicles.car.noise import GnssNoise
 from vehicles.car.parameters import VehicleParameters
 from vehicles.driver.joint_covariance import GATE, HEADING, JointCovariance
 from vehicles.driver.own_state import Pose
-from vehicles.geometry.geodesy import wrap_angle
 from vehicles.messages import FixState
 from vehicles.schedule import SECOND
 
@@ -159,7 +158,7 @@ class PoseEstimator:
     def begin(self, start: Fix, state: FixState | None = None) -> None:
         """Initialise by a fix in `state`, or by a known pose with white errors without one."""
         self._pose = Pose(
-            start.east, start.north, wrap_angle(start.yaw), start.speed, start.yaw_rate
+            start.east, start.north, remainder(start.yaw, tau), start.speed, start.yaw_rate
         )
         self._lateral_speed = self._slip.steady(start.speed, start.yaw_rate)
         self._at = self._read_at = self._fixed_at = start.measured_at
@@ -176,7 +175,7 @@ class PoseEstimator:
         off = [
             fix.east - then.east,
             fix.north - then.north,
-            wrap_angle(fix.yaw - then.yaw),
+            remainder(fix.yaw - then.yaw, tau),
             then.speed - fix.speed - self._speed_bias,
             then.yaw_rate - fix.yaw_rate - self._yaw_rate_bias,
         ]
@@ -195,7 +194,7 @@ class PoseEstimator:
             ahead_east, ahead_north = pose.east - one.east, pose.north - one.north
             one.east += east + turned * ahead_north
             one.north += north - turned * ahead_east
-            one.yaw = wrap_angle(one.yaw + turned)
+            one.yaw = remainder(one.yaw + turned, tau)
         self._fixed_at, self._refused = at, None
 
     def _refuse(self, fix: Fix, off: list[float]) -> None:
@@ -205,7 +204,7 @@ class PoseEstimator:
             at, before = self._refused
             reach, turn = _free((fix.measured_at - at) / SECOND)
             away = math.hypot(off[0] - before[0], off[1] - before[1])
-            turned = abs(wrap_angle(off[2] - before[2]))
+            turned = abs(remainder(off[2] - before[2], tau))
             agrees = away <= reach + 2.0 * GATE * fix.accuracy and turned <= turn + noise
         self._refusals = self._refusals + 1 if agrees else 1
         self._refused = fix.measured_at, off
@@ -257,5 +256,5 @@ def _moved(
     return (
         pose.east + chord * (speed * cos - sideways * sin),
         pose.north + chord * (speed * sin + sideways * cos),
-        wrap_angle(pose.yaw + 2.0 * half),
+        remainder(pose.yaw + 2.0 * half, tau),
     )

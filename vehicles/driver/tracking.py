@@ -6,13 +6,12 @@ that run north; the signed form of `ArcSpline.project` holds for both turns and 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from math import ceil, cos, hypot, inf, nan, sin, sqrt
+from math import ceil, cos, hypot, inf, nan, remainder, sin, sqrt, tau
 from typing import Final, NamedTuple, Protocol
 
 from vehicles.car.dynamics import Body
 from vehicles.driver.own_state import Pose
 from vehicles.geometry.arc_spline import ArcSpline
-from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.samples import Polyline, step
 from vehicles.schedule import SECOND
 
@@ -119,7 +118,7 @@ def track(spline: ArcSpline, pose: Pose | Body) -> TrackingErrors:
     paper's dθ/dt on a straight line.
     """
     foot = spline.project(pose.east, pose.north)
-    heading = wrap_angle(pose.yaw - foot.yaw)
+    heading = remainder(pose.yaw - foot.yaw, tau)
     yaw_rate = pose.yaw_rate - pose.speed * foot.curvature
     return TrackingErrors(foot.lateral, heading, yaw_rate, foot.curvature, spline, foot.station)
 

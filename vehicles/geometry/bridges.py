@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from vehicles.geometry.arc_fits import Samples, average_graphs
 from vehicles.geometry.arc_spline import PlanePose
-from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.sampled_path import CHORD_TOLERANCE, FloatArray, Place, PlacedPose
 
 HOLE = 5.0  # A step between two points is a hole if it is longer than this (m)..
@@ -118,7 +117,7 @@ def curve_between(before: PlanePose, after: PlanePose, spacing: float) -> FloatA
     (x, y, leaving), (end_x, end_y, arriving) = before, after
     dx, dy = end_x - x, end_y - y
     chord, course = hypot(dx, dy), atan2(dy, dx)
-    turned = abs(wrap_angle(leaving - course)), abs(wrap_angle(arriving - course))
+    turned = abs(remainder(leaving - course, tau)), abs(remainder(arriving - course, tau))
     if max(turned) > MAX_TURN:
         degrees = math.degrees(max(turned))
         raise UnbridgedError(f"whose sides point {degrees:.0f}° away from each other")

@@ -132,20 +132,12 @@ def along(yaw: float, east: float, north: float) -> float:
     return east * math.cos(yaw) + north * math.sin(yaw)
 
 
-def wrap_angle(angle: float) -> float:
-    """Wrap an angle (rad) to (-pi, pi], by the IEEE 754 remainder."""
-    if -math.pi < angle <= math.pi:  # the common case
-        return angle
-    wrapped = math.remainder(angle, math.tau)
-    return math.pi if wrapped <= -math.pi else wrapped
-
-
 def yaw_from_heading(heading_deg: float) -> float:
     """Yaw (rad, counter-clockwise from east) of a compass course (deg, clockwise from north).
 
     θ of Section III-B, counted from the X axis.
     """
-    return wrap_angle(math.radians(90.0 - heading_deg))
+    return math.remainder(math.radians(90.0 - heading_deg), math.tau)
 
 
 def heading_from_yaw(yaw: float) -> float:

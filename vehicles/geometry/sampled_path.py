@@ -23,7 +23,7 @@ class PathPoint:
     """A point of a path: position (m), yaw of the tangent (rad), signed curvature (1/m).
 
     (X_0, Y_0), θ_R and 1/R of Section III-B, with positive curvature in left turns. The yaw is
-    wrapped on an arc spline and unwrapped on a sampled path.
+    within [-pi, pi] on an arc spline, and unwrapped on a sampled path.
     """
 
     east: float
@@ -36,9 +36,8 @@ class PathPoint:
 class Foot:
     """Projection of a point on a path (Section III-B, Figs. 4 and 5).
 
-    Station (m) along the path, lateral offset of the point (m, left of the path positive: e_lat),
-    yaw of the tangent (rad) and signed curvature (1/m) there. The yaw is wrapped on an arc spline
-    and unwrapped on a sampled path.
+    Station (m) along the path, lateral offset of the point (m, left of the path positive: e_lat);
+    yaw and curvature there as in `PathPoint`.
     """
 
     station: float

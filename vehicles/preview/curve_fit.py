@@ -9,7 +9,7 @@ continuously from one shape to another; a choice would make the command jump.
 """
 
 from dataclasses import dataclass, replace
-from math import atan2, cos, exp, hypot, inf, log, sin, sqrt
+from math import atan2, cos, exp, hypot, inf, log, remainder, sin, sqrt, tau
 from typing import Final, Literal
 
 import numpy as np
@@ -23,7 +23,6 @@ from vehicles.geometry.arc_spline import (
     near_arc,
     on_clothoid,
 )
-from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.joined_fit import BestJoin, JoinSearch
 
 Floats = NDArray[np.float64]
@@ -288,12 +287,12 @@ def average_curves(
     rest = 1.0 - share
     cut, lateral, angle = _foot(joined, x, y)
     station, smooth_lateral, smooth_angle = _foot(smooth, x, y)
-    angle += rest * wrap_angle(smooth_angle - angle)
+    angle += rest * remainder(smooth_angle - angle, tau)
     lateral = share * lateral + rest * smooth_lateral
     bend = rest * (smooth.after + smooth.rate * (station - cut))
     before, after = share * joined.before + bend, share * joined.after + bend
     rate = rest * smooth.rate
-    here = (x + lateral * sin(angle), y - lateral * cos(angle), wrap_angle(angle))
+    here = (x + lateral * sin(angle), y - lateral * cos(angle), remainder(angle, tau))
     join = _pose_at(here, (before if cut < 0.0 else after) + rate * cut, rate, -cut)
     return LocalCurve(*join, before, after, rate)
 

@@ -26,7 +26,6 @@ from vehicles.driver.speed import GapKeeping, ProfileSpeed, SpeedLaw
 from vehicles.driver.speed_guard import GuardedCar, NoOverride, SpeedGuard
 from vehicles.driver.steering import BendsAhead
 from vehicles.driver.watch import ConvoyMember, ConvoyWatch
-from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.schedule import MILLISECOND
 
@@ -156,7 +155,7 @@ class DriverBuilder:
         if setup.has_exact_state:
             return ExactState()
         gnss = setup.gnss
-        place = body.east, body.north, wrap_angle(body.yaw)
+        place = body.east, body.north, math.remainder(body.yaw, math.tau)
         start = Fix(0, now, *place, body.speed, body.yaw_rate)
         estimator = PoseEstimator(
             setup.assumed_parameters,
