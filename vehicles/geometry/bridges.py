@@ -6,6 +6,7 @@ joins both sides, and points on it fill the hole.
 """
 
 import math
+from cmath import phase, polar, rect
 from collections.abc import Sequence
 from math import atan, atan2, ceil, cos, hypot, remainder, sin, tau
 from typing import Final
@@ -91,14 +92,15 @@ def fill_holes(
     ):
         before, after = points[:, begin : hole + 1], points[:, hole + 1 : end]
         near = np.delete(steps[max(0, hole - NEARBY) : hole + NEARBY + 1], min(hole, NEARBY))
-        spacing = min(float(np.median(near)), steps[hole] / _MIN_STEPS) if near.size else math.inf
+        usual = float(np.median(near)) if near.size else math.inf
+        spacing = min(usual, float(steps[hole]) / _MIN_STEPS)
         # A single point between two holes has the direction between the points beyond both.
         course = _course(points, max(begin - 1, 0), hole + 1)
         beyond = _course(points, min(end, points.shape[1] - 1), hole)
         try:
             x, y, yaw = _end(after[:, ::-1], 2.0 * reach, beyond)
-            joined = x, y, yaw + math.pi
-            bridge = curve_between(_end(before, 2.0 * reach, course), joined, float(spacing))
+            start, joined = (0, *_end(before, 2.0 * reach, course)), (0, x, y, yaw + math.pi)
+            bridge = np.array(curve_between(start, joined, spacing))[:, 1:3].T
         except ValueError as error:
             raise UnbridgedError(f"a hole of {steps[hole]:.1f} m {error}", hole) from error
         parts += [before, bridge]
@@ -108,30 +110,28 @@ def fill_holes(
     return np.concatenate([*parts, points[:, begin:]], axis=1), indices, tuple(holes)
 
 
-def curve_between(before: PlanePose, after: PlanePose, spacing: float) -> FloatArray:
-    """Points (2, n) on a cubic (Hermite) between two poses, without both ends.
+def curve_between(before: PlacedPose, after: PlacedPose, spacing: float) -> list[PlacedPose]:
+    """Poses about `spacing` (m) apart on a cubic (Hermite) between two poses, without both ends.
 
-    About `spacing` (m) apart, at least seven. The lengths of the tangents approximate an arc, if
-    both poses are on one. Raises UnbridgedError if the poses point away from each other.
+    The lengths of the tangents approximate an arc, if both poses are on one; instants are evenly
+    distributed. Raises UnbridgedError if the poses point away from each other.
     """
-    (x, y, leaving), (end_x, end_y, arriving) = before, after
-    dx, dy = end_x - x, end_y - y
-    chord, course = hypot(dx, dy), atan2(dy, dx)
+    (at, x, y, leaving), (end_at, end_x, end_y, arriving) = before, after
+    start, chord = complex(x, y), complex(end_x - x, end_y - y)
+    length, course = polar(chord)
     turned = abs(remainder(leaving - course, tau)), abs(remainder(arriving - course, tau))
     if max(turned) > MAX_TURN:
         degrees = math.degrees(max(turned))
         raise UnbridgedError(f"whose sides point {degrees:.0f}° away from each other")
-    handle = chord / cos(0.25 * sum(turned)) ** 2
-    count = max(_MIN_STEPS, ceil(chord / spacing) if spacing > 0.0 else _MIN_STEPS)
-    u = np.arange(1, count) / count
-    towards = u * u * (3.0 - 2.0 * u)
-    out, back = handle * u * (1.0 - u) ** 2, -handle * u * u * (1.0 - u)
-    return np.stack(
-        (
-            x + towards * dx + out * cos(leaving) + back * cos(arriving),
-            y + towards * dy + out * sin(leaving) + back * sin(arriving),
-        )
-    )
+    handle = length / cos(0.25 * sum(turned)) ** 2
+    out, into = rect(handle, leaving), rect(handle, arriving)
+    poses, count = list[PlacedPose](), ceil(length / spacing)
+    for k in range(1, count):
+        u, rest = k / count, 1.0 - k / count
+        place = start + u * u * (3.0 - 2.0 * u) * chord + u * rest * (rest * out - u * into)
+        ahead = 6.0 * u * rest * chord + rest * (1.0 - 3.0 * u) * out + u * (3.0 * u - 2.0) * into
+        poses.append((at + (end_at - at) * k // count, place.real, place.imag, phase(ahead)))
+    return poses
 
 
 def _course(points: FloatArray, start: int, end: int) -> float:
@@ -178,12 +178,12 @@ def curve_through(places: Sequence[Place], first: int, spacing: float) -> list[P
     The curve consists of a cubic (Hermite) per chord. Its directions at the ends are those of the
     circles through three places; they are limited so that the cubic stays within `CHORD_TOLERANCE`
     of its chord. Places before `first` are neighbours only. The point at `first` is included, the
-    one at the end is not. Instants are interpolated along the chord.
+    one at the end is not.
     """
     points: list[PlacedPose] = []
     for k in range(first, len(places) - 1):
-        (at, east, north), (next_at, next_east, next_north) = places[k : k + 2]
-        dx, dy = next_east - east, next_north - north
+        here, there = places[k : k + 2]
+        dx, dy = there[1] - here[1], there[2] - here[2]
         chord, course = hypot(dx, dy), atan2(dy, dx)
         if chord == 0.0:
             continue
@@ -194,21 +194,9 @@ def curve_through(places: Sequence[Place], first: int, spacing: float) -> list[P
         if arriving is None:
             arriving = -leaving
         most = min(4.0 * CHORD_TOLERANCE / chord, STEEPEST)
-        leaving, arriving = min(max(leaving, -most), most), min(max(arriving, -most), most)
-        count = ceil(chord / spacing)
-        for step in range(count):
-            u = step / count
-            rest = 1.0 - u
-            aside = leaving * u * rest * rest - arriving * u * u * rest
-            slope = leaving * rest * (1.0 - 3.0 * u) + arriving * u * (3.0 * u - 2.0)
-            points.append(
-                (
-                    at + (next_at - at) * step // count,
-                    east + u * dx - aside * dy,
-                    north + u * dy + aside * dx,
-                    course + atan(slope),
-                )
-            )
+        start = (*here, course + atan(min(max(leaving, -most), most)))
+        end = (*there, course + atan(min(max(arriving, -most), most)))
+        points += [start, *curve_between(start, end, spacing)]
     return points
 
 
