@@ -40,16 +40,15 @@ def walk(
     easts: Sequence[float],
     norths: Sequence[float],
     index: int,
-    floor: int,
     point: tuple[float, float],
 ) -> tuple[int, float, float]:
     """Foot of a `point` (m) on a polyline, whose chord is searched from chord `index` on.
 
     Returns the index of its chord, its share of the chord, and the lateral distance (m, left
-    positive). Searches forwards, then backwards as far as `floor`, and visits each chord once. Both
-    end chords are extended: the share is below 0 or above 1 there.
+    positive). Searches forwards, then backwards by up to MAX_STEP_BACK chords, and visits each
+    chord once. Both end chords are extended: the share is below 0 or above 1 there.
     """
-    last, forwards = len(easts) - 2, True
+    last, floor, forwards = len(easts) - 2, max(index - MAX_STEP_BACK, 0), True
     point_east, point_north = point
     while True:
         east, north = easts[index], norths[index]
@@ -87,8 +86,7 @@ class PathWalk:
             index = bisect_right(self._stations, self._start + distance) - 1
             self._index = min(max(index, 0), len(self._stations) - 2)
         self._distance = distance
-        index, floor = self._index, max(self._index - MAX_STEP_BACK, 0)
-        index, share, lateral = walk(self._east, self._north, index, floor, (east, north))
+        index, share, lateral = walk(self._east, self._north, self._index, (east, north))
         self._index = index
         start, end = self._stations[index : index + 2]
         return start + share * (end - start), lateral
@@ -123,11 +121,10 @@ class CrossTrack(NamedTuple):
 class _Follower:
     """The points of a follower without a foot point yet, each with its instant (ns).
 
-    The next foot point is searched forwards from chord `index`, and backwards as far as `floor`.
+    The next foot point is searched from chord `index` on.
     """
 
     index: int = 0
-    floor: int = 0
     waiting: deque[tuple[int, tuple[float, float]]] = field(
         default_factory=lambda: deque(maxlen=MAX_WAITING)
     )
@@ -212,12 +209,10 @@ class CrossTrackError:
         feet: list[CrossTrack] = []
         while follower.waiting:
             at, point = follower.waiting[0]
-            index, floor = follower.index, follower.floor
-            index, share, lateral = walk(self._east, self._north, index, floor, point)
+            index, share, lateral = walk(self._east, self._north, follower.index, point)
             follower.index = index
             if share > 1.0 and index == len(self._is_hole) - 1:  # the path does not reach it yet
                 break
-            follower.floor = max(index - MAX_STEP_BACK, 0)
             follower.waiting.popleft()
             start, end = self._station[index : index + 2]
             station = start + share * (end - start)
