@@ -192,7 +192,7 @@ class ArcSpline:
 # ---- Points along a composite trajectory, for pictures of it
 
 
-LONGEST_M: Final = 1000.0  # Longest trajectory (m) that is drawn, whatever a message contains
+LONGEST_M: Final = 1000.0  # Longest piece (m) that is drawn, whatever a message contains
 
 
 def points_along(
@@ -204,7 +204,6 @@ def points_along(
     point. Skips pieces whose values or turn are not finite, as the message may be from any sender.
     """
     points: list[tuple[float, float, float]] = []
-    left = LONGEST_M
     for east, north, yaw, curvature, rate, length in zip(
         trajectory.piece_east_m,
         trajectory.piece_north_m,
@@ -214,11 +213,10 @@ def points_along(
         trajectory.piece_length_m,
         strict=False,
     ):
-        drawn = max(0.0, min(length, left))
+        drawn = max(0.0, min(length, LONGEST_M))
         turn = drawn * (abs(curvature) + abs(rate) * drawn)
         if not math.isfinite(abs(east) + abs(north) + abs(yaw) + abs(length) + turn):
             continue
-        left -= drawn
         steps = max(1, ceil(drawn / spacing_m))
         for step in range(1 if points else 0, steps + 1):
             station = drawn * step / steps

@@ -94,11 +94,9 @@ def fill_holes(
         near = np.delete(steps[max(0, hole - NEARBY) : hole + NEARBY + 1], min(hole, NEARBY))
         usual = float(np.median(near)) if near.size else math.inf
         spacing = min(usual, float(steps[hole]) / _MIN_STEPS)
-        # A single point between two holes has the direction between the points beyond both.
-        course = _course(points, max(begin - 1, 0), hole + 1)
-        beyond = _course(points, min(end, points.shape[1] - 1), hole)
+        course = _course(points, hole, hole + 1)
         try:
-            x, y, yaw = _end(after[:, ::-1], 2.0 * reach, beyond)
+            x, y, yaw = _end(after[:, ::-1], 2.0 * reach, course + math.pi)
             start, joined = (0, *_end(before, 2.0 * reach, course)), (0, x, y, yaw + math.pi)
             bridge = np.array(curve_between(start, joined, spacing))[:, 1:3].T
         except ValueError as error:

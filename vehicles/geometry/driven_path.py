@@ -15,11 +15,8 @@ from vehicles.messages import TruePose
 from vehicles.schedule import SECOND
 
 MAX_STEP_BACK: Final = 3
-"""Limit of chords by which the foot point may move backwards from one pose to the next.
-
-Otherwise it moves forwards only, so that it stays on its branch where the path crosses itself or
-runs parallel to itself.
-"""
+"""Number of chords by which a foot point may move backwards from one pose to the next: otherwise it
+could leave its branch where the path crosses itself or runs parallel to itself."""
 
 MAX_STEP: Final = 10.0
 """A vehicle that drove further (m) along a known path between two positions is searched at its
@@ -28,10 +25,7 @@ distance driven."""
 MIN_STEP: Final = 0.01  # Poses of the lead closer together (m) are a standstill
 
 HOLE_NS: Final = SECOND // 10
-"""Longest interval (ns) between poses of the lead with missing sequence numbers.
-
-A longer interval is a hole in the record, where the lead's path is unknown.
-"""
+"""The lead's path is unknown between poses further apart (ns) with missing numbers between them."""
 
 MAX_WAITING: Final = 3000  # Poses of a follower ahead of the lead's path, 60 s at 50 Hz
 

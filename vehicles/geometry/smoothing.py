@@ -142,28 +142,18 @@ class Hole(NamedTuple):
 
 
 class SmoothedPath(NamedTuple):
-    """A path and its deviations (m) from its source points, such as a run of Section V-D.
-
-    `deviation_rms` is at the points, `deviation_max` also at those that fill `holes`.
-    `half_width` (m) is the reach of the smoothing. `noise` is the standard deviation of the
-    points' white noise (m, per axis).
-
-    `stations` are those of the first `points_used` points; points of a closed drive past its start
-    belong to the next lap and are not used. `start` (m) is the station of the first point, the
-    length of the lead-in. `lap_length` (m) is that of one lap of a closed path, else of the whole
-    record.
-    """
+    """A path and its deviations (m) from its source points, such as a run of Section V-D."""
 
     path: SampledPath
-    deviation_rms: float
-    deviation_max: float
-    points_used: int
-    stations: FloatArray
-    start: float
-    lap_length: float
-    holes: tuple[Hole, ...]
-    half_width: float
-    noise: float
+    deviation_rms: float  # At the given points
+    deviation_max: float  # Also at the points that fill holes
+    points_used: int  # Those of a closed drive past its start belong to the next lap
+    stations: FloatArray  # Of the points used (m)
+    start: float  # Station of the first point, the length of the lead-in (m)
+    lap_length: float  # Of one lap of a closed path, else of the whole record (m)
+    holes: tuple[Hole, ...]  # Those that were filled
+    half_width: float  # Reach of the smoothing (m)
+    noise: float  # Standard deviation of the points' white noise (m, per axis)
 
 
 class _Record(NamedTuple):
