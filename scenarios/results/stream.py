@@ -138,8 +138,6 @@ class FigureStream:
 
     def on_foot(self, take: TakeError) -> None:
         """Subscribe to the foot point of each follower on the lead's path, from the start on."""
-        if not self._on_foot:
-            self._path.follow(self.followers)
         self._on_foot.append(take)
 
     def on_error(self, take: TakeError) -> None:
@@ -236,7 +234,7 @@ class FigureStream:
 
     def _pass_road_error(self, pose: TruePose) -> None:
         if (road := self._roads.get(pose.vehicle)) is not None:
-            offset = road.offset(pose.east_m, pose.north_m, pose.distance_m)
+            _, offset = road.foot(pose.east_m, pose.north_m, pose.distance_m)
             for take in self._on_road_error:
                 take(RoadError(pose.vehicle, pose.true_at_ns, offset))
 

@@ -59,7 +59,6 @@ class LaneWatch:
             self._followers[name] = follower
             self._of_point |= dict.fromkeys(follower.points, follower)
         self._path = path
-        path.follow(self._of_point)
 
     def add(self, pose: TruePose, body: CarBody, feet: Sequence[CrossTrack]) -> Iterable[Episode]:
         """Take a pose and its body; yields each departure as it begins.

@@ -36,7 +36,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
 from transport.panels import PANELS, Colour, Panel, colour_of
 from vehicles.geometry.arc_spline import points_along
-from vehicles.geometry.path_offsets import Points, lane_edges, simplified
+from vehicles.geometry.lanes import Points, lane_edges, simplified
 from vehicles.messages import CompositeTrajectory, GpsPose, LogText, Message, RunStart, TruePose
 from vehicles.schedule import MILLISECOND, SECOND
 

@@ -11,7 +11,7 @@ import rerun as rr
 from transport.columns import Array
 from transport.panels import PANELS, Colour
 from transport.picture.blueprint import LANE_EDGE, LEGEND_WIDTH, MARKS, ROAD, WORST
-from vehicles.geometry.path_offsets import lane_edges as edges_of
+from vehicles.geometry.lanes import lane_edges as edges_of
 
 MARK_SPACING_M = 50.0
 MARK_CLEARANCE_M = 15.0  # Least distance between two marks: later laps have none

@@ -4,6 +4,7 @@ It emulates RTK positions aided by an inertial unit, at a fixed rate. Internally
 east-north plane with yaw; on the wire it is WGS84 with a compass course.
 """
 
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,7 +24,7 @@ from vehicles.car.gnss_error_terms import (
     StateInterval,
 )
 from vehicles.car.gnss_settings import STATES_WITH_FIX, GnssSettings
-from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw, wrap_angle
+from vehicles.geometry.geodesy import LocalPlane, heading_from_yaw
 from vehicles.geometry.sampled_path import NO_HISTORY, HistoryDeltas
 from vehicles.messages import NO_ANNOUNCEMENT, Announcement, FixState, GpsPose
 from vehicles.schedule import Cadence
@@ -145,7 +146,7 @@ class GnssReceiver:
             now,
             east,
             north,
-            wrap_angle(body.yaw + settings.heading_noise * yaw),
+            math.remainder(body.yaw + settings.heading_noise * yaw, math.tau),
             max(0.0, body.speed + settings.speed_noise * speed),
             body.yaw_rate + settings.yaw_rate_noise * yaw_rate,
             state,

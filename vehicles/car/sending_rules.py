@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import accumulate, pairwise
-from math import ceil, degrees, floor, hypot, inf
+from math import ceil, degrees, floor, hypot, inf, remainder, tau
 from typing import Annotated, Final, Literal, Protocol
 
 from numpy.random import Generator
@@ -14,7 +14,6 @@ from numpy.random import Generator
 from vehicles.car.gnss import Fix
 from vehicles.car.gnss_error_terms import NO_END
 from vehicles.car.path_history import PathHistory
-from vehicles.geometry.geodesy import wrap_angle
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, nanoseconds
 from vehicles.setting import Problem, Setting, must_exceed
 
@@ -455,7 +454,7 @@ class CamTrigger:
             return False
         last = self._last
         self._changed = last is not None and (
-            abs(degrees(wrap_angle(unsent.yaw - last.yaw))) > HEADING
+            abs(degrees(remainder(unsent.yaw - last.yaw, tau))) > HEADING
             or hypot(unsent.east - last.east, unsent.north - last.north) > POSITION
             or abs(unsent.speed - last.speed) > SPEED
         )

@@ -5,7 +5,7 @@ It waits, if configured, while a follower is lost or has fallen behind.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import inf
+from math import inf, remainder, tau
 from typing import Final
 
 from vehicles.car.dynamics import Actuation, Body
@@ -30,7 +30,6 @@ from vehicles.driver.speed import (
 )
 from vehicles.driver.steering import LateralController
 from vehicles.driver.tracking import TrackingErrors
-from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.sampled_path import SampledPath
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND, Cadence
@@ -193,7 +192,7 @@ class Leader:
         foot = self.path.project(pose.east, pose.north, self.station)
         # At low control rates the next foot point lies beyond the window of the projection.
         self.station = foot.station + pose.speed / self.control.rate_hz
-        heading = wrap_angle(pose.yaw - foot.yaw)
+        heading = remainder(pose.yaw - foot.yaw, tau)
         yaw_rate = pose.yaw_rate - pose.speed * foot.curvature
         return TrackingErrors(
             foot.lateral, heading, yaw_rate, foot.curvature, self.path, foot.station

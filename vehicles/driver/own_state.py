@@ -1,11 +1,11 @@
 """The own pose of a car, by its estimator or exact."""
 
+import math
 from dataclasses import dataclass
 
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix
 from vehicles.car.imu import Motion
-from vehicles.geometry.geodesy import wrap_angle
 
 
 @dataclass(slots=True)
@@ -32,7 +32,7 @@ class ExactState:
 
     def update(self, now: int, fix: Fix | None, motion: Motion | Body | None) -> None:
         if isinstance(motion, Body):
-            yaw = wrap_angle(motion.yaw)
+            yaw = math.remainder(motion.yaw, math.tau)
             self._pose = Pose(motion.east, motion.north, yaw, motion.speed, motion.yaw_rate)
 
     def at(self, now: int) -> Pose:

@@ -18,7 +18,7 @@ filter that is restarted at each fix with stored readings.
 
 import math
 from collections import deque
-from math import nan
+from math import nan, remainder, tau
 from typing import Final
 
 from vehicles.car.dynamics import Body
@@ -28,7 +28,6 @@ from vehicles.car.imu import DriftModel, ImuSettings, Motion, SlipModel
 from vehicles.car.parameters import VehicleParameters
 from vehicles.driver.joint_covariance import HEADING, JointCovariance
 from vehicles.driver.own_state import ExactState, Pose
-from vehicles.geometry.geodesy import wrap_angle
 from vehicles.messages import FixState
 from vehicles.schedule import SECOND
 
@@ -143,7 +142,7 @@ class PoseEstimator:
     def begin(self, start: Fix, state: FixState | None = None) -> None:
         """Initialise by a fix in `state`, or by a known pose with white errors without one."""
         self._pose = Pose(
-            start.east, start.north, wrap_angle(start.yaw), start.speed, start.yaw_rate
+            start.east, start.north, remainder(start.yaw, tau), start.speed, start.yaw_rate
         )
         self._lateral_speed = self._slip.steady(start.speed, start.yaw_rate)
         self._at = self._read_at = self._fixed_at = start.measured_at
@@ -162,7 +161,7 @@ class PoseEstimator:
         speed, yaw_rate = before.speed - self._speed_bias, before.yaw_rate - self._yaw_rate_bias
         sideways = self._slip.steady(speed, yaw_rate)
         east, north, yaw = _moved(before, (at - before_at) / SECOND, speed, sideways, yaw_rate)
-        turned = wrap_angle(fix.yaw - yaw)
+        turned = math.remainder(fix.yaw - yaw, math.tau)
         speed_off, yaw_rate_off = speed - fix.speed, yaw_rate - fix.yaw_rate
         off = [fix.east - east, fix.north - north, turned, speed_off, yaw_rate_off]
         age, white = (at - min(before_at, self._read_at)) / SECOND, joint.white_variance(fix)
@@ -184,7 +183,7 @@ class PoseEstimator:
             ahead_east, ahead_north = poses[-1].east - one.east, poses[-1].north - one.north
             one.east += east + turned * ahead_north
             one.north += north - turned * ahead_east
-            one.yaw = wrap_angle(one.yaw + turned)
+            one.yaw = math.remainder(one.yaw + turned, math.tau)
         self._fixed_at = at
 
     def at(self, now: int) -> Pose:
@@ -225,7 +224,7 @@ def _moved(
     return (
         pose.east + chord * (speed * cos - sideways * sin),
         pose.north + chord * (speed * sin + sideways * cos),
-        wrap_angle(pose.yaw + 2.0 * half),
+        remainder(pose.yaw + 2.0 * half, tau),
     )
 
 

@@ -3,7 +3,7 @@
 SI units; instants in ns.
 """
 
-from math import hypot, log, sin
+from math import hypot, log, remainder, sin, tau
 from typing import Final
 
 from vehicles.car.gnss_settings import GnssSettings
@@ -14,7 +14,6 @@ from vehicles.driver.plausibility import REFUSED, PoseJudge
 from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import LOST, OFF_PATH
 from vehicles.driver.speed import BendsAhead
-from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.samples import Window
 from vehicles.preview.trace import Trace
 from vehicles.received_pose import ReceivedPose
@@ -287,7 +286,7 @@ class Source:
             if spacing is not None:
                 self.state.spacing = spacing
             return
-        half = 0.5 * wrap_angle(pose.yaw - newest.yaw)
+        half = 0.5 * remainder(pose.yaw - newest.yaw, tau)
         chord = hypot(pose.east - newest.east, pose.north - newest.north)
         self.state.spacing = -chord * (half / sin(half) if half else 1.0)
 

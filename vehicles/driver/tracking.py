@@ -6,13 +6,12 @@ that run north; the signed form of `ArcSpline.project` holds for both turns and 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from math import ceil, inf, nan, sqrt
+from math import ceil, inf, nan, remainder, sqrt, tau
 from typing import NamedTuple, Protocol
 
 from vehicles.car.dynamics import Body
 from vehicles.driver.own_state import Pose
 from vehicles.geometry.arc_spline import ArcSpline
-from vehicles.geometry.geodesy import wrap_angle
 from vehicles.schedule import SECOND
 
 SPACING = 0.1  # Distance (m) between stored curvatures of the path behind
@@ -34,8 +33,6 @@ STEEPEST = 1.0  # So does a car whose heading differs by more than this (rad)
 
 class CurvedPath(Protocol):
     """Curvatures (1/m) at stations (m) of the arc spline of Section III-A or of the lead's path."""
-
-    def curvature_at(self, station: float) -> float: ...
 
     def curvatures(self, start: float, step: float, count: int) -> Sequence[float]: ...
 
@@ -96,8 +93,7 @@ class TrackingErrors:
 
     def curvature_ahead(self, distance: float) -> float:
         """Signed curvature (1/m) `distance` (m) ahead of the foot point; 1/R of eq. (6) at 0."""
-        path = self.path
-        return self.curvature if path is None else path.curvature_at(self.station + distance)
+        return self.curvatures_ahead(distance, 1.0, 1)[0]
 
     def curvatures_ahead(self, start: float, step: float, count: int) -> Sequence[float]:
         """`curvature_ahead` at `count` stations, from `start` (m) by `step` (m)."""
@@ -121,7 +117,7 @@ def track(spline: ArcSpline, pose: Pose | Body) -> TrackingErrors:
     paper's dθ/dt on a straight line.
     """
     foot = spline.project(pose.east, pose.north)
-    heading = wrap_angle(pose.yaw - foot.yaw)
+    heading = remainder(pose.yaw - foot.yaw, tau)
     yaw_rate = pose.yaw_rate - pose.speed * foot.curvature
     return TrackingErrors(foot.lateral, heading, yaw_rate, foot.curvature, spline, foot.station)
 

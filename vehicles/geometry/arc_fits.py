@@ -17,7 +17,7 @@ k (`joined_fit`). All arithmetic is elementwise, so no result depends on a linea
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import atan, cos, inf, sin, sqrt
 from typing import Final
 
@@ -56,6 +56,7 @@ class LocalCurve:
     rate: float
 
 
+@dataclass(slots=True)
 class Graph:
     """Curve y = offset + slope x + half (x² + y²) + rate t, and its misfit in y (m²).
 
@@ -64,22 +65,19 @@ class Graph:
     eq. (5)), infinite if the graph `is_curve` no longer.
     """
 
-    __slots__ = ("column", "distance", "half", "is_curve", "misfit", "offset", "rate", "slope")
+    offset: float
+    slope: float
+    half: float
+    misfit: float
+    rate: float = 0.0
+    column: Floats | None = None
+    is_curve: bool = field(init=False)
+    distance: float = field(init=False)
 
-    def __init__(  # noqa: PLR0917 - its fields
-        self,
-        offset: float,
-        slope: float,
-        half: float,
-        misfit: float,
-        rate: float = 0.0,
-        column: Floats | None = None,
-    ) -> None:
-        self.offset, self.slope, self.half, self.rate = offset, slope, half, rate
-        self.misfit, self.column = misfit, column
-        square = 1.0 + slope * slope - 4.0 * half * offset  # squared gradient of its equation
+    def __post_init__(self) -> None:
+        square = 1.0 + self.slope * self.slope - 4.0 * self.half * self.offset  # of the gradient
         self.is_curve = square > 0.0
-        self.distance = misfit / square if self.is_curve else inf
+        self.distance = self.misfit / square if self.is_curve else inf
 
 
 class Samples:

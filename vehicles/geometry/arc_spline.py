@@ -3,10 +3,9 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, ceil, cos, floor, sin, sqrt
+from math import atan2, ceil, cos, inf, remainder, sin, sqrt, tau
 from typing import Final
 
-from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.sampled_path import Foot, PathPoint
 from vehicles.messages import CompositeTrajectory
 
@@ -26,68 +25,27 @@ CONVERGED: Final = 5e-3
 MAX_STEPS: Final = 8  # Limit of the steps of Newton's method; one or two are typical
 
 
-def clothoid_chord(curvature: float, rate: float, length: float) -> tuple[float, float]:
-    """End (m ahead, m to the left) of a clothoid of `length` (m), in the frame of its start.
-
-    Its curvature (1/m) at the start grows by `rate` (1/m²); the paper has arcs only. Gauss-Legendre
-    quadrature of cos and sin of the turn κs + cs²/2: within 1e-9 of the length for turns up to
-    2 rad, within 1e-5 for a half circle.
-    """
-    ahead = left = 0.0
-    for node, weight in NODES:
-        station = node * length
-        turn = station * (curvature + 0.5 * rate * station)
-        ahead += weight * cos(turn)
-        left += weight * sin(turn)
-    return length * ahead, length * left
-
-
-def on_arc(start: PlanePose, curvature: float, station: float) -> PathPoint:
-    """Point `station` (m) along the arc of `curvature` (1/m) from `start`.
-
-    Computed by the chord of the arc (Section III-A has the shape, not the formula).
-    """
-    east, north, yaw = start
-    turn = curvature * station
-    chord = 2.0 * sin(0.5 * turn) / curvature if abs(curvature) > STRAIGHT else station
-    direction = yaw + 0.5 * turn
-    return PathPoint(
-        east + chord * cos(direction),
-        north + chord * sin(direction),
-        wrap_angle(yaw + turn),
-        curvature,
-    )
-
-
 def on_clothoid(start: PlanePose, curvature: float, rate: float, station: float) -> PathPoint:
-    """Point `station` (m) along the clothoid (or arc) from `start`.
+    """Point `station` (m) along the arc or clothoid from `start`.
 
-    Its `curvature` (1/m) at the start grows by `rate` (1/m²). The paper has arcs only
-    (Section III-A).
+    Its `curvature` (1/m) at the start grows by `rate` (1/m²); the paper has arcs only
+    (Section III-A). Clothoids by Gauss-Legendre quadrature of cos and sin of the yaw: within 1e-9
+    of the length for turns up to 2 rad, within 1e-5 for a half circle.
     """
-    if rate == 0.0:
-        return on_arc(start, curvature, station)
     east, north, yaw = start
-    ahead, left = clothoid_chord(curvature, rate, station)
-    cos_yaw, sin_yaw = cos(yaw), sin(yaw)
-    return PathPoint(
-        east + ahead * cos_yaw - left * sin_yaw,
-        north + ahead * sin_yaw + left * cos_yaw,
-        wrap_angle(yaw + station * (curvature + 0.5 * rate * station)),
-        curvature + rate * station,
-    )
-
-
-def along_arc(start: PlanePose, kappa: float, east: float, north: float) -> float:
-    """Station (m) of `near_arc` (Section III-B) only."""
-    start_east, start_north, yaw = start
-    cos_yaw, sin_yaw = cos(yaw), sin(yaw)
-    off_east, off_north = east - start_east, north - start_north
-    xi = off_east * cos_yaw + off_north * sin_yaw
-    if not abs(kappa) > STRAIGHT:
-        return xi
-    eta = off_north * cos_yaw - off_east * sin_yaw
-    return atan2(kappa * xi, 1.0 - kappa * eta) / kappa
+    turn = station * (curvature + 0.5 * rate * station)
+    to_east = to_north = 0.0
+    if rate == 0.0:
+        chord = 2.0 * sin(0.5 * turn) / curvature if abs(curvature) > STRAIGHT else station
+        to_east, to_north = chord * cos(yaw + 0.5 * turn), chord * sin(yaw + 0.5 * turn)
+    else:
+        for node, weight in NODES:
+            part = node * station
+            direction = yaw + part * (curvature + 0.5 * rate * part)
+            to_east += weight * station * cos(direction)
+            to_north += weight * station * sin(direction)
+    end_yaw = remainder(yaw + turn, tau)
+    return PathPoint(east + to_east, north + to_north, end_yaw, curvature + rate * station)
 
 
 def near_arc(start: PlanePose, kappa: float, east: float, north: float) -> Foot:
@@ -106,7 +64,7 @@ def near_arc(start: PlanePose, kappa: float, east: float, north: float) -> Foot:
     turn = atan2(w, u)
     lateral = (2.0 * eta - kappa * (xi * xi + eta * eta)) / (1.0 + sqrt(u * u + w * w))
     station = turn / kappa if abs(kappa) > STRAIGHT else xi
-    return Foot(station, lateral, wrap_angle(yaw + turn), kappa)
+    return Foot(station, lateral, remainder(yaw + turn, tau), kappa)
 
 
 @dataclass(slots=True)
@@ -126,14 +84,13 @@ class Piece:
 
     def at(self, station: float) -> PathPoint:
         """Point `station` (m) after the start, also beyond the ends (Section III-A)."""
+        within = station if self.rate == 0.0 else min(max(station, 0.0), self.length)
         start = (self.east, self.north, self.yaw)
-        if self.rate == 0.0:
-            return on_arc(start, self.curvature, station)
-        within = min(max(station, 0.0), self.length)
         point = on_clothoid(start, self.curvature, self.rate, within)
         if within == station:
             return point
-        return on_arc((point.east, point.north, point.yaw), point.curvature, station - within)
+        end = (point.east, point.north, point.yaw)
+        return on_clothoid(end, point.curvature, 0.0, station - within)
 
     def settled(self, near: float, east: float, north: float) -> Foot:
         """Project a point on a clothoid (Section III-B), given the station `near` on its mean arc.
@@ -142,7 +99,7 @@ class Piece:
         """
         # Start on the arc with the clothoid's mean curvature up to this station.
         bend = self.curvature + 0.5 * self.rate * min(max(near, 0.0), self.length)
-        station = along_arc((self.east, self.north, self.yaw), bend, east, north)
+        station = near_arc((self.east, self.north, self.yaw), bend, east, north).station
         for _ in range(MAX_STEPS):
             point = self.at(station)
             foot = near_arc((point.east, point.north, point.yaw), point.curvature, east, north)
@@ -151,11 +108,6 @@ class Piece:
                 break
         curvature = self.curvature + self.rate * min(max(station, 0.0), self.length)
         return Foot(station, foot.lateral, foot.yaw, curvature)
-
-    def near(self, east: float, north: float) -> Foot:
-        """Project a point on the extended arc of the piece's mean curvature (Section III-B)."""
-        mean = self.curvature + 0.5 * self.rate * self.length
-        return near_arc((self.east, self.north, self.yaw), mean, east, north)
 
 
 class ArcSpline:
@@ -184,30 +136,21 @@ class ArcSpline:
             station -= piece.length
         return self.pieces[-1].at(station)
 
-    def curvature_at(self, station: float) -> float:
-        """Signed curvature (1/m) at `station` (m); the end pieces extend the path at both ends.
-
-        Piecewise constant, as in the footnote of Section III-A on arc splines, or linear.
-        """
-        return self.curvatures(station, 1.0, 1)[0]
-
     def curvatures(self, start: float, step: float, count: int) -> list[float]:
-        """Signed curvature (1/m, Section III-A) at `count` stations from `start` by `step` (m)."""
+        """Signed curvature (1/m, Section III-A) at `count` stations from `start` by `step` (m).
+
+        The end pieces extend the path at both ends, with constant curvature.
+        """
         curvatures: list[float] = []
-        offset, last = start, self.pieces[-1]
-        for piece in self.pieces:
-            k, length, rate = len(curvatures), piece.length, piece.rate
-            end = count
-            if piece is not last:
-                end = max(min(count, floor((length - offset) / step) + 1), k)
-            if rate == 0.0:
-                curvatures += [piece.curvature] * (end - k)
-            else:
-                within = [offset + step * j for j in range(k, end)]
-                curvatures += [
-                    piece.curvature + rate * min(max(station, 0.0), length) for station in within
-                ]
-            offset -= length
+        begin, (piece, *later) = 0.0, self.pieces
+        for k in range(count):
+            station = start + k * step - begin
+            while later and station > piece.length:
+                begin += piece.length
+                station -= piece.length
+                piece, *later = later
+            within = min(max(station, 0.0), piece.length)
+            curvatures.append(piece.curvature + piece.rate * within)
         return curvatures
 
     def fading(self, length: float, most: float) -> "ArcSpline":
@@ -230,14 +173,13 @@ class ArcSpline:
         Selects the piece with the smallest sum of offset and distance beyond the piece, measured on
         arcs of the pieces' mean curvatures.
         """
-        chosen = self.pieces[0]
-        foot = chosen.near(east, north)
-        least = abs(foot.lateral) + max(foot.station - chosen.length, 0.0)
-        start, begin, last = 0.0, chosen.length, self.pieces[-1]
-        for piece in self.pieces[1:]:
-            other = piece.near(east, north)
+        begin, least, first, last = 0.0, inf, self.pieces[0], self.pieces[-1]
+        for piece in self.pieces:
+            bend = piece.curvature + 0.5 * piece.rate * piece.length
+            other = near_arc((piece.east, piece.north, piece.yaw), bend, east, north)
+            before = 0.0 if piece is first else -other.station
             beyond = 0.0 if piece is last else other.station - piece.length
-            away = abs(other.lateral) + max(-other.station, beyond, 0.0)
+            away = abs(other.lateral) + max(before, beyond, 0.0)
             if away < least:
                 chosen, foot, least, start = piece, other, away, begin
             begin += piece.length
@@ -250,7 +192,7 @@ class ArcSpline:
 # ---- Points along a composite trajectory, for pictures of it
 
 
-LONGEST_M: Final = 1000.0  # Longest trajectory (m) that is drawn, whatever a message contains
+LONGEST_M: Final = 1000.0  # Longest piece (m) that is drawn, whatever a message contains
 
 
 def points_along(
@@ -262,7 +204,6 @@ def points_along(
     point. Skips pieces whose values or turn are not finite, as the message may be from any sender.
     """
     points: list[tuple[float, float, float]] = []
-    left = LONGEST_M
     for east, north, yaw, curvature, rate, length in zip(
         trajectory.piece_east_m,
         trajectory.piece_north_m,
@@ -272,11 +213,10 @@ def points_along(
         trajectory.piece_length_m,
         strict=False,
     ):
-        drawn = max(0.0, min(length, left))
+        drawn = max(0.0, min(length, LONGEST_M))
         turn = drawn * (abs(curvature) + abs(rate) * drawn)
         if not math.isfinite(abs(east) + abs(north) + abs(yaw) + abs(length) + turn):
             continue
-        left -= drawn
         steps = max(1, ceil(drawn / spacing_m))
         for step in range(1 if points else 0, steps + 1):
             station = drawn * step / steps

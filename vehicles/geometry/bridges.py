@@ -1,11 +1,12 @@
 """Curves over holes in recorded points, and through sparse positions.
 
 At a hole a local polynomial extrapolates the noise of one side. So each side is fitted separately,
-by an arc, or by a line if the points do not require an arc. A cubic with the resulting positions
-and headings joins both sides, and points on it fill the hole.
+by an arc, or by a line if there are few points. A cubic with the resulting positions and headings
+joins both sides, and points on it fill the hole.
 """
 
 import math
+from cmath import phase, polar, rect
 from collections.abc import Sequence
 from math import atan, atan2, ceil, cos, hypot, remainder, sin, tau
 from typing import Final
@@ -16,16 +17,12 @@ from numpy.typing import NDArray
 
 from vehicles.geometry.arc_fits import Samples, average_graphs
 from vehicles.geometry.arc_spline import PlanePose
-from vehicles.geometry.geodesy import wrap_angle
 from vehicles.geometry.sampled_path import CHORD_TOLERANCE, FloatArray, Place, PlacedPose
 
 HOLE = 5.0  # A step between two points is a hole if it is longer than this (m)..
 UNUSUAL = 4.0  # ...and longer than this multiple of the median of the steps nearby
 NEARBY = 10  # Number of steps on either side that count as nearby
 SIDE = 7  # Minimum number of points to fit a side of a hole, if available
-
-CERTAIN = 3.0
-"""A side is an arc if its curvature is at least this many standard deviations from zero."""
 
 MAX_TURN = math.radians(100.0)
 """Sides are not joined if one points further than this (rad) away from the other."""
@@ -95,14 +92,13 @@ def fill_holes(
     ):
         before, after = points[:, begin : hole + 1], points[:, hole + 1 : end]
         near = np.delete(steps[max(0, hole - NEARBY) : hole + NEARBY + 1], min(hole, NEARBY))
-        spacing = min(float(np.median(near)), steps[hole] / _MIN_STEPS) if near.size else math.inf
-        # A single point between two holes has the direction between the points beyond both.
-        course = _course(points, max(begin - 1, 0), hole + 1)
-        beyond = _course(points, min(end, points.shape[1] - 1), hole)
+        usual = float(np.median(near)) if near.size else math.inf
+        spacing = min(usual, float(steps[hole]) / _MIN_STEPS)
+        course = _course(points, hole, hole + 1)
         try:
-            x, y, yaw = _end(after[:, ::-1], 2.0 * reach, beyond)
-            joined = x, y, yaw + math.pi
-            bridge = curve_between(_end(before, 2.0 * reach, course), joined, float(spacing))
+            x, y, yaw = _end(after[:, ::-1], 2.0 * reach, course + math.pi)
+            start, joined = (0, *_end(before, 2.0 * reach, course)), (0, x, y, yaw + math.pi)
+            bridge = np.array(curve_between(start, joined, spacing))[:, 1:3].T
         except ValueError as error:
             raise UnbridgedError(f"a hole of {steps[hole]:.1f} m {error}", hole) from error
         parts += [before, bridge]
@@ -112,30 +108,28 @@ def fill_holes(
     return np.concatenate([*parts, points[:, begin:]], axis=1), indices, tuple(holes)
 
 
-def curve_between(before: PlanePose, after: PlanePose, spacing: float) -> FloatArray:
-    """Points (2, n) on a cubic (Hermite) between two poses, without both ends.
+def curve_between(before: PlacedPose, after: PlacedPose, spacing: float) -> list[PlacedPose]:
+    """Poses about `spacing` (m) apart on a cubic (Hermite) between two poses, without both ends.
 
-    About `spacing` (m) apart, at least seven. The lengths of the tangents approximate an arc, if
-    both poses are on one. Raises UnbridgedError if the poses point away from each other.
+    The lengths of the tangents approximate an arc, if both poses are on one; instants are evenly
+    distributed. Raises UnbridgedError if the poses point away from each other.
     """
-    (x, y, leaving), (end_x, end_y, arriving) = before, after
-    dx, dy = end_x - x, end_y - y
-    chord, course = hypot(dx, dy), atan2(dy, dx)
-    turned = abs(wrap_angle(leaving - course)), abs(wrap_angle(arriving - course))
+    (at, x, y, leaving), (end_at, end_x, end_y, arriving) = before, after
+    start, chord = complex(x, y), complex(end_x - x, end_y - y)
+    length, course = polar(chord)
+    turned = abs(remainder(leaving - course, tau)), abs(remainder(arriving - course, tau))
     if max(turned) > MAX_TURN:
         degrees = math.degrees(max(turned))
         raise UnbridgedError(f"whose sides point {degrees:.0f}° away from each other")
-    handle = chord / cos(0.25 * sum(turned)) ** 2
-    count = max(_MIN_STEPS, ceil(chord / spacing) if spacing > 0.0 else _MIN_STEPS)
-    u = np.arange(1, count) / count
-    towards = u * u * (3.0 - 2.0 * u)
-    out, back = handle * u * (1.0 - u) ** 2, -handle * u * u * (1.0 - u)
-    return np.stack(
-        (
-            x + towards * dx + out * cos(leaving) + back * cos(arriving),
-            y + towards * dy + out * sin(leaving) + back * sin(arriving),
-        )
-    )
+    handle = length / cos(0.25 * sum(turned)) ** 2
+    out, into = rect(handle, leaving), rect(handle, arriving)
+    poses, count = list[PlacedPose](), ceil(length / spacing)
+    for k in range(1, count):
+        u, rest = k / count, 1.0 - k / count
+        place = start + u * u * (3.0 - 2.0 * u) * chord + u * rest * (rest * out - u * into)
+        ahead = 6.0 * u * rest * chord + rest * (1.0 - 3.0 * u) * out + u * (3.0 * u - 2.0) * into
+        poses.append((at + (end_at - at) * k // count, place.real, place.imag, phase(ahead)))
+    return poses
 
 
 def _course(points: FloatArray, start: int, end: int) -> float:
@@ -146,8 +140,8 @@ def _course(points: FloatArray, start: int, end: int) -> float:
 def _end(points: FloatArray, reach: float, direction: float) -> PlanePose:
     """Projection of the last of `points` (2, n) on the curve fitted to those within `reach` (m).
 
-    The curve is an arc, or a line if the points do not require an arc. A single point takes
-    `direction` (rad). Raises ValueError if nothing fits the points.
+    The curve is an arc, or a line through fewer than SIDE points. A single point takes `direction`
+    (rad). Raises ValueError if nothing fits the points.
     """
     away = points - points[:, -1:]
     outside = np.flatnonzero(np.hypot(*away) > reach)
@@ -160,10 +154,6 @@ def _end(points: FloatArray, reach: float, direction: float) -> PlanePose:
     yaw = _course(away[:, -SIDE:], 0, -1)
     samples = Samples(away, cos(yaw), sin(yaw), away[0], None)
     arc = samples.arc() if count >= SIDE else None
-    if arc is not None:
-        deviation = math.sqrt(arc.distance / max(count - 3, 1))
-        if not abs(arc.half) * math.sqrt(samples.spread) > CERTAIN * deviation:
-            arc = None
     curve = average_graphs((arc or samples.line(),), (1.0,))
     if not hypot(curve.x, curve.y) <= reach:  # the fit diverged
         raise ValueError("next to which the points lie in no order")
@@ -186,12 +176,12 @@ def curve_through(places: Sequence[Place], first: int, spacing: float) -> list[P
     The curve consists of a cubic (Hermite) per chord. Its directions at the ends are those of the
     circles through three places; they are limited so that the cubic stays within `CHORD_TOLERANCE`
     of its chord. Places before `first` are neighbours only. The point at `first` is included, the
-    one at the end is not. Instants are interpolated along the chord.
+    one at the end is not.
     """
     points: list[PlacedPose] = []
     for k in range(first, len(places) - 1):
-        (at, east, north), (next_at, next_east, next_north) = places[k : k + 2]
-        dx, dy = next_east - east, next_north - north
+        here, there = places[k : k + 2]
+        dx, dy = there[1] - here[1], there[2] - here[2]
         chord, course = hypot(dx, dy), atan2(dy, dx)
         if chord == 0.0:
             continue
@@ -202,21 +192,9 @@ def curve_through(places: Sequence[Place], first: int, spacing: float) -> list[P
         if arriving is None:
             arriving = -leaving
         most = min(4.0 * CHORD_TOLERANCE / chord, STEEPEST)
-        leaving, arriving = min(max(leaving, -most), most), min(max(arriving, -most), most)
-        count = ceil(chord / spacing)
-        for step in range(count):
-            u = step / count
-            rest = 1.0 - u
-            aside = leaving * u * rest * rest - arriving * u * u * rest
-            slope = leaving * rest * (1.0 - 3.0 * u) + arriving * u * (3.0 * u - 2.0)
-            points.append(
-                (
-                    at + (next_at - at) * step // count,
-                    east + u * dx - aside * dy,
-                    north + u * dy + aside * dx,
-                    course + atan(slope),
-                )
-            )
+        start = (*here, course + atan(min(max(leaving, -most), most)))
+        end = (*there, course + atan(min(max(arriving, -most), most)))
+        points += [start, *curve_between(start, end, spacing)]
     return points
 
 

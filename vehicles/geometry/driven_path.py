@@ -2,22 +2,21 @@
 
 from array import array
 from bisect import bisect_right
-from collections import deque
-from collections.abc import Collection, Iterable, Sequence
+from collections import defaultdict, deque
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from math import cos, hypot, sin, sqrt
 from typing import Final, NamedTuple
 
-from vehicles.geometry.sampled_path import SampledPath
+import numpy as np
+
+from vehicles.geometry.sampled_path import FloatArray, SampledPath
 from vehicles.messages import TruePose
 from vehicles.schedule import SECOND
 
 MAX_STEP_BACK: Final = 3
-"""Limit of chords by which the foot point may move backwards from one pose to the next.
-
-Otherwise it moves forwards only, so that it stays on its branch where the path crosses itself or
-runs parallel to itself.
-"""
+"""Number of chords by which a foot point may move backwards from one pose to the next: otherwise it
+could leave its branch where the path crosses itself or runs parallel to itself."""
 
 MAX_STEP: Final = 10.0
 """A vehicle that drove further (m) along a known path between two positions is searched at its
@@ -26,12 +25,8 @@ distance driven."""
 MIN_STEP: Final = 0.01  # Poses of the lead closer together (m) are a standstill
 
 HOLE_NS: Final = SECOND // 10
-"""Longest interval (ns) between poses of the lead with missing sequence numbers.
+"""The lead's path is unknown between poses further apart (ns) with missing numbers between them."""
 
-A longer interval is a hole in the record, where the lead's path is unknown.
-"""
-
-DROP_EVERY: Final = 500  # Chords of the lead between attempts to drop passed ones
 MAX_WAITING: Final = 3000  # Poses of a follower ahead of the lead's path, 60 s at 50 Hz
 
 
@@ -39,16 +34,15 @@ def walk(
     easts: Sequence[float],
     norths: Sequence[float],
     index: int,
-    floor: int,
     point: tuple[float, float],
 ) -> tuple[int, float, float]:
     """Foot of a `point` (m) on a polyline, whose chord is searched from chord `index` on.
 
     Returns the index of its chord, its share of the chord, and the lateral distance (m, left
-    positive). Searches forwards, then backwards as far as `floor`, and visits each chord once. Both
-    end chords are extended: the share is below 0 or above 1 there.
+    positive). Searches forwards, then backwards by up to MAX_STEP_BACK chords, and visits each
+    chord once. Both end chords are extended: the share is below 0 or above 1 there.
     """
-    last, forwards = len(easts) - 2, True
+    last, floor, forwards = len(easts) - 2, max(index - MAX_STEP_BACK, 0), True
     point_east, point_north = point
     while True:
         east, north = easts[index], norths[index]
@@ -67,9 +61,10 @@ def walk(
 
 
 class PathWalk:
-    """Offsets of a vehicle that drives along a path, from one position to the next.
+    """Foot points of a vehicle that drives along a path, each searched near the one before.
 
-    The path counts as a polyline through its samples: at a radius of 10 m it is 1 mm off.
+    So it stays on its branch of a path that crosses or repeats itself. The path counts as a
+    polyline through its samples: at a radius of 10 m it is 1 mm off.
     """
 
     def __init__(self, path: SampledPath, station: float) -> None:
@@ -79,15 +74,29 @@ class PathWalk:
         self._north = array("d", path.north.tobytes())
         self._start, self._distance, self._index = station, -2.0 * MAX_STEP, 0
 
-    def offset(self, east: float, north: float, distance: float) -> float:
-        """Lateral offset (m, left positive) of a position (m) after a `distance` driven (m)."""
+    def foot(self, east: float, north: float, distance: float) -> tuple[float, float]:
+        """Station and offset (m, left positive) of a position (m) after a `distance` driven (m)."""
         if not 0.0 <= distance - self._distance <= MAX_STEP:
             index = bisect_right(self._stations, self._start + distance) - 1
             self._index = min(max(index, 0), len(self._stations) - 2)
         self._distance = distance
-        index, floor = self._index, max(self._index - MAX_STEP_BACK, 0)
-        self._index, _, lateral = walk(self._east, self._north, index, floor, (east, north))
-        return lateral
+        index, share, lateral = walk(self._east, self._north, self._index, (east, north))
+        self._index = index
+        start, end = self._stations[index : index + 2]
+        return start + share * (end - start), lateral
+
+
+def driven_feet(
+    path: SampledPath, points: FloatArray, distance: FloatArray, start: float
+) -> FloatArray:
+    """Station and offset (m), shape (2, n), of the points (m) of a drive along a path.
+
+    `points` (2, n) follow each other after `distance` (m) (n,) driven; at distance 0 the vehicle is
+    at station `start` (m).
+    """
+    walked = PathWalk(path, start)
+    rows = zip(*points.tolist(), distance.tolist(), strict=True)
+    return np.array([walked.foot(*row) for row in rows]).reshape(-1, 2).T
 
 
 class CrossTrack(NamedTuple):
@@ -106,11 +115,10 @@ class CrossTrack(NamedTuple):
 class _Follower:
     """The points of a follower without a foot point yet, each with its instant (ns).
 
-    The next foot point is searched forwards from chord `index`, and backwards as far as `floor`.
+    The next foot point is searched from chord `index` on.
     """
 
     index: int = 0
-    floor: int = 0
     waiting: deque[tuple[int, tuple[float, float]]] = field(
         default_factory=lambda: deque(maxlen=MAX_WAITING)
     )
@@ -122,9 +130,8 @@ class CrossTrackError:
     The path is the polyline through the lead's poses, without standstills. Followers start behind
     the lead, so an infinite straight precedes its first pose. Its direction is `road_yaw` (rad), or
     the yaw of the first pose if `road_yaw` is None. If the lead's record does not begin at its
-    start, as in a part of a log, points on that straight have no foot point. If `followers` are
-    given, chords that all of them have passed are dropped. Points of `replayed` vehicles have no
-    foot point on that straight: they start where their own drive does.
+    start, as in a part of a log, points on that straight have no foot point. Neither have points of
+    `replayed` vehicles: they start where their own drive does. The path takes 5 MB an hour.
 
     The poses of each vehicle must be in order of time, but vehicles may be interleaved in any
     order: a pose beyond the end of the lead's path is stored until the path reaches it.
@@ -134,7 +141,6 @@ class CrossTrackError:
         self,
         lead: str,
         road_yaw: float | None = None,
-        followers: Iterable[str] = (),
         replayed: Collection[str] = (),
     ) -> None:
         """`replayed` are names of vehicles; their points are called by them, or by them and `/`."""
@@ -142,18 +148,10 @@ class CrossTrackError:
         self._replayed = replayed
         self._road_yaw = road_yaw
         self._from_start = True
-        self._east: list[float] = []
-        self._north: list[float] = []
-        self._station: list[float] = []
-        self._is_hole: list[bool] = []  # of each chord: poses in between were not recorded
+        self._east, self._north, self._station = array("d"), array("d"), array("d")
+        self._is_hole = bytearray()  # of each chord: poses in between were not recorded
         self._newest: TruePose | None = None
-        self._followers: dict[str, _Follower] = {}
-        self.follow(followers)
-
-    def follow(self, names: Iterable[str]) -> None:
-        """Keep the path until these points have also passed it; call before the first pose."""
-        self._followers |= {name: _Follower() for name in names}
-        self._drops_chords = bool(self._followers)
+        self._followers = defaultdict[str, _Follower](_Follower)
 
     def add(self, pose: TruePose) -> list[CrossTrack]:
         """Add a pose; return the foot points that have become known.
@@ -170,9 +168,7 @@ class CrossTrackError:
 
     def add_point(self, vehicle: str, at: int, east: float, north: float) -> list[CrossTrack]:
         """Add a point (m) of a follower, or of a named part of it."""
-        follower = self._followers.get(vehicle)
-        if follower is None:
-            follower = self._followers[vehicle] = _Follower()
+        follower = self._followers[vehicle]
         follower.waiting.append((at, (east, north)))
         return self._feet(vehicle, follower) if self._station else []
 
@@ -200,13 +196,6 @@ class CrossTrackError:
         self._north.append(pose.north_m)
         self._station.append(station)
         self._is_hole.append(is_hole)
-        if self._drops_chords and len(self._is_hole) % DROP_EVERY == 0:
-            count = min(other.floor for other in self._followers.values())
-            del self._east[:count], self._north[:count], self._station[:count]
-            del self._is_hole[:count]
-            for other in self._followers.values():
-                other.index -= count
-                other.floor -= count
         return True
 
     def _feet(self, vehicle: str, follower: _Follower) -> list[CrossTrack]:
@@ -214,12 +203,10 @@ class CrossTrackError:
         feet: list[CrossTrack] = []
         while follower.waiting:
             at, point = follower.waiting[0]
-            index, floor = follower.index, follower.floor
-            index, share, lateral = walk(self._east, self._north, index, floor, point)
+            index, share, lateral = walk(self._east, self._north, follower.index, point)
             follower.index = index
             if share > 1.0 and index == len(self._is_hole) - 1:  # the path does not reach it yet
                 break
-            follower.floor = max(index - MAX_STEP_BACK, 0)
             follower.waiting.popleft()
             start, end = self._station[index : index + 2]
             station = start + share * (end - start)

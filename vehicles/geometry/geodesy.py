@@ -17,7 +17,7 @@ from pymap3d.rcurve import meridian, transverse
 FloatArray = NDArray[np.float64]
 
 REACH: Final = 100_000.0  # Distance (m) from the origin beyond which a plane is a poor map
-EXACT: Final = 1e-8  # Coordinates are corrected until the error is below this (m)
+CORRECTED: Final = 1e-5  # A correction below this (m) is the last: its error is far smaller
 MAX_CORRECTIONS: Final = 20  # Three are typical within some kilometres of the origin
 
 WGS84 = Ellipsoid.from_name("wgs84")
@@ -33,14 +33,6 @@ class Origin:
     latitude_deg: float
     longitude_deg: float
     altitude_m: float
-
-    def __post_init__(self) -> None:
-        if not -90.0 <= self.latitude_deg <= 90.0:
-            raise ValueError(f"latitude {self.latitude_deg} deg is not within -90 to 90")
-        if not -180.0 <= self.longitude_deg <= 180.0:
-            raise ValueError(f"longitude {self.longitude_deg} deg is not within -180 to 180")
-        if not math.isfinite(self.altitude_m):
-            raise ValueError(f"altitude {self.altitude_m} m is not a finite number")
 
 
 class LocalPlane:
@@ -90,42 +82,25 @@ class LocalPlane:
         places = places.reshape(-1, 3).T
         return np.where(np.sum(places * places, axis=0) <= REACH * REACH, places[:2], math.nan)
 
-    def reaches(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> bool:
-        """Whether a WGS84 point is within REACH of the origin, so that `to_plane` accepts it."""
-        try:
-            self.to_plane(latitude_deg, longitude_deg, altitude_m)
-        except ValueError:
-            return False
-        return True
-
     def to_geodetic(self, east: float, north: float) -> tuple[float, float, float]:
         """Latitude (deg), longitude (deg), altitude (m) of a point in the plane (up = 0).
 
-        Inverts `to_plane` (EPSG method 9837) iteratively; each correction reduces the error by the
-        factor distance / earth radius. A closed inverse would need functions whose last bit depends
-        on the processor, so logs would not be byte-identical on all machines.
+        Inverts `to_plane` (EPSG method 9837) iteratively, from the curvature of the earth on; each
+        correction reduces the error by the factor distance / earth radius. A closed inverse would
+        need functions whose last bit depends on the processor, so that logs would, too.
         """
         origin = self.origin
-        latitude, longitude, altitude = 0.0, 0.0, origin.altitude_m
-        east_left, north_left = east, north
-        # Initial altitude error: the curvature of the earth.
-        up_left = (east * east + north * north) / (2.0 * self._north_radius)
-        left = abs(east_left) + abs(north_left) + abs(up_left)
-        shrinking = 1.0
-        slowest = min((abs(east) + abs(north)) / self._east_radius, 1.0)
+        latitude, longitude, altitude = origin.latitude_deg, origin.longitude_deg, origin.altitude_m
+        left = east, north, (east * east + north * north) / (2.0 * self._north_radius)
         for _ in range(MAX_CORRECTIONS):
-            latitude += math.degrees(north_left / self._north_radius)
-            longitude += math.degrees(east_left / self._east_radius)
-            altitude += up_left
-            if left * shrinking < EXACT:  # an upper bound of the next correction
+            latitude += math.degrees(left[1] / self._north_radius)
+            longitude += math.degrees(left[0] / self._east_radius)
+            altitude += left[2]
+            if abs(left[0]) + abs(left[1]) + abs(left[2]) < CORRECTED:
                 break
-            now_east, now_north, now_up = self._topocentric(
-                origin.latitude_deg + latitude, origin.longitude_deg + longitude, altitude
-            )
-            east_left, north_left, up_left = east - now_east, north - now_north, -now_up
-            before, left = left, abs(east_left) + abs(north_left) + abs(up_left)
-            shrinking = max(left / before, slowest)
-        return origin.latitude_deg + latitude, origin.longitude_deg + longitude, altitude
+            there = self._topocentric(latitude, longitude, altitude)
+            left = east - there[0], north - there[1], -there[2]
+        return latitude, longitude, altitude
 
     def _topocentric(
         self, latitude_deg: float, longitude_deg: float, altitude_m: float
@@ -157,20 +132,12 @@ def along(yaw: float, east: float, north: float) -> float:
     return east * math.cos(yaw) + north * math.sin(yaw)
 
 
-def wrap_angle(angle: float) -> float:
-    """Wrap an angle (rad) to (-pi, pi], by the IEEE 754 remainder."""
-    if -math.pi < angle <= math.pi:  # the common case
-        return angle
-    wrapped = math.remainder(angle, math.tau)
-    return math.pi if wrapped <= -math.pi else wrapped
-
-
 def yaw_from_heading(heading_deg: float) -> float:
     """Yaw (rad, counter-clockwise from east) of a compass course (deg, clockwise from north).
 
     θ of Section III-B, counted from the X axis.
     """
-    return wrap_angle(math.radians(90.0 - heading_deg))
+    return math.remainder(math.radians(90.0 - heading_deg), math.tau)
 
 
 def heading_from_yaw(yaw: float) -> float:

@@ -5,8 +5,6 @@ to the left. SI units.
 """
 
 import math
-from array import array
-from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import cos, hypot, sin
@@ -25,7 +23,7 @@ class PathPoint:
     """A point of a path: position (m), yaw of the tangent (rad), signed curvature (1/m).
 
     (X_0, Y_0), θ_R and 1/R of Section III-B, with positive curvature in left turns. The yaw is
-    wrapped on an arc spline and unwrapped on a sampled path.
+    within [-pi, pi] on an arc spline, and unwrapped on a sampled path.
     """
 
     east: float
@@ -38,9 +36,8 @@ class PathPoint:
 class Foot:
     """Projection of a point on a path (Section III-B, Figs. 4 and 5).
 
-    Station (m) along the path, lateral offset of the point (m, left of the path positive: e_lat),
-    yaw of the tangent (rad) and signed curvature (1/m) there. The yaw is wrapped on an arc spline
-    and unwrapped on a sampled path.
+    Station (m) along the path, lateral offset of the point (m, left of the path positive: e_lat);
+    yaw and curvature there as in `PathPoint`.
     """
 
     station: float
@@ -54,7 +51,6 @@ class Foot:
 
 FloatArray = NDArray[np.float64]
 
-COLUMNS: Final = 5  # Values per sample: station, east, north, yaw and curvature
 SAMPLING: Final = 0.25  # Maximum distance (m) between samples
 WINDOW: Final = 5.0  # Search range (m) around the vehicle's last station
 _CORNER: Final = 1e-3  # Distance (m) from the last sample of a segment to the change of curvature
@@ -82,8 +78,7 @@ class SampledPath:
     north: FloatArray
     yaw: FloatArray
     curvature: FloatArray
-    _rows: "array[float]" = field(init=False, repr=False)
-    _stations: "array[float]" = field(init=False, repr=False)
+    _rows: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         arrays = (self.station, self.east, self.north, self.yaw, self.curvature)
@@ -95,25 +90,20 @@ class SampledPath:
             raise ValueError("the stations of a path must increase")
         for values in arrays:
             values.setflags(write=False)
-        # Single values are read faster than from NumPy's arrays. Tuples take five times the memory,
-        # and reference counts would prevent forked vehicles from sharing it.
-        rows, stations = array("d"), array("d")
-        rows.frombytes(np.column_stack(arrays).data.cast("B"))
-        stations.frombytes(np.ascontiguousarray(self.station).data.cast("B"))
-        object.__setattr__(self, "_rows", rows)
-        object.__setattr__(self, "_stations", stations)
+        object.__setattr__(self, "_rows", np.column_stack(arrays))
 
     @property
     def length(self) -> float:
         """Arc length of the path (Fig. 8) from its first sample to its last (m)."""
-        return self._stations[-1] - self._stations[0]
+        return self.station.item(-1) - self.station.item(0)
 
     def at(self, station: float) -> PathPoint:
-        stations = self._stations
-        index = min(max(bisect_right(stations, station) - 1, 0), len(stations) - 2)
-        row = self._rows[COLUMNS * index : COLUMNS * (index + 2)]
-        start, east, north, yaw, curvature, end, next_east, next_north, next_yaw, next_bend = row
-        inside = min(max(station, stations[0]), stations[-1])
+        index = int(self.station.searchsorted(station, "right")) - 1
+        index = min(max(index, 0), self.station.size - 2)
+        row, following = self._rows[index : index + 2].tolist()
+        start, east, north, yaw, curvature = row
+        end, next_east, next_north, next_yaw, next_bend = following
+        inside = min(max(station, self.station.item(0)), self.station.item(-1))
         step, beyond = end - start, station - inside
         share = (inside - start) / step
         rest = 1.0 - share
@@ -125,10 +115,6 @@ class SampledPath:
         if beyond == 0.0:
             return PathPoint(east, north, heading, curvature + share * (next_bend - curvature))
         return PathPoint(east + beyond * cos(heading), north + beyond * sin(heading), heading, 0.0)
-
-    def curvature_at(self, station: float) -> float:
-        """Signed curvature (1/m, Section III-A) at `station` (m)."""
-        return self.at(station).curvature
 
     def curvatures(self, start: float, step: float, count: int) -> list[float]:
         """Signed curvature (1/m) at `count` stations, `step` (m) apart from `start` (m)."""
@@ -146,7 +132,11 @@ class SampledPath:
         and returns the first of equally near points.
         """
         low, high = (-math.inf, math.inf) if near is None else (near - window, near + window)
-        station = min(max(self._nearest_sample(east, north, low, high), low), high)
+        first = max(int(self.station.searchsorted(low)) - 1, 0)
+        last = int(self.station.searchsorted(high, "right")) + 1
+        dx, dy = self.east[first:last] - east, self.north[first:last] - north
+        nearest = self.station.item(first + int((dx * dx + dy * dy).argmin()))
+        station = min(max(nearest, low), high)
         point = self.at(station)
         for _ in range(8):  # each step squares the error; two or three are typical
             forward, left = cos(point.yaw), sin(point.yaw)
@@ -159,14 +149,6 @@ class SampledPath:
                 break
             station, point = target, self.at(target)
         return Foot(station, lateral, point.yaw, point.curvature)
-
-    def _nearest_sample(self, east: float, north: float, low: float, high: float) -> float:
-        first = max(0, bisect_left(self._stations, low) - 1)
-        last = min(len(self._stations), bisect_right(self._stations, high) + 1)
-        if first >= last:  # the window is beyond an end
-            return low if first else high
-        dx, dy = self.east[first:last] - east, self.north[first:last] - north
-        return self._stations[first + int((dx * dx + dy * dy).argmin())]
 
 
 _Row = tuple[float, float, float, float, float]

@@ -22,7 +22,7 @@ from vehicles.geometry.bridges import (
     noise_deviation,
     step_lengths,
 )
-from vehicles.geometry.path_offsets import path_offsets
+from vehicles.geometry.driven_path import driven_feet
 from vehicles.geometry.sampled_path import SAMPLING, FloatArray, SampledPath
 
 # ---- Local cubic regression (Cleveland, 1979), in O(points in reach) per location
@@ -35,7 +35,6 @@ from vehicles.geometry.sampled_path import SAMPLING, FloatArray, SampledPath
 
 
 NEIGHBOURS = 7  # Minimum number of points per local cubic (4 unknowns)
-ON_EACH_SIDE = 3  # Minimum number of points on either side, if available
 SLOPE = 0.5  # Rate (m/m) at which the reach widens towards sparse points
 
 _PLACES_AT_ONCE = 256  # locations smoothed at once, to limit memory
@@ -57,15 +56,9 @@ def _reaches(t: FloatArray, at: FloatArray, reach: float) -> FloatArray:
     """Reach of the kernel at each location."""
     short = np.maximum(0.0, reach - (at - t[0])) + np.maximum(0.0, reach - (t[-1] - at))
     right, step = np.searchsorted(t, at), float(at[1] - at[0])
-    nearest = np.full(at.shape, np.inf)
-    for shift in range(NEIGHBOURS + 1):
-        first = np.clip(right - shift, 0, t.size - NEIGHBOURS)
-        span = np.maximum(at - t[first], t[first + NEIGHBOURS - 1] - at)
-        nearest = np.minimum(nearest, span)
-    # Without points on both sides, the cubic would extrapolate.
-    before = at - t[np.maximum(right - ON_EACH_SIDE, 0)]
-    after = t[np.minimum(right + ON_EACH_SIDE - 1, t.size - 1)] - at
-    sparse = np.maximum(nearest, np.maximum(before, after))
+    # With points on both sides if there are any, so that the cubic does not extrapolate.
+    first = np.clip(right - np.array([[3], [4]]), 0, t.size - NEIGHBOURS)
+    sparse = np.min(np.maximum(at - t[first], t[first + NEIGHBOURS - 1] - at), axis=0)
     slope = SLOPE * step * np.arange(at.size)
     from_left = np.maximum.accumulate(sparse + slope) - slope
     from_right = np.maximum.accumulate((sparse - slope)[::-1])[::-1] + slope
@@ -111,17 +104,6 @@ def _fit(t: FloatArray, values: FloatArray, at: FloatArray, reaches: FloatArray)
     return smoothed
 
 
-def cubic_at(t: FloatArray, values: FloatArray, at: FloatArray | float) -> FloatArray:
-    """Value at `at` (...) of the cubic through four `values` (4, ...) at `t` (4, ...).
-
-    Lagrange's form (elementary algebra).
-    """
-    total: FloatArray = np.zeros_like(values[0])
-    for i in range(4):
-        total += values[i] * math.prod((at - t[j]) / (t[i] - t[j]) for j in range(4) if j != i)
-    return total
-
-
 # ---- Smoothing
 
 
@@ -160,29 +142,18 @@ class Hole(NamedTuple):
 
 
 class SmoothedPath(NamedTuple):
-    """A path and its deviations (m) from its source points, such as a run of Section V-D.
-
-    `deviation_rms` is at the points. `deviation_max` also covers the sections between them: the
-    distance from the cubic through four successive points, or in a hole from its filling. `holes`
-    lists the filled holes. `half_width` (m) is the reach of the smoothing. `noise` is the standard
-    deviation of the points' white noise (m, per axis).
-
-    `stations` are those of the first `points_used` points; points of a closed drive past its start
-    belong to the next lap and are not used. `start` (m) is the station of the first point, the
-    length of the lead-in. `lap_length` (m) is that of one lap of a closed path, else of the whole
-    record.
-    """
+    """A path and its deviations (m) from its source points, such as a run of Section V-D."""
 
     path: SampledPath
-    deviation_rms: float
-    deviation_max: float
-    points_used: int
-    stations: FloatArray
-    start: float
-    lap_length: float
-    holes: tuple[Hole, ...]
-    half_width: float
-    noise: float
+    deviation_rms: float  # At the given points
+    deviation_max: float  # Also at the points that fill holes
+    points_used: int  # Those of a closed drive past its start belong to the next lap
+    stations: FloatArray  # Of the points used (m)
+    start: float  # Station of the first point, the length of the lead-in (m)
+    lap_length: float  # Of one lap of a closed path, else of the whole record (m)
+    holes: tuple[Hole, ...]  # Those that were filled
+    half_width: float  # Reach of the smoothing (m)
+    noise: float  # Standard deviation of the points' white noise (m, per axis)
 
 
 class _Record(NamedTuple):
@@ -213,7 +184,9 @@ def smooth_path(
     point of lap one, smoothed with the path so that the curvature has no step. Raises ValueError if
     the points do not form a path, and NoPathError if a single point is the cause.
     """
-    given = _checked(east, north, half_width, laps, lead_in)
+    given = np.array((east, north), dtype=float)
+    if not np.isfinite(given).all():
+        raise ValueError("a path needs finite coordinates")
     noise = max(noise, noise_deviation(given))
     record, numbers, holes = _merged(given, half_width, noise)
     if closed:
@@ -234,8 +207,8 @@ def smooth_path(
     path = _path(smoothed)
     at_points = np.interp(record.t, grid, path.station)
     stations = at_points[numbers[:used]]
-    offsets = np.abs(path_offsets(path, given[:, :used], stations))
-    between = np.abs(path_offsets(path, *_between(record, at_points)))
+    offsets = np.abs(driven_feet(path, given[:, :used], stations, 0.0)[1])
+    between = np.abs(driven_feet(path, record.points, at_points, 0.0)[1])
     return SmoothedPath(
         path=path,
         deviation_rms=math.sqrt(float(np.mean(offsets * offsets))),
@@ -248,35 +221,6 @@ def smooth_path(
         half_width=half_width,
         noise=noise,
     )
-
-
-def _checked(
-    east: ArrayLike, north: ArrayLike, half_width: float, laps: int, lead_in: float
-) -> FloatArray:
-    x, y = np.asarray(east, dtype=float), np.asarray(north, dtype=float)
-    if x.ndim != 1 or x.shape != y.shape:
-        raise ValueError("a path needs equal numbers of east and north coordinates")
-    if not (np.isfinite(x).all() and np.isfinite(y).all()):
-        raise ValueError("a path needs finite coordinates")
-    if not 0.0 < half_width < math.inf:
-        raise ValueError(f"the half width of the smoothing must be positive, not {half_width} m")
-    if laps < 1:
-        raise ValueError(f"a path has at least one lap, not {laps}")
-    if not 0.0 <= lead_in < math.inf:
-        raise ValueError(f"the lead-in must be at least 0 m long, not {lead_in} m")
-    return np.stack((x, y))
-
-
-def _between(record: _Record, stations: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points (2, m) halfway between widely spaced points, on cubics, and their stations (m).
-
-    `stations` are those of the record's points.
-    """
-    t, points = record.t, record.points
-    k = np.flatnonzero(np.diff(t[1:-1]) > 2.0 * SAMPLING) + 1
-    four = k + np.arange(-1, 3)[:, None]
-    halfway = [cubic_at(t[four], row[four], 0.5 * (t[k] + t[k + 1])) for row in points]
-    return np.stack(halfway), 0.5 * (stations[k] + stations[k + 1])
 
 
 def _merged(
@@ -337,10 +281,18 @@ def _closed(record: _Record, half_width: float) -> _Record:
     k = away + int(crossed[0])
     end = float(t[k] + shares[k] * (t[k + 1] - t[k]))
     four = np.arange(4) + min(max(k - 1, 0), t.size - 4)
-    missed = float(cubic_at(t[four], across[four], end))
+    missed = _cubic_at(t[four].tolist(), across[four].tolist(), end)
     t, blend = t[: k + 1], min(SEAM_BLEND, 0.5 * end)
     shift = 0.5 * missed * (_ramp(1.0 - t / blend) - _ramp(1.0 - (end - t) / blend))
     return _Record(t, points[:, : k + 1] + np.stack((-ty * shift, tx * shift)), end)
+
+
+def _cubic_at(t: list[float], values: list[float], at: float) -> float:
+    """Value of the cubic through four `values` at `t`, in Lagrange's form."""
+    return sum(
+        values[i] * math.prod((at - t[j]) / (t[i] - t[j]) for j in range(4) if j != i)
+        for i in range(4)
+    )
 
 
 def _ramp(u: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ continuously from one shape to another; a choice would make the command jump.
 """
 
 from dataclasses import dataclass, replace
-from math import atan2, cos, exp, hypot, inf, log, sin, sqrt
+from math import atan2, cos, exp, hypot, inf, log, remainder, sin, sqrt, tau
 from typing import Final, Literal
 
 import numpy as np
@@ -20,11 +20,9 @@ from vehicles.geometry.arc_spline import (
     ArcSpline,
     Piece,
     PlanePose,
-    along_arc,
     near_arc,
     on_clothoid,
 )
-from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.joined_fit import BestJoin, JoinSearch
 
 Floats = NDArray[np.float64]
@@ -185,8 +183,8 @@ def in_world(curve: LocalCurve, samples: Samples, frame: Frame) -> Curve:
     )
     rate, before, after = curve.rate, curve.before, curve.after
     origin, rows = (curve.x, curve.y, curve.angle), samples.rows
-    start = along_arc(origin, before, rows.item(X, 0), rows.item(Y, 0))
-    end = along_arc(origin, after, rows.item(X, -1), rows.item(Y, -1))
+    start = near_arc(origin, before, rows.item(X, 0), rows.item(Y, 0)).station
+    end = near_arc(origin, after, rows.item(X, -1), rows.item(Y, -1)).station
     first, bend = _pose_at(join, before, rate, start), before + rate * start
     if before == after:
         return Curve(ArcSpline((Piece(*first, bend, end - start, rate),)), rest, rms)
@@ -296,12 +294,12 @@ def average_curves(
     rest = 1.0 - share
     cut, lateral, angle = _foot(joined, x, y)
     station, smooth_lateral, smooth_angle = _foot(smooth, x, y)
-    angle += rest * wrap_angle(smooth_angle - angle)
+    angle += rest * remainder(smooth_angle - angle, tau)
     lateral = share * lateral + rest * smooth_lateral
     bend = rest * (smooth.after + smooth.rate * (station - cut))
     before, after = share * joined.before + bend, share * joined.after + bend
     rate = rest * smooth.rate
-    here = (x + lateral * sin(angle), y - lateral * cos(angle), wrap_angle(angle))
+    here = (x + lateral * sin(angle), y - lateral * cos(angle), remainder(angle, tau))
     join = _pose_at(here, (before if cut < 0.0 else after) + rate * cut, rate, -cut)
     return LocalCurve(*join, before, after, rate)
 

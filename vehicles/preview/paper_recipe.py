@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vehicles.geometry.arc_fits import ONE, LocalCurve, Samples, X, Y, average_graphs, max_abs
-from vehicles.geometry.arc_spline import along_arc, on_arc
+from vehicles.geometry.arc_spline import near_arc, on_clothoid
 from vehicles.preview.curve_fit import (
     SPAN_MIN,
     Curve,
@@ -128,5 +128,5 @@ def _straight_prefix(x: Floats, y: Floats, tolerance: float) -> int:
 def _continued(line: LocalCurve, x: float, y: float, curve: LocalCurve | None) -> LocalCurve:
     """The line of a prefix up to its last sample (x, y) (m), then the curvature of `curve`."""
     start = line.x, line.y, line.angle
-    join = on_arc(start, 0.0, along_arc(start, 0.0, x, y))
+    join = on_clothoid(start, 0.0, 0.0, near_arc(start, 0.0, x, y).station)
     return LocalCurve(join.east, join.north, line.angle, 0.0, curve.after if curve else 0.0, 0.0)

@@ -93,15 +93,9 @@ def bridge(before: PlacedPose, after: PlacedPose) -> list[PlacedPose]:
     length = hypot(after[1] - before[1], after[2] - before[2])
     spacing = max(BRIDGE_SPACING, length / MAX_BRIDGE_POINTS)
     try:
-        places = curve_between(before[1:4], after[1:4], spacing).T.tolist()
+        return curve_between(before, after, spacing)
     except UnbridgedError:
         return []
-    points: list[PlacedPose] = []
-    span, parts = after[0] - before[0], len(places) + 1
-    for k, (start, end) in enumerate(pairwise([*places, after[1:3]]), 1):
-        yaw = atan2(end[1] - start[1], end[0] - start[0])
-        points.append((before[0] + span * k // parts, *start, yaw))
-    return points
 
 
 def curve_to(

@@ -1,4 +1,4 @@
-"""The set of feedback gains that stabilise the car: membership, boundary, extent, margins.
+"""The set of feedback gains that stabilise the car: membership, boundary, extent, margin.
 
 D-decomposition (paper, Section III-F): a root leaves the left half-plane only where Delta(0, K) = 0
 or Delta(j w, K) = 0. The first is the plane k_e = 0. The second is linear in the gains: a line in
@@ -18,7 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vehicles.car.parameters import Gains, VehicleParameters
-from vehicles.theory.linear_model import Array, affine_coefficients, closed_loop
+from vehicles.theory.linear_model import (
+    Array,
+    affine_coefficients,
+    characteristic_polynomial,
+    closed_loop,
+)
 
 MILE_PER_HOUR = 0.44704  # m/s
 PAPER_SPEEDS = tuple(mph * MILE_PER_HOUR for mph in (10, 20, 30, 40, 50, 60, 67))
@@ -56,19 +61,12 @@ def spectral_abscissa(coefficients: Array) -> Array:
     return np.asarray(np.linalg.eigvals(companion).real.max(axis=-1))
 
 
-def _coefficients(parameters: VehicleParameters, speed: float, gains: Array) -> Array:
-    """A6...A0 for gains (..., 3); shape (..., 7)."""
-    constant, slopes = affine_coefficients(parameters, speed)
-    lateral, heading, yaw_rate = (gains[..., k : k + 1] * slopes[:, k] for k in range(3))
-    return np.asarray(constant + (lateral + heading + yaw_rate))
-
-
 def is_stabilising(parameters: VehicleParameters, speed: float, gains: Array) -> NDArray[np.bool_]:
     """Membership in the stabilising set at one speed, by Routh-Hurwitz; (..., 3) to (...).
 
     Paper, Section III-F. Agrees with the roots beyond 1e-9 of the steering frequency from zero.
     """
-    return is_hurwitz(_coefficients(parameters, speed, np.asarray(gains, dtype=np.float64)))
+    return is_hurwitz(characteristic_polynomial(parameters, gains, speed))
 
 
 def stabilises_all(
@@ -87,7 +85,7 @@ def stabilises_all(
 
 def abscissa(parameters: VehicleParameters, gains: Gains, speeds: Sequence[float]) -> Array:
     """Largest real part (1/s) of the closed-loop roots at each speed (paper, eq. (8))."""
-    rows = [_coefficients(parameters, speed, np.array(gains)) for speed in speeds]
+    rows = [characteristic_polynomial(parameters, gains, speed) for speed in speeds]
     return spectral_abscissa(np.array(rows))
 
 
@@ -158,28 +156,15 @@ def crossing_equations(
     return [np.poly1d(row) for row in real.T], [np.poly1d(row) for row in imaginary.T]
 
 
-def singular_frequency(parameters: VehicleParameters) -> float | None:
-    """Frequency (rad/s) at which the boundary in a (k_e, k_theta) plane is at infinity, if any.
-
-    The determinant of the two equations of `boundary_curve` (Section III-F) is proportional to
-    C_r (a + b) + (m a b - I_z) w², whatever the speed; it vanishes if I_z > m a b. The paper's car
-    has I_z just below m a b (they differ by 0.01 %); I_z of most loaded cars is above it.
-    """
-    arms = parameters.front_axle_distance * parameters.rear_axle_distance
-    excess = parameters.yaw_inertia - parameters.mass * arms
-    if excess <= 0.0:
-        return None
-    return float(np.sqrt(parameters.rear_cornering_stiffness * parameters.wheelbase / excess))
-
-
 def boundary_curve(
     parameters: VehicleParameters, speed: float, yaw_rate_gain: float, frequencies: Array
 ) -> Array:
     """Gains (k_e, k_theta) with a root at j w for each frequency (rad/s) > 0; shape (n, 2).
 
     Paper, Section III-F: Delta(j w, K) = 0 at fixed k_omega, two linear equations solved in closed
-    form. Rows are NaN at the singular frequency, where the equations have no solution. The line
-    k_e = 0 completes the boundary.
+    form. Rows are NaN where the equations have no solution: their determinant is proportional to
+    C_r (a + b) + (m a b - I_z) w², so there is such a frequency if I_z > m a b, as in most loaded
+    cars. The line k_e = 0 completes the boundary.
     """
     x = (np.asarray(frequencies) / parameters.steering_frequency) ** 2
     p, q = (
@@ -198,51 +183,31 @@ def boundary_curve(
 # ---- Extent
 
 
-GRID_POINTS = 24  # Grid points per axis
-
-
-def gain_box(
-    cars: Sequence[VehicleParameters], speeds: Sequence[float]
-) -> tuple[tuple[float, float], ...]:
-    """Rough bounds of k_e, k_theta and k_omega around the intersection over cars and speeds.
-
-    The set of Section V-A, searched on grids that grow while members are on their outer faces and
-    otherwise shrink to the members. Widened by a cell (about 1/20 of the extent); thinner tips may
-    stick out (see `gain_extremes`). The grid is skew, along b k_e + k_theta, because A1 > 0 makes
-    the set at low speed a thin wedge along that plane. Raises ValueError if no member or no bound
-    is found.
-    """
-    skew = min(car.rear_axle_distance for car in cars)
-    low, high, most = np.array([0.0, 0.0, -0.5]), np.array([0.5, 2.0, 0.5]), GRID_POINTS - 1
-    for attempt in range(48):
-        grid = _grid(low, high, GRID_POINTS)
-        grid[..., 1] -= skew * grid[..., 0]
-        inside = stabilises_all(cars, speeds, grid)
-        if not inside.any():
-            break
-        indices = np.argwhere(inside)
-        first, last, cell = indices.min(axis=0), indices.max(axis=0), (high - low) / most
-        short, long = (first == 0) & (low != 0.0), last == most
-        if not (short.any() or long.any()) and (last - first >= most - 5)[[0, 2]].all():
-            members, margin = grid[inside], cell + np.array([0.0, skew * cell[0], 0.0])
-            bounds = members.min(axis=0) - margin, members.max(axis=0) + margin
-            return tuple(zip(*(bound.tolist() for bound in bounds), strict=True))
-        step = 0.5 * (high - low) if attempt < 8 else 4.0 * cell
-        shrunk = np.where(low == 0.0, 0.0, low + np.maximum(first - 2, 0) * cell)
-        low, high = (
-            np.where(short, low - step, shrunk),
-            np.where(long, high + step, low + np.minimum(last + 2, most) * cell),
-        )
-    raise ValueError("no stabilising gains found, or no bounds of them")
-
-
-def _grid(low: Array, high: Array, points: int) -> Array:
-    """Gains on a regular grid, ends included; shape (points, points, points, 3)."""
-    axes = [np.linspace(*ends, points) for ends in zip(low, high, strict=True)]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-
-
+WALKERS, ROUNDS = 2000, 60  # Points that explore a set, and their steps
+LARGEST = 1e6  # A set with greater gains counts as unbounded
 SPREAD = np.array(list(product((-1.0, -0.5, 0.0, 0.5, 1.0), repeat=3)))  # Directions of the search
+
+
+def members(cars: Sequence[VehicleParameters], speeds: Sequence[float]) -> Array:
+    """Gains spread evenly over the intersection over cars and speeds (V-A); shape (n, 3).
+
+    A random walk (Metropolis) whose steps have the covariance of its points, so that it also fills
+    thin wedges: at low speed the set lies along the plane b k_e + k_theta = 0, because A1 > 0. It
+    starts at small gains. Raises ValueError if none of them stabilises, or without a bound.
+    """
+    random = np.random.default_rng(0)
+    size, share, turn = 10.0 ** -random.uniform(0.0, 3.0, WALKERS), *random.random((2, WALKERS))
+    start = np.column_stack([0.2 * share * size * size, size, 0.1 * (turn - 0.5) * size])
+    start = start[stabilises_all(cars, speeds, start)]
+    if not len(start):
+        raise ValueError("no stabilising gains found")
+    points = random.choice(start, WALKERS)
+    for _ in range(ROUNDS):
+        ahead = points + random.multivariate_normal(np.zeros(3), np.cov(points.T), WALKERS)
+        points = np.where(stabilises_all(cars, speeds, ahead)[:, None], ahead, points)
+    if np.abs(points).max() > LARGEST:
+        raise ValueError("no bounds of the stabilising gains found")
+    return points
 
 
 def gain_extremes(
@@ -251,21 +216,17 @@ def gain_extremes(
     """Members of the intersection with the smallest and the largest k_e, k_theta and k_omega.
 
     Extent of the stabilising set of Section V-A, shown at one speed in Fig. 6. As its tips are
-    thinner than any grid cell, the search moves from the outermost members of `gain_box` to better
-    ones, until there is none within 1e-5 of the box. The set extends at most 1 or 2 % further.
-    Raises ValueError as `gain_box` does.
+    thin, the search moves from the outermost `members` to better ones, until there is none within
+    1e-5 of the extent. The set extends at most 1 or 2 % further. Raises ValueError as `members`.
     """
-    low, high = np.array(gain_box(cars, speeds)).T
-    grid = _grid(low, high, GRID_POINTS).reshape(-1, 3)
-    members = grid[stabilises_all(cars, speeds, grid)]
-    if not len(members):
-        raise ValueError("the set of stabilising gains is too thin to find its extent")
+    inner = members(cars, speeds)
+    extent = np.ptp(inner, axis=0)
 
     def furthest(axis: int, side: float) -> Gains:
-        best, reach = members[np.argmax(side * members[:, axis])], 0.1
+        best, reach = inner[np.argmax(side * inner[:, axis])], 0.1
         while reach > 1e-5:
-            steps = np.concatenate([reach * 0.3**k * SPREAD for k in range(6)]) * (high - low)
-            ahead = best + steps[side * steps[:, axis] > 0.0]
+            steps = np.concatenate([reach * 0.3**k * SPREAD for k in range(6)]) * extent
+            ahead = best + steps[side * steps[:, axis] > 1e-5 * extent[axis]]
             inside = ahead[stabilises_all(cars, speeds, ahead)]
             if len(inside):
                 best = inside[np.argmax(side * inside[:, axis])]
@@ -277,29 +238,25 @@ def gain_extremes(
 
 
 def non_convex_pair(
-    cars: Sequence[VehicleParameters], speeds: Sequence[float], points: int = 10
+    cars: Sequence[VehicleParameters], speeds: Sequence[float]
 ) -> tuple[Gains, Gains] | None:
     """Find two stabilising gains whose midpoint does not stabilise: proof of a non-convex set.
 
-    Section V-A states this for the paper's car. Searches all pairs of members of a grid and returns
-    the pair whose midpoint is the most unstable; None if there is no pair.
+    Section V-A states this for the paper's car. Of all pairs of 200 `members`, the one whose
+    midpoint is the most unstable; None if there is no pair.
     """
-    low, high = np.array(gain_box(cars, speeds)).T
-    grid = _grid(low, high, points + 2)[1:-1, 1:-1, 1:-1]
-    inside = grid[stabilises_all(cars, speeds, grid)]
+    inside = members(cars, speeds)[:200]
     middle = 0.5 * (inside[:, None, :] + inside[None, :, :])
     first, second = np.nonzero(~stabilises_all(cars, speeds, middle))
     if not len(first):
         return None
-    cases = product(cars, speeds)
-    worst = np.max(
-        [spectral_abscissa(_coefficients(*case, middle[first, second])) for case in cases], axis=0
-    )
-    pick = int(np.argmax(worst))
+    outside = middle[first, second]
+    cases = [characteristic_polynomial(car, outside, speed) for car, speed in product(cars, speeds)]
+    pick = int(np.argmax(spectral_abscissa(np.array(cases)).max(axis=0)))
     return Gains(*inside[first[pick]].tolist()), Gains(*inside[second[pick]].tolist())
 
 
-# ---- Margins of chosen gains, in closed form: the largest ball around them, and intervals
+# ---- Margin of chosen gains, in closed form: the largest ball around them
 
 
 class Ball(NamedTuple):
@@ -375,40 +332,3 @@ def common_ball(
     """Largest ball in the intersection over cars and speeds (Section V-A): the smallest of all."""
     balls = [stability_ball(car, speed, gains, scale) for car, speed in product(cars, speeds)]
     return min(balls, key=lambda ball: ball.radius)
-
-
-def gain_interval(
-    parameters: VehicleParameters, speed: float, gains: Gains, direction: tuple[float, float, float]
-) -> tuple[float, float]:
-    """Largest changes of the gains along `direction`, backward (negative) and forward.
-
-    With (1, 0, 0) only k_e changes. Eliminating the change from the two equations of the boundary
-    (Section III-F) leaves a polynomial in w². The first of its roots beyond which the loop is
-    unstable ends the interval. Infinite without such a root; (0, 0) if the gains do not stabilise.
-    """
-    centre, step = np.array(gains), np.array(direction)
-    if not is_stabilising(parameters, speed, centre):
-        return 0.0, 0.0
-    fixed_and_slope = [
-        (_dot(equation, (1.0, *gains)), _dot(equation, (0.0, *direction)))
-        for equation in crossing_equations(parameters, speed)
-    ]
-    (fixed_p, slope_p), (fixed_q, slope_q) = fixed_and_slope
-    roots = (fixed_p * slope_q - fixed_q * slope_p).roots.real
-    moves = [
-        -float(fixed(x) / slope(x))
-        for x in roots[roots > 0.0]
-        for fixed, slope in fixed_and_slope
-        if slope(x) != 0.0
-    ]
-    if direction[0] != 0.0:
-        moves.append(-gains.lateral / direction[0])
-    limits = []
-    for sign in (-1.0, 1.0):
-        ahead = sorted(sign * move for move in moves if sign * move > 0.0)
-        beyond = [*ahead[1:], 2.0 * ahead[-1]] if ahead else []
-        probes = 0.5 * sign * (np.array(ahead) + np.array(beyond))
-        stable = is_stabilising(parameters, speed, centre + probes[:, None] * step)
-        ends = [move for move, inside in zip(ahead, stable, strict=True) if not inside]
-        limits.append(sign * (ends[0] if ends else np.inf))
-    return limits[0], limits[1]

@@ -150,10 +150,12 @@ def affine_coefficients(parameters: VehicleParameters, speed: float) -> tuple[Ar
     return constant, slopes
 
 
-def characteristic_polynomial(parameters: VehicleParameters, gains: Gains, speed: float) -> Array:
-    """Delta(s, K) / w_n² = A6 s^6 + ... + A0, paper Section III-F; shape (7,)."""
+def characteristic_polynomial(
+    parameters: VehicleParameters, gains: Gains | Array, speed: float
+) -> Array:
+    """Delta(s, K) / w_n² = A6 s^6 + ... + A0, paper Section III-F; gains (..., 3) to (..., 7)."""
     constant, slopes = affine_coefficients(parameters, speed)
-    return np.asarray(constant + (slopes * np.array(gains)).sum(axis=1))
+    return np.asarray(constant + np.asarray(gains, dtype=np.float64) @ slopes.T)
 
 
 # ---- Transfer functions of lateral errors down the convoy, in closed form (Section IV-B)

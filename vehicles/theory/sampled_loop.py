@@ -51,25 +51,11 @@ class SampledLoop:
     imu: ImuSettings = ImuSettings()  # noqa: RUF009 - frozen
 
 
-@dataclass(frozen=True, slots=True)
-class SampledStability:
-    """Logarithm of the spectral radius of the map over the common period (s) (Section III-F)."""
+def sampled_decay(loop: SampledLoop, speed: float) -> float:
+    """Decay rate (1/s) of errors at `speed` (m/s), eqs. (3), (4), (7); not positive: unstable.
 
-    log_radius: float
-    period: float
-
-    @property
-    def stable(self) -> bool:
-        return self.log_radius < 0.0
-
-    @property
-    def decay(self) -> float:
-        """Decay rate (1/s) of errors, negative if they grow."""
-        return -self.log_radius / self.period
-
-
-def sampled_stability(loop: SampledLoop, speed: float) -> SampledStability:
-    """Spectral radius of the sampled closed loop, eqs. (3), (4), (7), at `speed` (m/s)."""
+    From the spectral radius of the map over the common period.
+    """
     steps = _Steps(loop, speed)
     total, scale = np.eye(SIZE), 0.0
     for number, step in enumerate(steps.over_a_period()):
@@ -80,7 +66,7 @@ def sampled_stability(loop: SampledLoop, speed: float) -> SampledStability:
     if loop.imu_hz is None:
         total = total[:PLACE, :PLACE]  # there is no filter
     radius = float(np.max(np.abs(np.linalg.eigvals(total))))
-    return SampledStability(log(radius) + scale if radius > 0.0 else -inf, steps.period)
+    return -(log(radius) + scale) / steps.period if radius > 0.0 else inf
 
 
 def lowest_stable_rate(
@@ -92,10 +78,8 @@ def lowest_stable_rate(
     unstable rate there may be stable ones, where all readings happen to precede a decision. None if
     the loop is not stable at `highest`.
     """
-    unstable = (
-        rate for rate in range(highest, 0, -1) if not sampled_stability(loop_at(rate), speed).stable
-    )
-    lowest = next(unstable, 0) + 1
+    rates = range(highest, 0, -1)
+    lowest = next((rate for rate in rates if sampled_decay(loop_at(rate), speed) <= 0.0), 0) + 1
     return lowest if lowest <= highest else None
 
 

@@ -15,15 +15,10 @@ from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.theory.gain_sets import stationary_points
 from vehicles.theory.linear_model import (
     Array,
-    ComplexArray,
-    SteeringModel,
     Transfer,
-    feedback_row,
     heading_numerator,
     lateral_numerator,
-    open_loop,
     propagation,
-    steering_input,
 )
 
 LANE_CHANGE_BAND = 2.0 * pi  # rad/s, 1 Hz: well below the steering's mode
@@ -78,25 +73,6 @@ def amplified_band(transfer: Transfer) -> list[tuple[float, float]]:
     return [(a, b) for a, b, over in zip(edges, ends, above, strict=True) if over]
 
 
-def maximum_gain(transfer: Transfer) -> float:
-    """Gain in L-infinity: bound on the growth of a signal's largest value from car to car.
-
-    The norm of the paper's Definition 1 (Section IV-B); the H-infinity norm is a lower bound. It is
-    the integral of the impulse response's magnitude, from partial fractions (simple poles) and the
-    trapezoidal rule, within 1e-4. The transfer function must be stable and strictly proper.
-    """
-    numerator, denominator = transfer.numerator, transfer.denominator
-    poles = np.roots(denominator)
-    residues = np.polyval(numerator, poles) / np.polyval(np.polyder(denominator), poles)
-    span = 25.0 / -float(poles.real.max())
-    count = int(np.ceil(400.0 * span * float(np.abs(poles).max()) / (2.0 * np.pi)))
-    times = np.linspace(0.0, span, min(count, 400_000))
-    response = sum(
-        (residue * np.exp(pole * times)).real for pole, residue in zip(poles, residues, strict=True)
-    )
-    return float(np.trapezoid(np.abs(response), times))
-
-
 def largest_weight(transfer: Transfer) -> float:
     """Largest weight alpha of eq. (5) below which alpha |T| < 1 at every frequency, at most 1.
 
@@ -132,56 +108,3 @@ def is_string_stable(norms: Sequence[float], slack: float = 0.0) -> bool:
 def head_to_tail(norms: Sequence[float]) -> float:
     """Ratio of the last follower's norm to the first's, at most 1 under Definition 1."""
     return norms[-1] / norms[0] if norms[0] > 0.0 else np.inf
-
-
-# ---- Propagation of errors along a chain of linear loops, simulated in time
-
-
-SIMULATED_FREQUENCIES = np.geomspace(0.3, 25.0, 10)  # rad/s
-TRANSIENT = 14.0  # Settling time before the evaluation, in time constants of the slowest root
-SAMPLES = 64  # Samples of the evaluated period
-
-
-def simulated_propagation(
-    parameters: VehicleParameters,
-    gains: Gains,
-    speed: float,
-    frequencies: Array,
-    steering: SteeringModel = "second order",
-) -> ComplexArray:
-    """Ratio of the second follower's e_lat to the first's on a simulated chain; shape (n,).
-
-    Lead and two followers with feedback on x_i - x_(i-1) (Section IV-B); the lead drives a sine of
-    each frequency (rad/s). The chain and the sine are integrated exactly, by a matrix exponential;
-    after settling, the first harmonic of a period is taken. Agrees with `propagation` within 1e-3.
-    The first follower's ratio to the lead is not G, as the lead moves sideways without turning.
-    """
-    from scipy.linalg import expm  # noqa: PLC0415 - scipy is an extra
-
-    constant, inverse_speed = open_loop(parameters)
-    free, row = constant + inverse_speed / speed, feedback_row(gains)
-    column = steering_input(parameters)
-    if steering == "instantaneous":  # without the two states of the actuation
-        free, row, column = free[:4, :4], row[:4], constant[:4, 4]
-    size = len(row)
-    loop = free - np.outer(column, row)
-    slowest = -float(np.linalg.eigvals(loop).real.max())
-    if slowest <= 0.0:
-        raise ValueError("the loop is not stable and does not settle")
-    ratios = []
-    for frequency in np.asarray(frequencies, dtype=np.float64).tolist():
-        chain = np.zeros((2 * size + 2, 2 * size + 2))  # both followers, then the oscillator
-        chain[:size, :size] = chain[size:-2, size:-2] = loop
-        chain[size:-2, :size] = np.outer(column, row)  # the second follows the first
-        chain[:size, -1] = gains.lateral * column
-        chain[-2:, -2:] = [[0.0, -frequency], [frequency, 0.0]]  # cosine and sine
-        period = 2.0 * pi / frequency
-        step = expm(chain * (period / SAMPLES))
-        periods = int(np.ceil(TRANSIENT / slowest / period))
-        state = np.linalg.matrix_power(step, SAMPLES * periods)[:, -2]
-        states = [state]
-        for _ in range(SAMPLES - 1):
-            states.append(step @ states[-1])
-        first, second = np.fft.fft(np.array(states)[:, [0, size]], axis=0)[1]
-        ratios.append(second / first)
-    return np.array(ratios)

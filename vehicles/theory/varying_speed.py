@@ -9,9 +9,9 @@ V = w(v) z'P(v)z with A'P + PA = -Q for one fixed diagonal Q. Then
 and dP/dv = -P_gamma / v² from A'P_gamma + P_gamma A = -(A1'P + PA1).
 
 Condition (iii): V decreases as long as v' (S + h P) < Q, for any v(t) in [slowest, fastest]. The
-extreme eigenvalues give pointwise bounds on v', one for braking and one for accelerating. The
-weight w(v) > 0 is free: h makes both bounds equal at each speed, up to ten times those for w = 1. Q
-is tuned to make the smallest bound over all speeds large.
+extreme eigenvalues bound braking and accelerating at each speed. The weight w(v) > 0 is free: h
+makes both bounds equal, up to ten times those for w = 1. Q is tuned to make the smallest bound over
+all speeds large.
 
 Conditions (i) and (ii): dV/dt <= (-c + k |v'|) V, where c is the smallest decay rate of V at
 constant speed and k the largest relative growth rate of V per 1 m/s², with the best h, over all
@@ -26,36 +26,26 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import eigh, expm, solve_continuous_lyapunov
+from scipy.linalg import eigh, solve_continuous_lyapunov
 from scipy.optimize import brentq, minimize
 
 from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.theory.gain_sets import is_stable_over
-from vehicles.theory.linear_model import Array, closed_loop, closed_loop_at, speed_change_matrix
+from vehicles.theory.linear_model import Array, closed_loop, speed_change_matrix
 
 SLOWEST = 2.0  # Default lowest speed (m/s) of a certificate; below it the plant model changes
 FASTEST = 36.0  # Default highest speed (m/s) of a certificate, 130 km/h
-UNIT_WEIGHTS: tuple[float, ...] = (1.0,) * 6  # Diagonal of Q = I, for comparison; far from optimal
 _TUNING_SPEEDS = 7  # Number of speeds at which Q is tuned, evenly spaced in ln v
-
-
-@dataclass(frozen=True, slots=True)
-class AccelerationBounds:
-    """Magnitudes (m/s²) below which braking and accelerating are certified; may be infinite.
-
-    Counterpart of mu* of Proposition 1, condition (iii), for which the paper has no value.
-    """
-
-    braking: float
-    accelerating: float
+_MEAN_SPEEDS = 60  # Number of speeds at which c and k are computed, likewise
 
 
 @dataclass(frozen=True, slots=True)
 class SpeedCertificate:
     """Certified accelerations of one car with given gains over an interval of speeds (m/s).
 
-    For Proposition 1, condition (iii). `weights` is the diagonal of Q in the units of the state.
-    `holds`: the loop is stable at every constant speed of the interval; otherwise bounds are zero.
+    For Proposition 1, which states no values. `weights` is the diagonal of Q in the units of the
+    state. `holds`: the loop is stable at every constant speed of the interval; otherwise nothing is
+    certified.
     """
 
     parameters: VehicleParameters
@@ -65,67 +55,51 @@ class SpeedCertificate:
     weights: tuple[float, ...]
     holds: bool
 
-    def bounds(self, speed: float) -> AccelerationBounds:
-        """Certified braking and acceleration (m/s²) at `speed` (m/s); zero outside the interval."""
+    def bound(self, speed: float) -> float:
+        """Largest certified |v'| (m/s²) at `speed` (m/s), mu* of (iii); 0 outside the interval."""
         if not (self.holds and self.slowest <= speed <= self.fastest):
-            return AccelerationBounds(0.0, 0.0)
+            return 0.0
         change, energy = lyapunov_change(self.parameters, self.gains, speed, self.weights)
-        return bounds_from(change + balancing_growth(change, energy) * energy)
+        balanced = change + balancing_growth(change, energy) * energy
+        return 1.0 / float(np.linalg.eigvalsh(balanced)[-1])  # Rayleigh's quotient
+
+    def mean_bound(self) -> tuple[float, float]:
+        """Decay c (1/s) and sensitivity k (s/m) of (i) and (ii), mu* = c / k; else (0, inf)."""
+        if not self.holds:
+            return 0.0, np.inf
+        decay, sensitivity = np.inf, 0.0
+        for speed in np.geomspace(self.slowest, self.fastest, _MEAN_SPEEDS).tolist():
+            change, energy = lyapunov_change(self.parameters, self.gains, speed, self.weights)
+            decay = min(decay, 1.0 / float(np.linalg.eigvalsh(energy)[-1]))
+            growth = eigh(change, energy, eigvals_only=True)  # in rising order
+            sensitivity = max(sensitivity, 0.5 * float(growth[-1] - growth[0]))
+        return decay, sensitivity
 
 
 @lru_cache(maxsize=64)
 def certify(
     parameters: VehicleParameters, gains: Gains, slowest: float = SLOWEST, fastest: float = FASTEST
 ) -> SpeedCertificate:
-    """Compute a certificate over [slowest, fastest] (m/s) with tuned Q, for Proposition 1 (iii).
+    """Compute a certificate over [slowest, fastest] (m/s) with tuned Q, for Proposition 1.
 
-    A narrower interval gives larger bounds. Takes about 50 ms; cached.
+    A narrower interval gives larger bounds. Takes about 0.1 s; cached.
     """
-    weights, holds = UNIT_WEIGHTS, is_stable_over(parameters, gains, slowest, fastest)
-    if holds:
-        speeds = np.geomspace(slowest, fastest, _TUNING_SPEEDS)
-        weights = tuned_weights(parameters, gains, speeds.tolist())
+    holds = is_stable_over(parameters, gains, slowest, fastest)
+    speeds: list[float] = np.geomspace(slowest, fastest, _TUNING_SPEEDS).tolist()
+    weights = tuned_weights(parameters, gains, speeds) if holds else (1.0,) * 6
     return SpeedCertificate(parameters, gains, slowest, fastest, weights, holds)
 
 
-def certified_acceleration(
-    parameters: VehicleParameters,
-    gains: Gains,
-    speed: float,
-    slowest: float = SLOWEST,
-    fastest: float = FASTEST,
-) -> tuple[float, float]:
-    """Certified (braking, accelerating) in m/s² at `speed` (m/s), see `SpeedCertificate`."""
-    bounds = certify(parameters, gains, slowest, fastest).bounds(speed)
-    return bounds.braking, bounds.accelerating
-
-
 def lyapunov_change(
-    parameters: VehicleParameters,
-    gains: Gains,
-    speed: float,
-    weights: tuple[float, ...],
-    *,
-    speed_term: bool = True,
+    parameters: VehicleParameters, gains: Gains, speed: float, weights: tuple[float, ...]
 ) -> tuple[Array, Array]:
-    """Q^-1/2 S Q^-1/2 and Q^-1/2 P Q^-1/2 (see the module), each (6, 6), at `speed` (m/s).
-
-    P and its derivative with respect to gamma solve Lyapunov's equation. Without `speed_term` E is
-    omitted, as in the A(gamma(t)) of Proposition 1.
-    """
-    root = np.sqrt(np.array(weights))
+    """Q^-1/2 S Q^-1/2 and Q^-1/2 P Q^-1/2 (see the module), each (6, 6), at `speed` (m/s)."""
     # In coordinates y = Q^1/2 z the right-hand side of Lyapunov's equation is the identity.
-    return _solution(parameters, gains, speed, np.eye(6), root, speed_term=speed_term)
+    return _solution(parameters, gains, speed, np.eye(6), np.sqrt(np.array(weights)))
 
 
 def _solution(
-    parameters: VehicleParameters,
-    gains: Gains,
-    speed: float,
-    right: Array,
-    root: Array,
-    *,
-    speed_term: bool = True,
+    parameters: VehicleParameters, gains: Gains, speed: float, right: Array, root: Array
 ) -> tuple[Array, Array]:
     """S and P (see the module) for Q = `right`, in coordinates `root` * z."""
     constant, slope = closed_loop(parameters, gains)
@@ -135,20 +109,11 @@ def _solution(
     )
     energy = np.asarray(solve_continuous_lyapunov(frozen.T, -right), dtype=np.float64)
     by_gamma = solve_continuous_lyapunov(frozen.T, -_symmetric(energy @ slope))
-    change = np.asarray(-by_gamma / speed**2, dtype=np.float64)
-    return (change + _symmetric(energy @ entering) if speed_term else change), energy
+    return np.asarray(_symmetric(energy @ entering) - by_gamma / speed**2), energy
 
 
 def _symmetric(matrix: Array) -> Array:
     return np.asarray(matrix + matrix.T)
-
-
-def bounds_from(change: Array) -> AccelerationBounds:
-    """Largest |v'| (m/s²) with v' * change < I for both signs of v', by Rayleigh's quotient."""
-    least, *_, most = np.linalg.eigvalsh(change).tolist()
-    return AccelerationBounds(
-        -1.0 / least if least < 0.0 else np.inf, 1.0 / most if most > 0.0 else np.inf
-    )
 
 
 def balancing_growth(change: Array, energy: Array) -> float:
@@ -179,121 +144,17 @@ def tuned_weights(
     units, root = np.eye(6)[:, :, None] * np.eye(6)[:, None, :], np.ones(6)
     rows = [[_solution(parameters, gains, v, unit, root) for unit in units] for v in speeds]
     changes, energies = np.moveaxis(np.array(rows), 2, 0)
+
+    def spread(unknowns: Array, power: float) -> float:
+        weights, growths = np.exp(unknowns[:6]), unknowns[6:, None, None, None]
+        total = np.einsum("i,kiab->kab", weights, changes + growths * energies)
+        total /= np.sqrt(np.outer(weights, weights))
+        magnitudes = np.abs(np.linalg.eigvalsh(total))
+        largest = magnitudes.max()
+        return float(np.log(largest) + np.log(np.sum((magnitudes / largest) ** power)) / power)
+
     unknowns = np.zeros(6 + len(speeds))
-    for power in (4.0, 16.0, 64.0):
-        arguments = (changes, energies, power)
-        unknowns = minimize(
-            _spread, unknowns, arguments, "BFGS", jac=True, options={"gtol": 1e-4}
-        ).x
+    for power in (8.0, 64.0):
+        unknowns = minimize(spread, unknowns, (power,), "BFGS").x
     logarithms = unknowns[:6] - unknowns[:6].mean()
     return tuple(float(f"{weight:.3g}") for weight in np.exp(logarithms))
-
-
-def _spread(unknowns: Array, changes: Array, energies: Array, power: float) -> tuple[float, Array]:
-    """Logarithm of the p-norm of all eigenvalues, and its gradient in (ln Q, h)."""
-    weights, growths = np.exp(unknowns[:6]), unknowns[6:]
-    root = np.sqrt(weights)
-    terms = changes + growths[:, None, None, None] * energies
-    total = np.einsum("i,kiab->kab", weights, terms) / root[:, None] / root
-    eigenvalues, vectors = np.linalg.eigh(total)
-    directions = vectors / root[:, None]  # back to z, one column per eigenvalue
-    magnitudes = np.abs(eigenvalues)
-    largest = float(magnitudes.max())
-    powers = (magnitudes / largest) ** power
-    sensitivity = powers / powers.sum() / eigenvalues
-    by_weight = np.einsum("kj,kaj,kiab,kbj->i", sensitivity, directions, terms, directions)
-    by_weight -= np.einsum("kj,kj,kij->i", sensitivity, eigenvalues, directions**2)
-    energy = np.einsum("i,kiab->kab", weights, energies)
-    by_growth = np.einsum("kj,kaj,kab,kbj->k", sensitivity, directions, energy, directions)
-    value = float(np.log(largest) + np.log(powers.sum()) / power)
-    return value, np.concatenate([by_weight * weights, by_growth])
-
-
-# ---- Bounds on the integral of the acceleration
-
-
-SPEEDS = 60  # Number of speeds at which c and k are computed, evenly spaced in ln v
-STEPS = 100  # Steps of a transition matrix; within 5e-3 (relative) of a numerical integrator
-
-
-@dataclass(frozen=True, slots=True)
-class IntegralBound:
-    """c (1/s) and k (s/m) of one car with given gains, for Proposition 1 (not in the paper)."""
-
-    decay: float
-    sensitivity: float
-
-    @property
-    def mean_acceleration(self) -> float:
-        """mu* (m/s²) of Proposition 1, (i) and (ii): bound on the mean of |v'|."""
-        return self.decay / self.sensitivity
-
-    def energy_ratio(self, span: float, change: float) -> float:
-        """Bound on the growth of V over `span` (s), given the integral `change` (m/s) of |v'|."""
-        return float(np.exp(self.sensitivity * change - self.decay * span))
-
-
-def integral_bound(
-    parameters: VehicleParameters,
-    gains: Gains,
-    slowest: float,
-    fastest: float,
-    *,
-    speed_term: bool = True,
-) -> IntegralBound:
-    """Bounds c and k over [slowest, fastest] (m/s), with the Q of `certify`.
-
-    `speed_term` as in `lyapunov_change`. Raises ValueError if the loop is not stable at all
-    constant speeds of the interval.
-    """
-    certificate = certify(parameters, gains, slowest, fastest)
-    if not certificate.holds:
-        raise ValueError(f"not stable at all speeds from {slowest} to {fastest} m/s")
-    decay, sensitivity = np.inf, 0.0
-    for speed in np.geomspace(slowest, fastest, SPEEDS).tolist():
-        change, energy = lyapunov_change(
-            parameters, gains, speed, certificate.weights, speed_term=speed_term
-        )
-        decay = min(decay, 1.0 / float(np.linalg.eigvalsh(energy)[-1]))
-        growth = eigh(change, energy, eigvals_only=True)  # in rising order
-        sensitivity = max(sensitivity, 0.5 * float(growth[-1] - growth[0]))
-    return IntegralBound(decay, sensitivity)
-
-
-def transition(
-    parameters: VehicleParameters, gains: Gains, before: float, after: float, acceleration: float
-) -> Array:
-    """Transition matrix of Proposition 1's system over a linear change of speed; shape (6, 6).
-
-    From `before` to `after` (m/s) by `acceleration` (m/s², positive), with the term v' E. In STEPS
-    steps, each a matrix exponential at the speed of its middle.
-    """
-    span = abs(after - before) / acceleration / STEPS
-    rate = (after - before) / (span * STEPS)
-    product = np.eye(6)
-    for k in range(STEPS):
-        speed = before + (k + 0.5) * (after - before) / STEPS
-        matrix = closed_loop_at(parameters, gains, speed) + rate * speed_change_matrix()
-        product = expm(matrix * span) @ product
-    return np.asarray(product)
-
-
-def energy_root(
-    parameters: VehicleParameters, gains: Gains, speed: float, weights: tuple[float, ...]
-) -> Array:
-    """A root F of P = F'F at `speed` (m/s), so that |F z|² is Lyapunov's z'Pz; shape (6, 6)."""
-    _, energy = lyapunov_change(parameters, gains, speed, weights)
-    return np.asarray(np.linalg.cholesky(energy).T * np.sqrt(np.array(weights)))
-
-
-def error_growth(
-    parameters: VehicleParameters, gains: Gains, before: float, after: float, acceleration: float
-) -> float:
-    """Largest growth of an error over a linear change of speed, see `transition`, in the norm of P.
-
-    P is that at the first speed (Lyapunov). For comparison with `integral_bound`.
-    """
-    certificate = certify(parameters, gains, min(before, after), max(before, after))
-    root = energy_root(parameters, gains, before, certificate.weights)
-    moved = transition(parameters, gains, before, after, acceleration)
-    return float(np.linalg.norm(root @ moved @ np.linalg.inv(root), 2))

@@ -13,7 +13,7 @@ from vehicles.driver.speed import SpeedProfile
 from vehicles.geometry.sampled_path import FloatArray
 from vehicles.theory.gain_sets import abscissa
 from vehicles.theory.linear_model import propagation
-from vehicles.theory.sampled_loop import SampledLoop, lowest_stable_rate, sampled_stability
+from vehicles.theory.sampled_loop import SampledLoop, lowest_stable_rate, sampled_decay
 from vehicles.theory.string_stability import largest_weight, peak
 
 PAPER_LAWS = {"feedforward_feedback", "slip_compensated"}
@@ -52,9 +52,9 @@ def sampled_loop_warnings(scenario: Scenario, speeds: tuple[float, float]) -> It
     for loop, names in names_by_loop.items():
         for k in range(SPEEDS if most > least else 1):
             speed = most - k * (most - least) / (SPEEDS - 1)
-            stability = sampled_stability(loop, speed)
-            if not stability.stable:
-                yield f"{', '.join(names)}: {_unstable(loop, speed, -stability.decay)}"
+            decay = sampled_decay(loop, speed)
+            if decay <= 0.0:
+                yield f"{', '.join(names)}: {_unstable(loop, speed, -decay)}"
                 break
 
 
@@ -89,7 +89,7 @@ def _remedy(loop: SampledLoop, speed: float) -> str:
         lowest = lowest_stable_rate(lambda rate: replace(loop, imu_hz=rate), speed, control)
         if lowest is not None:
             return f"Raise imu.rate_hz to {lowest} or more."
-    if sampled_stability(replace(loop, imu_hz=100.0, control_hz=100.0), speed).stable:
+    if sampled_decay(replace(loop, imu_hz=100.0, control_hz=100.0), speed) > 0.0:
         return "Raise control.rate_hz, which also sets imu.rate_hz unless that is given."
     return "Set other control.gains."
 
@@ -169,8 +169,9 @@ def certificate_warnings(scenario: Scenario) -> Iterator[str]:
 def _leaving(
     scenario: Scenario, parameters: VehicleParameters, gains: Gains, name: str
 ) -> Iterator[str]:
-    from vehicles.theory.varying_speed import FASTEST, SLOWEST, certified_acceleration  # noqa: PLC0415 - scipy is an extra
+    from vehicles.theory.varying_speed import FASTEST, SLOWEST, certify  # noqa: PLC0415 - scipy is an extra
 
+    certificate = certify(parameters, gains)
     profile = scenario.route.profile
     times = STEP * np.arange(int(scenario.duration_s / STEP), dtype=np.float64)
     speeds, slopes = _planned(profile, times)
@@ -179,7 +180,7 @@ def _leaving(
     covered = (speeds >= SLOWEST) & (speeds <= FASTEST)
     for k in _strongest(speeds, np.where(covered, slopes, 0.0)):
         acceleration = float(slopes[k])
-        bound = certified_acceleration(parameters, gains, float(speeds[k]))[acceleration > 0.0]
+        bound = certificate.bound(float(speeds[k]))
         share = abs(acceleration) / bound if bound else float("inf")
         if share > worst[0]:
             worst = (share, float(times[k]), acceleration, bound)

@@ -24,7 +24,6 @@ from vehicles.driver.source import Source
 from vehicles.driver.sources import Sources
 from vehicles.driver.speed import BendsAhead, GapKeeping, ProfileSpeed, SpeedLaw
 from vehicles.driver.speed_guard import SpeedGuard
-from vehicles.geometry.geodesy import wrap_angle
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.schedule import MILLISECOND
 
@@ -174,7 +173,7 @@ class DriverBuilder:
         if setup.has_exact_state:
             return ExactState()
         gnss = setup.gnss
-        place = body.east, body.north, wrap_angle(body.yaw)
+        place = body.east, body.north, math.remainder(body.yaw, math.tau)
         start = Fix(0, now, *place, body.speed, body.yaw_rate)
         estimator = PoseEstimator(
             setup.assumed_parameters,

@@ -16,8 +16,8 @@ from scenarios.results.run_record import ModeFrom, RunRecord, mode_changes
 from scenarios.results.summary import RunSummary
 from scenarios.results.vehicle_figures import StringError, string_errors
 from transport.log.errors import LogError
+from vehicles.geometry.driven_path import driven_feet
 from vehicles.geometry.geodesy import LocalPlane
-from vehicles.geometry.path_offsets import driven_feet
 
 Floats = NDArray[np.float64]
 SCHEMA = "convoy.compare/1"
@@ -225,8 +225,8 @@ def _placed(record: RunRecord, reference: RunRecord) -> dict[str, PlacedVehicle]
         true = vehicle.true
         points = _in_plane_of(np.stack((true.east_m, true.north_m)), record, reference)
         east, north = points[:, 0].tolist()
-        near = route.path.project(east, north, None).station
-        station, offset = driven_feet(route.path, points, true.distance_m, near)
+        start = route.path.project(east, north, None).station - true.distance_m.item(0)
+        station, offset = driven_feet(route.path, points, true.distance_m, start)
         away = ~(np.abs(offset) <= BESIDE_M)
         station[away] = offset[away] = np.nan
         placed[name] = PlacedVehicle(

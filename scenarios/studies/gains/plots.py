@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from scenarios.studies.gains.results import GainsReport, Subject
+from scenarios.studies.gains.results import Subject
 from scenarios.studies.job import write_files
 from scenarios.studies.picture_style import (
     BLUE,
@@ -29,8 +29,8 @@ from vehicles.theory.gain_sets import (
     stabilises_all,
 )
 from vehicles.theory.linear_model import (
-    affine_coefficients,
     chain_offsets,
+    characteristic_polynomial,
     propagation,
     trace_propagation,
 )
@@ -50,9 +50,10 @@ def _grid(lateral: Array, heading: Array, yaw_rate: float) -> Array:
 
 def _decay(subject: Subject, lateral: Array, heading: Array, yaw_rate: float) -> Array:
     """Decay of the slowest root (1/s) on a grid [k_theta, k_e] at the reference speed."""
-    constant, slopes = affine_coefficients(subject.parameters, subject.reference)
     gains = _grid(lateral, heading, yaw_rate)
-    return -spectral_abscissa(constant + np.einsum("ijk,nk->ijn", gains, slopes))
+    return -spectral_abscissa(
+        characteristic_polynomial(subject.parameters, gains, subject.reference)
+    )
 
 
 def _boundary(subject: Subject, speed: float, yaw_rate: float, size: Array) -> Array:
@@ -166,16 +167,16 @@ SLOW_ROOTS = 10.0
 """Imaginary part (rad/s) below which a root belongs to the path, not to the steering."""
 
 
-def error_propagation(subject: Subject, report: GainsReport) -> Figure:
-    """|G(j w)| from car to car, simulated too, and what the lead's data change."""
+def error_propagation(subject: Subject) -> Figure:
+    """|G(j w)| from car to car, and what the lead's data change."""
     figure = Figure(figsize=(PAGE_IN, 3.3), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
-    _draw_propagation(left, subject, report)
+    _draw_propagation(left, subject)
     _draw_chain(right, subject)
     return figure
 
 
-def _draw_propagation(axes: Axes, subject: Subject, report: GainsReport) -> None:
+def _draw_propagation(axes: Axes, subject: Subject) -> None:
     """|G| over frequency at the slowest, a middle and the reference speed (section IV-B)."""
     frequencies = np.geomspace(0.05, 60.0, 900)
     speeds = (subject.speeds[0], subject.speeds[len(subject.speeds) // 2], subject.reference)
@@ -187,18 +188,6 @@ def _draw_propagation(axes: Axes, subject: Subject, report: GainsReport) -> None
         label = f"{speed:.1f} m/s"
         axes.semilogx(frequencies, np.abs(lagging.at(frequencies)), color=colour, label=label)
     axes.plot([], [], color=GREY, linestyle=":", label="without steering lag")
-    simulated = report.propagation[-1].second_order
-    if simulated is not None and simulated.simulated_radps and simulated.simulated_ratio:
-        axes.plot(
-            simulated.simulated_radps,
-            simulated.simulated_ratio,
-            color=RED,
-            marker="o",
-            markersize=4.5,
-            markerfacecolor="white",
-            linestyle="none",
-            label="simulated chain",
-        )
     axes.axhline(1.0, color=GREY, linewidth=1.0)
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("frequency, rad/s")
@@ -231,13 +220,14 @@ def _draw_chain(axes: Axes, subject: Subject) -> None:
     axes.legend(loc="upper left")
 
 
-def roots_over_loadings(subject: Subject, report: GainsReport) -> Figure:
+def roots_over_loadings(subject: Subject) -> Figure:
     """Roots of Delta(s, K) for every loading at the reference speed (paper, section V-B)."""
     figure = Figure(figsize=(PAGE_IN, 3.0), layout="constrained")
     panels = figure.subplots(1, 2)
-    rows = report.loadings
-    roots = np.array([row.roots_per_s for row in rows])
-    masses = np.broadcast_to([[row.mass_kg] for row in rows], roots.shape[:2])
+    cars = subject.cars
+    polynomials = [characteristic_polynomial(car, subject.gains, subject.reference) for car in cars]
+    roots = np.array([[(root.real, root.imag) for root in np.roots(row)] for row in polynomials])
+    masses = np.broadcast_to([[car.mass] for car in cars], roots.shape[:2])
     for axes in panels:
         dots = axes.scatter(
             roots[..., 0],
@@ -266,26 +256,19 @@ def roots_over_loadings(subject: Subject, report: GainsReport) -> Figure:
     return figure
 
 
-OF_SETS: dict[str, Callable[[Subject], Figure]] = {
+FIGURES: dict[str, Callable[[Subject], Figure]] = {
     "stabilising_slices": stabilising_slices,
     "intersection": intersection,
-}
-OF_NUMBERS: dict[str, Callable[[Subject, GainsReport], Figure]] = {
     "propagation": error_propagation,
     "roots_over_loadings": roots_over_loadings,
 }
+NAMES = tuple(FIGURES)
 
 
-NAMES = (*OF_SETS, *OF_NUMBERS)
-
-
-def draw_all(
-    subject: Subject, report: GainsReport, out_dir: Path, picture_format: str
-) -> tuple[str, ...]:
+def draw_all(subject: Subject, out_dir: Path, picture_format: str) -> tuple[str, ...]:
     """Write all plots; returns the names of the files."""
     with mpl.rc_context(STYLE):
-        figures = {name: draw(subject) for name, draw in OF_SETS.items()}
-        figures |= {name: draw(subject, report) for name, draw in OF_NUMBERS.items()}
+        figures = {name: draw(subject) for name, draw in FIGURES.items()}
     files = {f"{name}.{picture_format}": figure for name, figure in figures.items()}
     write_files(out_dir, files)
     return tuple(files)

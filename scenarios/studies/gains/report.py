@@ -25,7 +25,6 @@ from scenarios.studies.gains.results import (
     Subject,
     TraceAmplification,
     VaryingSpeed,
-    Verification,
     as_json,
 )
 from vehicles.car.parameters import (
@@ -40,14 +39,10 @@ from vehicles.theory.gain_sets import (
     PAPER_SPEEDS,
     abscissa,
     common_ball,
-    gain_box,
     gain_extremes,
-    gain_interval,
     guaranteed_decay,
-    is_stabilising,
     is_stable_over,
     non_convex_pair,
-    singular_frequency,
     stabilises_all,
     stability_ball,
 )
@@ -59,35 +54,20 @@ from vehicles.theory.linear_model import (
     steady_cornering,
     trace_propagation,
 )
-from vehicles.theory.sampled_loop import SampledLoop, lowest_stable_rate, sampled_stability
+from vehicles.theory.sampled_loop import SampledLoop, lowest_stable_rate, sampled_decay
 from vehicles.theory.string_stability import (
     LANE_CHANGE_BAND,
-    SIMULATED_FREQUENCIES,
     amplified_band,
     largest_weight,
-    maximum_gain,
     peak,
-    simulated_propagation,
 )
-from vehicles.theory.varying_speed import (
-    FASTEST,
-    SLOWEST,
-    UNIT_WEIGHTS,
-    AccelerationBounds,
-    bounds_from,
-    certify,
-    lyapunov_change,
-)
+from vehicles.theory.varying_speed import FASTEST, SLOWEST, certify
 
 DEFAULT_SPEEDS = (*PAPER_SPEEDS[:-1], 30.0)
 """The paper's speeds (m/s): 10 to 60 mph, and 30 m/s instead of 67 mph."""
 
 CURVE = 1.0 / 300.0
 """Curvature (1/m) of the curve on which steady cornering is reported."""
-
-TOLERANCE = 1e-9
-"""Distance from the boundary (spectral abscissa over steering frequency) beyond which
-Routh-Hurwitz and the roots must agree."""
 
 NOMINAL_HZ = 50
 """Default rate of control and inertial sensor; the lowest stable rates are searched below it."""
@@ -148,7 +128,6 @@ def gains_report(
         gains=gains,
         reference_speed_mps=subject.reference,
         stabilising_set=_stabilising_set(subject),
-        verification=_verification(subject),
         speeds=tuple(_at_speed(subject, speed) for speed in subject.speeds),
         loadings=tuple(_at_loading(subject, loading) for loading in loadings),
         varying_speed=_varying_speed(subject),
@@ -159,7 +138,7 @@ def gains_report(
         if picture_format:
             from scenarios.studies.gains.plots import draw_all  # noqa: PLC0415 - matplotlib is optional
 
-            report = replace(report, pictures=draw_all(subject, report, out_dir, picture_format))
+            report = replace(report, pictures=draw_all(subject, out_dir, picture_format))
         text = json.dumps(as_json(report), indent=2, allow_nan=False)
         write_whole(out_dir / REPORT, f"{text}\n".encode())
     return report
@@ -190,30 +169,13 @@ def _stabilising_set(subject: Subject) -> StabilisingSet:
 
 
 def _box(cars: Sequence[VehicleParameters], speeds: Sequence[float]) -> GainBox:
-    """Least and greatest gains of the set, which is bounded, or `gain_box` raises ValueError."""
+    """Least and greatest gains of the set, which is bounded, or `members` raises ValueError."""
     lateral, heading, yaw_rate = gain_extremes(cars, speeds)
     return GainBox(
         lateral_rad_per_m=(lateral[0].lateral, lateral[1].lateral),
         heading_rad_per_rad=(heading[0].heading, heading[1].heading),
         yaw_rate_s=(yaw_rate[0].yaw_rate, yaw_rate[1].yaw_rate),
     )
-
-
-def _verification(subject: Subject) -> Verification:
-    """Compare Routh-Hurwitz with the roots on random gains around the set, at every speed."""
-    parameters = subject.parameters
-    random = np.random.default_rng(0)
-    points = disagreements = 0
-    for speed in subject.speeds:
-        low, high = np.array(gain_box([parameters], [speed])).T
-        sample = random.uniform(low - 0.2 * (high - low), high + 0.2 * (high - low), (300, 3))
-        claimed = is_stabilising(parameters, speed, sample)
-        for row, inside in zip(sample.tolist(), claimed, strict=True):
-            roots = np.roots(characteristic_polynomial(parameters, Gains(*row), speed))
-            margin = float(roots.real.max()) / parameters.steering_frequency
-            points += 1
-            disagreements += abs(margin) > TOLERANCE and bool(inside) != (margin < 0.0)
-    return Verification(points, disagreements, TOLERANCE)
 
 
 def _at_speed(subject: Subject, speed: float) -> AtSpeed:
@@ -224,9 +186,6 @@ def _at_speed(subject: Subject, speed: float) -> AtSpeed:
         speed_mps=speed,
         abscissa_per_s=float(abscissa(parameters, gains, [speed])[0]),
         ball_radius=stability_ball(parameters, speed, gains).radius,
-        lateral_change_rad_per_m=gain_interval(parameters, speed, gains, (1.0, 0.0, 0.0)),
-        heading_change_rad_per_rad=gain_interval(parameters, speed, gains, (0.0, 1.0, 0.0)),
-        yaw_rate_change_s=gain_interval(parameters, speed, gains, (0.0, 0.0, 1.0)),
         steady_lateral_error_at_300_m_radius_m=lateral,
         steady_heading_error_at_300_m_radius_rad=heading,
     )
@@ -244,7 +203,6 @@ def _at_loading(subject: Subject, loading: Loading) -> AtLoading:
         rear_passengers=loading.rear_passengers,
         mass_kg=car.mass,
         yaw_inertia_kgm2=car.yaw_inertia,
-        singular_frequency_radps=singular_frequency(car),
         roots_per_s=tuple((float(root.real), float(root.imag)) for root in roots),
         abscissa_per_s=float(roots.real.max()),
         stable_at_every_speed=is_stable_over(car, gains, speeds[0], speeds[-1]),
@@ -259,33 +217,19 @@ def _at_loading(subject: Subject, loading: Loading) -> AtLoading:
 
 
 def _varying_speed(subject: Subject) -> VaryingSpeed:
-    """Tabulate accelerations over speed by the full certificate and by simpler ones (IV-A)."""
+    """Tabulate the certified accelerations over speed (IV-A)."""
     parameters, gains = subject.parameters, subject.gains
     certificate = certify(parameters, gains)
-
-    def unweighted(
-        speed: float, q_diagonal: tuple[float, ...], *, speed_term: bool = True
-    ) -> AccelerationBounds:
-        change, _ = lyapunov_change(parameters, gains, speed, q_diagonal, speed_term=speed_term)
-        return bounds_from(change)
-
     speeds = np.linspace(SLOWEST, FASTEST, 35).tolist() if certificate.holds else []
+    decay, sensitivity = certificate.mean_bound()
     return VaryingSpeed(
         slowest_mps=SLOWEST,
         fastest_mps=FASTEST,
         stable_at_every_speed=certificate.holds,
         decay_per_s=guaranteed_decay(parameters, gains, SLOWEST, FASTEST),
         q_diagonal=certificate.weights,
-        table=tuple(
-            CertifiedAt(
-                speed_mps=speed,
-                certified=certificate.bounds(speed),
-                tuned_q_only=unweighted(speed, certificate.weights),
-                unit_q_only=unweighted(speed, UNIT_WEIGHTS),
-                unit_q_paper_model=unweighted(speed, UNIT_WEIGHTS, speed_term=False),
-            )
-            for speed in speeds
-        ),
+        mean_acceleration_mps2=decay / sensitivity,
+        table=tuple(CertifiedAt(speed, certificate.bound(speed)) for speed in speeds),
     )
 
 
@@ -306,28 +250,16 @@ def _propagation_at(subject: Subject, speed: float) -> PropagationAt:
 
 
 def _amplification(subject: Subject, speed: float, steering: SteeringModel) -> Amplification:
-    """Norms of G and the bands it amplifies, plus a simulation at the reference speed."""
-    parameters, gains = subject.parameters, subject.gains
-    transfer = propagation(parameters, gains, speed, steering)
+    """Norms of G and the bands it amplifies."""
+    transfer = propagation(subject.parameters, subject.gains, speed, steering)
     whole, slow = peak(transfer), peak(transfer, LANE_CHANGE_BAND)
-    amplification = Amplification(
+    return Amplification(
         norm_ratio=whole.magnitude,
         peak_radps=whole.frequency,
         norm_below_1_hz_ratio=slow.magnitude,
         peak_below_1_hz_radps=slow.frequency,
         amplified_radps=tuple(amplified_band(transfer)),
-        maximum_gain_ratio=maximum_gain(transfer),
         largest_alpha_ratio=largest_weight(transfer),
-    )
-    if speed != subject.reference:
-        return amplification
-    simulated = simulated_propagation(parameters, gains, speed, SIMULATED_FREQUENCIES, steering)
-    errors = np.abs(simulated / transfer.at(SIMULATED_FREQUENCIES) - 1.0)
-    return replace(
-        amplification,
-        simulated_radps=tuple(SIMULATED_FREQUENCIES.tolist()),
-        simulated_ratio=tuple(np.abs(simulated).tolist()),
-        simulation_error_ratio_max=float(errors.max()),
     )
 
 
@@ -336,7 +268,7 @@ def _sampled_at(subject: Subject, speed: float) -> SampledAt:
     nominal = SampledLoop(subject.parameters, subject.parameters, subject.gains)
     return SampledAt(
         speed_mps=speed,
-        decay_per_s=sampled_stability(nominal, speed).decay,
+        decay_per_s=sampled_decay(nominal, speed),
         lowest_imu_rate_hz=lowest_stable_rate(
             lambda rate: replace(nominal, imu_hz=rate), speed, NOMINAL_HZ
         ),

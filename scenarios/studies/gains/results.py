@@ -10,7 +10,6 @@ from dataclasses import MISSING, dataclass, fields, is_dataclass
 from typing import Any
 
 from vehicles.car.parameters import Gains, Loading, VehicleParameters, loaded
-from vehicles.theory.varying_speed import AccelerationBounds
 
 Interval = tuple[float, float]
 
@@ -82,24 +81,12 @@ class StabilisingSet:
 
 
 @dataclass(frozen=True, slots=True)
-class Verification:
-    """Comparison of Routh-Hurwitz with the roots on random gains."""
-
-    random_points: int
-    disagreements_with_roots: int
-    boundary_tolerance_ratio: float
-
-
-@dataclass(frozen=True, slots=True)
 class AtSpeed:
-    """Decay, margins of the gains and steady cornering at one constant speed."""
+    """Decay, margin of the gains and steady cornering at one constant speed."""
 
     speed_mps: float
     abscissa_per_s: float
     ball_radius: float
-    lateral_change_rad_per_m: Interval
-    heading_change_rad_per_rad: Interval
-    yaw_rate_change_s: Interval
     steady_lateral_error_at_300_m_radius_m: float
     steady_heading_error_at_300_m_radius_rad: float
 
@@ -119,7 +106,6 @@ class AtLoading:
     rear_passengers: int
     mass_kg: float
     yaw_inertia_kgm2: float
-    singular_frequency_radps: float | None
     roots_per_s: tuple[tuple[float, float], ...]
     abscissa_per_s: float
     stable_at_every_speed: bool
@@ -130,47 +116,38 @@ class AtLoading:
 
 @dataclass(frozen=True, slots=True)
 class CertifiedAt:
-    """Accelerations certified at one speed by the full certificate and by simpler ones.
-
-    In JSON each bound has its own key, such as certified_braking_mps2.
-    """
+    """Certified acceleration at one speed, for braking and accelerating alike."""
 
     speed_mps: float
-    certified: AccelerationBounds
-    tuned_q_only: AccelerationBounds
-    unit_q_only: AccelerationBounds
-    unit_q_paper_model: AccelerationBounds
+    certified_mps2: float
 
 
 @dataclass(frozen=True, slots=True)
 class VaryingSpeed:
-    """Certified accelerations between two speeds; the table is empty without a certificate."""
+    """Certified accelerations between two speeds; the table is empty without a certificate.
+
+    `mean_acceleration_mps2` is the bound on the mean of |v'|, 0 without a certificate.
+    """
 
     slowest_mps: float
     fastest_mps: float
     stable_at_every_speed: bool
     decay_per_s: float
     q_diagonal: tuple[float, ...]
+    mean_acceleration_mps2: float
     table: tuple[CertifiedAt, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Amplification:
-    """Amplification of errors with the predecessor's data only, for one steering model.
-
-    The simulated values exist at the reference speed only.
-    """
+    """Amplification of errors with the predecessor's data only, for one steering model."""
 
     norm_ratio: float
     peak_radps: float
     norm_below_1_hz_ratio: float
     peak_below_1_hz_radps: float
     amplified_radps: tuple[Interval, ...]
-    maximum_gain_ratio: float
     largest_alpha_ratio: float
-    simulated_radps: tuple[float, ...] | None = None
-    simulated_ratio: tuple[float, ...] | None = None
-    simulation_error_ratio_max: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +193,6 @@ class GainsReport:
     gains: Gains
     reference_speed_mps: float
     stabilising_set: StabilisingSet
-    verification: Verification
     speeds: tuple[AtSpeed, ...]
     loadings: tuple[AtLoading, ...]
     varying_speed: VaryingSpeed
@@ -243,9 +219,6 @@ def as_json(value: Any) -> Any:
     entries: dict[str, Any] = {}
     for field in fields(value):
         entry = getattr(value, field.name)
-        if isinstance(entry, AccelerationBounds):
-            entries[f"{field.name}_braking_mps2"] = as_json(entry.braking)
-            entries[f"{field.name}_accelerating_mps2"] = as_json(entry.accelerating)
-        elif entry is not None or field.default is MISSING:
+        if entry is not None or field.default is MISSING:
             entries[field.name] = as_json(entry)
     return entries

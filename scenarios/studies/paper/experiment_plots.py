@@ -45,7 +45,6 @@ from scenarios.studies.picture_style import BLUE, GREEN, GREY, ORANGE, PAGE_IN, 
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS
 from vehicles.preview.curve_fit import Trajectory
 from vehicles.theory.linear_model import propagation, trace_propagation
-from vehicles.theory.string_stability import SIMULATED_FREQUENCIES, simulated_propagation
 
 COLOURS = (GREY, BLUE, ORANGE, GREEN, PURPLE)
 DASHES = ("-", "-", "--", "-.", ":")
@@ -342,19 +341,8 @@ def measured_propagation(findings: Findings) -> Figure:
     axes = figure.subplots()
     paper = propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED)
     trace = trace_propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED)
-    chain = simulated_propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED, SIMULATED_FREQUENCIES)
     label = "G(jω), the paper's: steering by the difference of states"
     axes.semilogx(fine, np.abs(paper.at(fine)), color=RED, label=label)
-    label = "simulated chain of the same linear loops"
-    axes.plot(
-        SIMULATED_FREQUENCIES,
-        np.abs(chain),
-        "o",
-        color=RED,
-        mfc="white",
-        markersize=4.5,
-        label=label,
-    )
     label = "F(jω): steering along the path left behind"
     axes.plot(fine, np.abs(trace.at(fine)), color=BLUE, linestyle="--", label=label)
     driven, ratios = findings.ratios(PREVIEW_S)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from math import atan2, ceil, cos, hypot, pi, sin
+from math import atan2, ceil, cos, hypot, pi, remainder, sin, tau
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +24,6 @@ from scenarios.studies.paper.experiments import (
     Variant,
 )
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, Loading, loaded
-from vehicles.geometry.geodesy import wrap_angle
 from vehicles.messages import CompositeTrajectory, Message, TruePose
 from vehicles.preview.curve_fit import Trajectory
 from vehicles.theory.linear_model import Transfer, chain_offsets, trace_propagation
@@ -90,7 +89,7 @@ class SampleCounter:
         (_, a1, e1, n1), (_, a2, e2, n2) = sorted(distances)[:2]
         sign = 1.0 if a2 >= a1 else -1.0
         heading = atan2(sign * (n2 - n1), sign * (e2 - e1))
-        figures.rule_error = max(figures.rule_error, abs(wrap_angle(heading - ego.yaw_rad)))
+        figures.rule_error = max(figures.rule_error, abs(remainder(heading - ego.yaw_rad, tau)))
 
 
 # ---- Frequency response of the emulated convoy, from fitted amplitudes behind a lead on a sine

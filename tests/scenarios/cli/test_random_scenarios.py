@@ -27,7 +27,7 @@ from transport.links.laws.link_law import TransmissionContext
 from transport.log.reader import LogReader
 from vehicles.messages import GpsPose, LinkVerdict, LogText, Message, RunEnd, TruePose
 from vehicles.schedule import MILLISECOND
-from vehicles.theory.sampled_loop import SampledLoop, sampled_stability
+from vehicles.theory.sampled_loop import SampledLoop, sampled_decay
 
 TWICE = 6
 """Interval of the scenarios that run twice."""
@@ -45,7 +45,7 @@ def search_remedies_at_one_rate(request: pytest.FixtureRequest) -> Iterator[None
     def at_the_highest(
         loop_at: Callable[[float], SampledLoop], speed: float, most: int
     ) -> int | None:
-        return most if sampled_stability(loop_at(most), speed).stable else None
+        return most if sampled_decay(loop_at(most), speed) > 0.0 else None
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(steering_loop, "_remedy", cache(steering_loop._remedy))

@@ -48,8 +48,7 @@ def record(run: RunLog, first: int, last: int) -> int:
 def test_each_message_leaves_little_memory_behind(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vehicles.geometry.driven_path.DROP_EVERY", 50)  # to see it forget
-    monkeypatch.setattr("scenarios.results.traffic.LONGEST_MEMORY_NS", SECOND)
+    monkeypatch.setattr("scenarios.results.traffic.LONGEST_MEMORY_NS", SECOND)  # to see it forget
     run = open_run(tmp_path / "run")
     tracemalloc.start()
     try:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.made.vehicles.receivers import SILENT, USUAL, receiver
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import Fix, to_message
-from vehicles.geometry.geodesy import LocalPlane, Origin, wrap_angle
+from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.messages import GpsPose
 from vehicles.received_pose import receive
 
@@ -74,7 +74,7 @@ def test_a_round_trip_over_the_wire_preserves_a_fix(
     assert 0.0 <= message.heading_deg < 360.0
     back = receive(message, PLANE, START + 1)
     assert math.hypot(back.east - east, back.north - north) < 1e-6
-    assert abs(wrap_angle(back.yaw - yaw)) < 1e-9
+    assert abs(math.remainder(back.yaw - yaw, math.tau)) < 1e-9
     assert (back.speed, back.yaw_rate, back.accuracy) == (speed, yaw_rate, fix.accuracy)
     assert (back.message, back.measured_at, back.received_at) == (message, START, START + 1)
 

@@ -93,7 +93,7 @@ def test_a_clothoid_integrates_its_curvature(piece: Piece, station: float) -> No
     place = piece.at(station)
     assert math.hypot(place.east - east, place.north - north) < 1e-5
     assert math.remainder(place.yaw - yaw, math.tau) == pytest.approx(0.0, abs=1e-9)
-    assert place.curvature == ArcSpline((piece,)).curvature_at(station)
+    assert place.curvature == ArcSpline((piece,)).at(station).curvature
 
 
 @given(
@@ -108,7 +108,7 @@ def test_projection_on_a_clothoid_inverts_the_offset_of_a_point(
     foot = path.project(*point_at(path, station, left))
     assert foot.lateral == pytest.approx(left, abs=1e-6)
     assert foot.station == pytest.approx(station, abs=1e-3)
-    assert foot.curvature == pytest.approx(path.curvature_at(station), abs=1e-5)
+    assert foot.curvature == pytest.approx(path.at(station).curvature, abs=1e-5)
 
 
 @given(
@@ -129,7 +129,7 @@ def test_curvatures_at_many_stations_equal_those_at_each(
     ends = [sum(piece.length for piece in pieces[:n]) for n in range(1, len(pieces))]
     for station, curvature in zip(stations, result, strict=True):
         if all(abs(station - end) > 1e-6 for end in ends):  # at a joint either piece is correct
-            assert curvature == pytest.approx(spline.curvature_at(station), abs=1e-9)
+            assert curvature == pytest.approx(spline.at(station).curvature, abs=1e-9)
 
 
 @given(
@@ -153,7 +153,7 @@ def test_beyond_a_fading_path_the_curvature_falls_to_zero(
     first = min(max(after + 30.0 * rate, -most), most)
     for share in (0.25, 0.5, 0.75, 1.0, 3.0):
         expected = first * max(1.0 - share, 0.0)
-        assert faded.curvature_at(50.0 + share * length) == pytest.approx(expected, abs=1e-12)
+        assert faded.at(50.0 + share * length).curvature == pytest.approx(expected, abs=1e-12)
     joined = faded.at(50.0 + 1e-9)
     assert math.hypot(joined.east - end.east, joined.north - end.north) < 1e-6
     turned = faded.at(50.0 + 2.0 * length).yaw - end.yaw

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vehicles.geometry.path_offsets import lane_edges, simplified
+from vehicles.geometry.lanes import lane_edges, simplified
 
 ANGLE = np.linspace(0.0, np.pi, 400)
 ARC = 20.0 * np.column_stack([np.cos(ANGLE), np.sin(ANGLE)])

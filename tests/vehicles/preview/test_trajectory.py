@@ -108,7 +108,7 @@ def test_noise_on_a_straight_road_is_not_taken_for_a_bend() -> None:
     for _ in range(400):
         fitted = fit(with_noise(seen[0], random), with_noise(seen[1], random))
         assert len(fitted.spline.pieces) == 1
-        bends.append(fitted.spline.curvature_at(7.0))
+        bends.append(fitted.spline.at(7.0).curvature)
     # A fitted arc would have the curvature `of_arc` (rms); averaging removes most of it.
     assert np.median(np.abs(bends)) < 0.15 * of_arc
     assert np.sqrt(np.mean(np.square(bends))) < 0.7 * of_arc

@@ -10,7 +10,6 @@ from vehicles.theory.gain_sets import (
     abscissa,
     boundary_curve,
     common_ball,
-    gain_interval,
     is_stabilising,
     stability_ball,
 )
@@ -72,33 +71,3 @@ def test_common_ball_is_inside_every_set() -> None:
     for car in cars:
         for speed in PAPER_SPEEDS:
             assert is_stabilising(car, speed, gains).all()
-
-
-@examples(10, 60)
-@given(CARS, GAINS, SPEEDS)
-def test_intervals_end_where_stability_does(
-    car: VehicleParameters, gains: Gains, speed: float
-) -> None:
-    assume(gains.lateral > 1e-3)
-    assume(bool(is_stabilising(car, speed, np.array(gains))))
-    for direction in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.1, 1.0, -0.05)):
-        for end in gain_interval(car, speed, gains, direction):
-            assume(np.isfinite(end))
-            assume(abs(end) > 1e-6)
-            inner = np.array(gains) + np.linspace(0.0, 0.9999, 200)[:, None] * end * np.array(
-                direction
-            )
-            assert is_stabilising(car, speed, inner).all()
-            outer = np.array(gains) + 1.0001 * end * np.array(direction)
-            assert not is_stabilising(car, speed, outer)
-
-
-def test_heading_interval_by_bisection() -> None:
-    low, high = 0.0, 5.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if is_stabilising(CAR, 30.0, np.array([0.06, 0.96 + middle, 0.08])):
-            low = middle
-        else:
-            high = middle
-    assert gain_interval(CAR, 30.0, NOMINAL_GAINS, (0.0, 1.0, 0.0))[1] == pytest.approx(low)

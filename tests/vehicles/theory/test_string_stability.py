@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.signal import impulse, lsim
 
 from tests.made.examples import examples
 from tests.made.vehicles.theory.random_cars import CAR, CARS, GAINS, SPEEDS
@@ -16,7 +15,6 @@ from vehicles.car.parameters import (
 from vehicles.theory.gain_sets import abscissa
 from vehicles.theory.linear_model import (
     SteeringModel,
-    Transfer,
     low_frequency_growth,
     open_loop,
     propagation,
@@ -27,7 +25,6 @@ from vehicles.theory.string_stability import (
     is_string_stable,
     largest_singular_value,
     largest_weight,
-    maximum_gain,
     peak,
 )
 
@@ -92,28 +89,6 @@ def test_largest_weight_is_where_the_chain_stops_contracting() -> None:
     assert (1.001 * alpha * magnitudes).max() > 1.0
     assert alpha == pytest.approx(0.4989, abs=1e-4)
     assert largest_weight(propagation(CAR, NOMINAL_GAINS, 30.0, "instantaneous")) > 0.85
-
-
-def test_maximum_gain_of_known_systems() -> None:
-    lag = Transfer(np.array([3.0]), np.array([1.0, 3.0]))
-    assert maximum_gain(lag) == pytest.approx(1.0, rel=1e-4)
-    zeta, wn = 0.2, 5.0  # overshoot y of the step, then undershoots: sum of a geometric series
-    ringing = Transfer(np.array([wn**2]), np.array([1.0, 2 * zeta * wn, wn**2]))
-    overshoot = np.exp(-np.pi * zeta / np.sqrt(1.0 - zeta**2))
-    assert maximum_gain(ringing) == pytest.approx((1 + overshoot) / (1 - overshoot), rel=1e-4)
-
-
-@pytest.mark.parametrize("speed", [10.0, 20.0, 30.0])
-def test_maximum_gain_is_reached_by_the_worst_signal(speed: float) -> None:
-    """At least the gain in L2, and reached by an input with the impulse response's sign."""
-    transfer = propagation(CAR, NOMINAL_GAINS, speed)
-    gain = maximum_gain(transfer)
-    assert gain > peak(transfer).magnitude
-    times = np.linspace(0.0, 25.0, 25_001)
-    _, response = impulse((transfer.numerator, transfer.denominator), T=times)
-    worst = np.sign(response[::-1])
-    _, output, _ = lsim((transfer.numerator, transfer.denominator), worst, times)
-    assert np.abs(output).max() == pytest.approx(gain, rel=0.01)
 
 
 def test_figures_of_the_nominal_loop() -> None:

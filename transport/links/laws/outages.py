@@ -227,7 +227,9 @@ class CircleOutage(PlacedOutage):
         latitude, longitude = self.latitude_deg, self.longitude_deg
         if latitude is None or longitude is None:
             return
-        if not plane.reaches(latitude, longitude, plane.origin.altitude_m):
+        try:
+            plane.to_plane(latitude, longitude, plane.origin.altitude_m)
+        except ValueError:
             yield (
                 "latitude_deg",
                 f"given {latitude:g} with longitude_deg {longitude:g}, allowed up to "

@@ -72,7 +72,7 @@ def test_a_higher_set_speed_is_lowered_in_the_bend_that_comes() -> None:
         at = k * STEP
         speed, station = profile.at(at)[0], route.start + profile.distance(at)
         fastest = max(fastest, speed)
-        bend = abs(route.path.curvature_at(station))
+        bend = abs(route.path.at(station).curvature)
         assert speed * speed * bend <= 3.0 * 1.05
     assert fastest == pytest.approx(25.0, abs=0.1)
     assert math.sqrt(3.0 * 50.0) < 25.0  # so the bend counts
@@ -92,5 +92,5 @@ def test_a_car_that_sets_off_is_slow_enough_where_it_is(
         now = profile.at(at + k * STEP)[0]
         way += 0.5 * (before + now) * STEP
         assert now - before <= 1.5 * STEP + 1e-6
-        assert now * now * abs(plan.path.curvature_at(way)) <= 3.0 * 1.1
+        assert now * now * abs(plan.path.at(way).curvature) <= 3.0 * 1.1
         before = now

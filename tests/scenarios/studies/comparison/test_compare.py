@@ -18,7 +18,7 @@ from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from scenarios.studies.comparison.run_comparison import compare_runs
 from tests.made.transport.changed_logs import changed_log
-from vehicles.geometry.path_offsets import driven_feet
+from vehicles.geometry.driven_path import driven_feet
 from vehicles.messages import Message, TruePose
 
 PLANTED_M, FROM_M = 0.5, 300.0

@@ -48,8 +48,9 @@ def test_the_paper_s_gains_have_the_properties_of_section_v(nominal: GainsReport
     assert sets.not_convex_between is not None
     assert len(nominal.loadings) == 8
     assert all(row.stable_at_every_speed for row in nominal.loadings)
-    assert nominal.verification.disagreements_with_roots == 0
-    assert nominal.verification.random_points == 300 * len(SPEEDS)
+    for at in (nominal.propagation[-1].instantaneous, nominal.propagation[-1].second_order):
+        assert at is not None
+        assert at.norm_ratio > 1.0
 
 
 def test_lowest_rates_agree_with_simulated_convoys(nominal: GainsReport) -> None:
@@ -76,24 +77,12 @@ def test_roots_are_those_of_the_loaded_cars(nominal: GainsReport) -> None:
         assert roots == pytest.approx(np.sort_complex(expected), rel=1e-6)
 
 
-def test_simulation_stays_within_two_per_cent(nominal: GainsReport) -> None:
-    reference = nominal.propagation[-1]
-    assert reference.speed_mps == 30.0
-    for amplification in (reference.instantaneous, reference.second_order):
-        assert amplification is not None
-        assert amplification.simulated_ratio is not None
-        assert len(amplification.simulated_ratio) == 10
-        assert amplification.simulation_error_ratio_max is not None
-        assert amplification.simulation_error_ratio_max < 0.02
-        assert amplification.norm_ratio > 1.0
-
-
 def test_certificate_exceeds_dry_asphalt(nominal: GainsReport) -> None:
     varying = nominal.varying_speed
     assert varying.stable_at_every_speed
     for row in varying.table:
-        assert min(row.certified.braking, row.certified.accelerating) > 9.81
-        assert row.unit_q_only.accelerating < row.certified.accelerating
+        assert row.certified_mps2 > 9.81
+    assert 0.0 < varying.mean_acceleration_mps2 < varying.table[0].certified_mps2
 
 
 @pytest.fixture(scope="module")
@@ -125,12 +114,9 @@ def test_the_form_in_json(nominal: GainsReport, folder: Path) -> None:
         "yaw_rate_s": 0.08,
     }
     row, first = report["varying_speed"]["table"][0], nominal.varying_speed.table[0]
-    assert row["certified_braking_mps2"] == first.certified.braking
-    assert row["unit_q_paper_model_accelerating_mps2"] == first.unit_q_paper_model.accelerating
-    assert "simulated_ratio" in report["propagation"][-1]["second_order"]
-    assert "simulated_ratio" not in report["propagation"][0]["second_order"]
-    empty = report["loadings"][0]
-    assert (empty["rear_passengers"], empty["singular_frequency_radps"]) == (0, None)
+    assert row["certified_mps2"] == first.certified_mps2
+    assert "relative_ball_at_reference_speed" in report["stabilising_set"]
+    assert report["loadings"][0]["rear_passengers"] == 0
 
 
 def test_no_speed_or_no_loading_is_refused() -> None:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from math import remainder, tau
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from vehicles.car.imu import ImuSettings, InertialSensor
 from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import VehicleParameters
 from vehicles.driver.pose_estimator import PoseEstimator
-from vehicles.geometry.geodesy import wrap_angle
 
 MS = 1_000_000
 WARM_UP_S = 2.0
@@ -61,7 +61,9 @@ class EstimatedDrive:
 
     def _estimator(self, body: Body) -> PoseEstimator:
         gnss = self.gnss
-        start = Fix(0, 0, body.east, body.north, wrap_angle(body.yaw), body.speed, body.yaw_rate)
+        start = Fix(
+            0, 0, body.east, body.north, remainder(body.yaw, tau), body.speed, body.yaw_rate
+        )
         stated = None if self.white_only else stated_errors(gnss)
         estimator = PoseEstimator(CAR, gnss, stated=stated, start=start, latency=gnss.latency)
         if not gnss.has_fix_every_instant:
@@ -80,5 +82,5 @@ def _normalised(own_state: PoseEstimator, body: Body, now: int) -> list[float]:
     pose, deviations = own_state.at(now), own_state.deviations
     east, north = pose.east - body.east, pose.north - body.north
     cos, sin = math.cos(body.yaw), math.sin(body.yaw)
-    errors = east * cos + north * sin, north * cos - east * sin, wrap_angle(pose.yaw - body.yaw)
+    errors = east * cos + north * sin, north * cos - east * sin, remainder(pose.yaw - body.yaw, tau)
     return [(error / deviation) ** 2 for error, deviation in zip(errors, deviations, strict=True)]

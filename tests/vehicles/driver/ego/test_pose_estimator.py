@@ -1,6 +1,7 @@
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import astuple, dataclass, replace
+from math import remainder, tau
 
 import numpy as np
 import pytest
@@ -18,7 +19,6 @@ from vehicles.car.parameters import LINCOLN_MKZ as CAR
 from vehicles.car.parameters import Loading, VehicleParameters, loaded
 from vehicles.driver.own_state import Pose
 from vehicles.driver.pose_estimator import JUMPS_ACCEPTED, PoseEstimator
-from vehicles.geometry.geodesy import wrap_angle
 
 MS = 1_000_000
 STILL = ImuSettings(speed_noise=0.0, yaw_rate_noise=0.0, speed_bias=0.0, yaw_rate_bias=0.0)
@@ -85,7 +85,7 @@ def off(pose: Pose | Fix, body: Body | Pose) -> tuple[float, float, float]:
     """Pose minus truth along and across the body (m) and in heading (rad)."""
     east, north = pose.east - body.east, pose.north - body.north
     cos, sin = math.cos(body.yaw), math.sin(body.yaw)
-    return east * cos + north * sin, north * cos - east * sin, wrap_angle(pose.yaw - body.yaw)
+    return east * cos + north * sin, north * cos - east * sin, remainder(pose.yaw - body.yaw, tau)
 
 
 def run(

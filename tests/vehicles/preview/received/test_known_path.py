@@ -114,7 +114,7 @@ def test_across_a_certain_hole_the_bridge_is_close_to_the_road(
     if not PathHole(length, 0.0).is_certain(bend):
         return
     before, after = (start.east, start.north, start.yaw), (end.east, end.north, end.yaw)
-    for east, north in curve_between(before, after, 0.5).T.tolist():
+    for _, east, north, _ in curve_between((0, *before), (0, *after), 0.5):
         assert abs(path.project(east, north, None).lateral) <= 1.05 * CERTAIN
 
 
