@@ -129,7 +129,7 @@ ROOMS = {
     "transport/picture": 2_250,
     "vehicles": 640,
     "vehicles/car": 3_100,
-    "vehicles/driver": 5_690,
+    "vehicles/driver": 5_370,
     "vehicles/geometry": 1_970,
     "vehicles/preview": 1_610,
     "vehicles/theory": 1_410,
