@@ -42,8 +42,8 @@ HONEST_THIRD: Final = 0.81
 """Lower tertile of an honest source's squared innovations, chi-squared with 2 degrees of freedom.
 Jumps and a second track under the same name do not disturb it."""
 MIN_INFLATION: Final = 2.0
-"""A source is over-confident from this inflation on, where two thirds of its squares exceed the
-honest 80 % quantile. Of 32 honest ones so many do once in ten million windows."""
+"""Least inflation of an over-confident source: two thirds of its squares exceed the honest 80 %
+quantile. An honest source has that in one of ten million windows."""
 MAX_INFLATION: Final = 30.0  # One solver stated a twentieth of its true deviation
 RESTART_POSES: Final = 3  # Smallest number of poses that must agree on a new position
 QUIET: Final = SECOND  # Time (ns) after the last refusal until a source is reported as trusted
