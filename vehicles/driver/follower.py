@@ -304,16 +304,13 @@ def blended(
     parts: Sequence[tuple[float, TrackingErrors, SteeringCommand]],
 ) -> tuple[TrackingErrors, SteeringCommand]:
     """Sum of the errors and commands along several trajectories, weighted by their shares."""
-    return (
-        TrackingErrors(
-            lateral=sum([share * e.lateral for share, e, _ in parts]),
-            heading=sum([share * e.heading for share, e, _ in parts]),
-            yaw_rate=sum([share * e.yaw_rate for share, e, _ in parts]),
-            curvature=sum([share * e.curvature for share, e, _ in parts]),
-        ),
-        SteeringCommand(
-            steering=sum([share * c.steering for share, _, c in parts]),
-            feedforward=sum([share * c.feedforward for share, _, c in parts]),
-            feedback=sum([share * c.feedback for share, _, c in parts]),
-        ),
-    )
+    errors, command = TrackingErrors(0.0, 0.0, 0.0, 0.0), SteeringCommand(0.0, 0.0, 0.0)
+    for share, one, steering in parts:
+        errors.lateral += share * one.lateral
+        errors.heading += share * one.heading
+        errors.yaw_rate += share * one.yaw_rate
+        errors.curvature += share * one.curvature
+        command.steering += share * steering.steering
+        command.feedforward += share * steering.feedforward
+        command.feedback += share * steering.feedback
+    return errors, command

@@ -5,7 +5,7 @@ It waits, if configured, while a follower is lost or has fallen behind.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import inf, remainder, tau
+from math import inf
 from typing import Final
 
 from vehicles.car.dynamics import Actuation, Body
@@ -29,7 +29,7 @@ from vehicles.driver.speed import (
     profile_correction,
 )
 from vehicles.driver.steering import LateralController
-from vehicles.driver.tracking import TrackingErrors
+from vehicles.driver.tracking import TrackingErrors, errors_at
 from vehicles.geometry.sampled_path import SampledPath
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND, Cadence
@@ -192,8 +192,4 @@ class Leader:
         foot = self.path.project(pose.east, pose.north, self.station)
         # At low control rates the next foot point lies beyond the window of the projection.
         self.station = foot.station + pose.speed / self.control.rate_hz
-        heading = remainder(pose.yaw - foot.yaw, tau)
-        yaw_rate = pose.yaw_rate - pose.speed * foot.curvature
-        return TrackingErrors(
-            foot.lateral, heading, yaw_rate, foot.curvature, self.path, foot.station
-        )
+        return errors_at(foot, self.path, pose)

@@ -1,7 +1,6 @@
 """The law that keeps a constant distance or time gap; SI units."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final
 
@@ -340,20 +339,13 @@ class Consensus(_RadioLaw):
         }
         common = self._lead_speed(ahead)
         if math.isnan(common):
-            common = self._mean_speed(sources, ahead)
+            speeds = [source.speed for source in sources.values()]
+            common = sum(speeds) / len(speeds) if speeds else ahead.predecessor_speed
         total = 0.0
         for name, source in sources.items():
             spacing = source.spacing + source.age * common
             total += self._gains[name] * (spacing - policies[name].desired(common))
         return total / max(len(policies), 1) - settings.speed_gain * (speed - common)
-
-    def _mean_speed(self, sources: Mapping[str, SourceState], ahead: VehiclesAhead) -> float:
-        """Mean speed (m/s) of the sources, that of the predecessor predicted to now."""
-        speeds = [
-            ahead.predecessor_speed if name == self._setup.predecessor else source.speed
-            for name, source in sources.items()
-        ]
-        return sum(speeds) / len(speeds) if speeds else ahead.predecessor_speed
 
 
 def acc_acceleration(

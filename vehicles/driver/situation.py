@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from math import inf, nan
 from typing import Final
 
-from vehicles.car.tyres import GRAVITY
 from vehicles.driver.controller import SourceState, VehiclesAhead
 from vehicles.driver.settings import Braking
 from vehicles.messages import Mode, SourceStatus, State
@@ -96,13 +95,3 @@ def needed_deceleration(speed: float, distance: float) -> float:
     if speed <= 0.0:
         return 0.0
     return speed * speed / (2.0 * distance) if distance > 0.0 else inf
-
-
-def friction_left(friction: float, lateral: float) -> float:
-    """Deceleration (m/s²) that `friction` leaves at the lateral acceleration `lateral` (m/s²).
-
-    Friction circle of Pacejka's Tire and Vehicle Dynamics: a_x² + a_y² <= (μ g)².
-    """
-    limit = friction * GRAVITY
-    left = limit * limit - lateral * lateral
-    return 0.0 if left < 0.0 else math.sqrt(left)

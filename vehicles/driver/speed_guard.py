@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from math import inf, isfinite, isnan, nan, sqrt
 from typing import Final
 
+from vehicles.car.tyres import GRAVITY
 from vehicles.driver.controller import (
     LASTING,
     RELIED_ON,
@@ -27,7 +28,6 @@ from vehicles.driver.situation import (
     STANDSTILL,
     STOP_MARGIN,
     Situation,
-    friction_left,
     needed_deceleration,
     stopping_distance,
 )
@@ -69,22 +69,10 @@ IN_PACE: Final = 0.3
 """Spacing errors (m) at which a car leaves the common speed and resumes it, and the difference of
 speed (m/s) at which it resumes it."""
 
-SMOOTH: tuple[Override, ...] = (
-    "contact",
-    "announced stop",
-    "known path",
-    "return",
-    "position",
-)
+SMOOTH: Final = ("contact", "announced stop", "known path", "return", "position")
 """Overrides that limit the jerk while the car follows; contact braking begins at once."""
-BY_STATE: dict[State, Override] = {
-    "start": "return",
-    "follow": "contact",
-    "alone": "alone",
-    "return": "return",
-    "stop": "known path",
-}
-"""Override of an acceleration whose change is limited, by the state of the follower."""
+BY_STATE: dict[State, Override] = {"follow": "contact", "alone": "alone", "stop": "known path"}
+"""Override of an acceleration whose change is limited, by the state; else it is "return"."""
 
 
 @dataclass(slots=True)
@@ -142,7 +130,8 @@ class SpeedGuard:
         """Command of the law, or what overrides it; the law sees `ahead` as changed here."""
         span = 0.0 if self._at is None else (now - self._at) / SECOND
         speed, self._at = pose.speed, now
-        hardest = TYRES_USED * friction_left(self._setup.parameters.friction, speed * pose.yaw_rate)
+        most, lateral = self._setup.parameters.friction * GRAVITY, speed * pose.yaw_rate
+        hardest = TYRES_USED * sqrt(max(most * most - lateral * lateral, 0.0))  # friction circle
         received = ahead.spacing - self._least
         at = _Instant(now, speed, span, hardest, received, ahead, situation)
         braking = ahead.lead_acceleration
@@ -173,7 +162,7 @@ class SpeedGuard:
         self._last = wanted
         usual.law, usual.acceleration = law, wanted
         if wanted != law:
-            usual.override = override or BY_STATE[situation.state]
+            usual.override = override or BY_STATE.get(situation.state, "return")
             usual.evidence = self._words(usual.override, at, needed)
             usual.target_speed = min(usual.target_speed, speed)
         return usual

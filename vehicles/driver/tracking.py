@@ -12,6 +12,7 @@ from typing import NamedTuple, Protocol
 from vehicles.car.dynamics import Body
 from vehicles.driver.own_state import Pose
 from vehicles.geometry.arc_spline import ArcSpline
+from vehicles.geometry.sampled_path import Foot
 from vehicles.schedule import SECOND
 
 SPACING = 0.1  # Distance (m) between stored curvatures of the path behind
@@ -111,15 +112,19 @@ class TrackingErrors:
 
 
 def track(spline: ArcSpline, pose: Pose | Body) -> TrackingErrors:
-    """Errors of `pose` against the nearest point of `spline` (Section III-B).
+    """Errors of `pose` against the nearest point of `spline` (Section III-B)."""
+    return errors_at(spline.project(pose.east, pose.north), spline, pose)
 
-    Heading error θ̃ = θ − θ_R in (−π, π]; yaw-rate error dθ/dt − v/R with signed R, which is the
+
+def errors_at(foot: Foot, path: CurvedPath, pose: Pose | Body) -> TrackingErrors:
+    """Errors of `pose` against its `foot` point on a path (Section III-B).
+
+    Heading error θ̃ = θ − θ_R in [−π, π]; yaw-rate error dθ/dt − v/R with signed R, which is the
     paper's dθ/dt on a straight line.
     """
-    foot = spline.project(pose.east, pose.north)
     heading = remainder(pose.yaw - foot.yaw, tau)
     yaw_rate = pose.yaw_rate - pose.speed * foot.curvature
-    return TrackingErrors(foot.lateral, heading, yaw_rate, foot.curvature, spline, foot.station)
+    return TrackingErrors(foot.lateral, heading, yaw_rate, foot.curvature, path, foot.station)
 
 
 class _Return(NamedTuple):

@@ -133,7 +133,9 @@ class StraightConvoy:
         pairs += [(s, 0) for s in range(1, count - 1)]
         lost_before = dict.fromkeys(pairs, False)
         arrived: dict[tuple[int, int], int] = dict.fromkeys(pairs, 0)
-        queues: list[list[tuple[int, GpsPose, tuple[float, float]]]] = [[] for _ in range(count)]
+        queues: list[list[tuple[int, GpsPose, tuple[float, float, list[Place]]]]] = [
+            [] for _ in range(count)
+        ]
         stops: list[tuple[int, int]] = [(-1, 0)] * count
         period, seq = round(SECOND / self.rate_hz), 0
         announced = [Announcement()] * count
@@ -178,7 +180,8 @@ class StraightConvoy:
                         continue
                     arrived[pair] = max(arrived[pair], now + delay)
                     message = _message(sender, seq, now, v[sender] + noise[sender][1], announced)
-                    at = (x[sender] + noise[sender][0], message.speed_mps)
+                    driven = self._history(sender, tick)
+                    at = (x[sender] + noise[sender][0], message.speed_mps, driven)
                     queues[receiver].append((arrived[pair], message, at))
                 seq += 1
             for place in range(count):
@@ -190,6 +193,17 @@ class StraightConvoy:
                 x[place] += 0.5 * (v[place] + after) * STEP
                 v[place] = after
         return self
+
+    def _history(self, sender: int, tick: int) -> list[Place]:
+        """Positions that a car has driven through until `tick`, every half second."""
+        steps = [tick - 25 * step for step in range(HISTORY_STEPS, 0, -1)]
+        begin = self.places[0, sender]
+        return [
+            (SECOND + step * TICK, self.places[step, sender].item(), 0.0)
+            if step >= 0
+            else (SECOND + step * TICK, begin.item() + step * STEP * self.speed, 0.0)
+            for step in steps
+        ]
 
     def _is_lost(self, random: np.random.Generator, before: bool) -> bool:
         if not self.burst:
@@ -303,14 +317,18 @@ def _message(
 
 
 class _StraightPose(ReceivedPose):
-    """A pose with the path history of a car on the straight."""
+    """A pose with the path history of a car on the straight, oldest first."""
+
+    history: list[Place]
 
     def path_history(self) -> list[Place]:
-        steps = range(HISTORY_STEPS, 0, -1)
-        times = [self.measured_at - step * SECOND // 2 for step in steps]
-        driven = [max(self.speed, 1.0) * 0.5 * step for step in steps]
-        return [(at, self.east - back, 0.0) for at, back in zip(times, driven, strict=True)]
+        return self.history
 
 
-def _pose(message: GpsPose, now: int, east: float, speed: float) -> ReceivedPose:
-    return _StraightPose(message, now, message.measured_at_ns, east, 0.0, 0.0, speed, 0.0, 0.02)
+def _pose(
+    message: GpsPose, now: int, east: float, speed: float, driven: list[Place]
+) -> ReceivedPose:
+    at = message.measured_at_ns
+    pose = _StraightPose(message, now, at, east, 0.0, 0.0, speed, 0.0, 0.02)
+    pose.history = driven
+    return pose
