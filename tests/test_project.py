@@ -118,10 +118,10 @@ ROOMS = {
     "scenarios": 10,
     "scenarios/api": 890,
     "scenarios/cli": 6_500,
-    "scenarios/definition": 13_990,
+    "scenarios/definition": 14_015,
     "scenarios/results": 9_270,
-    "scenarios/runs": 6_350,
-    "scenarios/studies": 12_150,
+    "scenarios/runs": 6_430,
+    "scenarios/studies": 12_000,
     "transport": 1_130,
     "transport/bus": 780,
     "transport/links": 4_620,
@@ -129,13 +129,13 @@ ROOMS = {
     "transport/picture": 2_250,
     "vehicles": 640,
     "vehicles/car": 2_845,
-    "vehicles/driver": 5_690,
-    "vehicles/geometry": 1_970,
-    "vehicles/preview": 1_610,
-    "vehicles/theory": 1_410,
+    "vehicles/driver": 4_700,
+    "vehicles/geometry": 1_685,
+    "vehicles/preview": 1_600,
+    "vehicles/theory": 1_100,
 }
 """Ceiling of each room in lines. A feature raises it only in a commit that says so."""
-PRODUCT_MAX, TESTS_MAX, MODULES_MAX = 75_000, 62_500, 330
+PRODUCT_MAX, TESTS_MAX, MODULES_MAX = 73_000, 61_500, 330
 """Lines of the product and of the tests, and modules of the product, `__init__` included."""
 LOADED_MAX, CALLS_MAX = 550, 400
 """Own modules that a virtual run loads, and own Python calls of its busiest follower in a control

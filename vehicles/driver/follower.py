@@ -24,10 +24,9 @@ from vehicles.driver.own_state import Pose
 from vehicles.driver.pose_estimator import OwnState
 from vehicles.driver.reactions import ReactionPolicy
 from vehicles.driver.settings import DegradationSettings
-from vehicles.driver.situation import Situation
 from vehicles.driver.slip_estimator import LoadWatch
 from vehicles.driver.sources import Sources
-from vehicles.driver.speed import SpeedCommand, SpeedLaw
+from vehicles.driver.speed import SpeedLaw
 from vehicles.driver.speed_guard import SpeedGuard
 from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import PathBehind, Rejoining, TrackingErrors, track
@@ -140,7 +139,8 @@ class Follower:
         steering = self.limit.limited(command)
         self.load.record_command(steering.steering)
         limit.observe(self.own_state.lateral_deviation)
-        margin = limit.gap_margin(sources.accuracy_ahead)
+        newest = sources.predecessor.trace.newest if sources.predecessor else None
+        margin = limit.gap_margin(newest.accuracy if newest else 0.0)
         ahead = situation.ahead = self._vehicles_ahead(now, pose, errors, margin)
         situation.weights = sources.weights(self.alpha)
         situation.predecessor_weight = sources.predecessor_weight(self.alpha, situation.weights)
@@ -148,7 +148,11 @@ class Follower:
         situation.hazard = mode == "stop" or self._rejoining.is_active or crossing
         situation.speed_limit, situation.position_limit = self._rejoining.speed_limit, limit.speed
         gap = ahead.spacing + margin - self.least_spacing
-        speed = self._speed(now, pose, ahead, situation)
+        if self.guard is not None:
+            speed = self.guard.command(now, pose, ahead, situation)
+        else:
+            speed = self.speed_law.command(now, pose, ahead)
+            speed.law = speed.acceleration = min(speed.acceleration, ahead.bend)
         wanted = self.reaction.acceleration(situation, mode, pose.speed, speed.acceleration)
         target = speed.target_speed
         if wanted != speed.acceleration:
@@ -191,15 +195,6 @@ class Follower:
             return "none"
         return "fitted" if self._fitted else "kept"
 
-    def _speed(
-        self, now: int, pose: Pose, ahead: VehiclesAhead, situation: Situation
-    ) -> SpeedCommand:
-        if self.guard is not None:
-            return self.guard.command(now, pose, ahead, situation)
-        command = self.speed_law.command(now, pose, ahead)
-        command.law = command.acceleration = min(command.acceleration, ahead.bend)
-        return command
-
     def _fit(self, pose: Pose, last: Decision | None) -> None:
         """Fit the received samples; if there are too few keep the last trajectory.
 
@@ -213,9 +208,8 @@ class Follower:
             SourceWindow(self.sources.all[name].place, weights[name], window)
             for name, window in windows.items()
         ]
-        settings = self.settings
-        if self.sources.have_bridge_points(windows):
-            settings = settings.beside_bridge(self.sources.sample_count(windows))
+        count, settings = self.sources.samples_beside_bridge(windows), self.settings
+        settings = settings if count is None else settings.beside_bridge(count)
         along = tuple(self.fusion.fuse(sources, settings))
         if self._degrades and self._fitted and not along:
             self._extrapolate(pose.speed)

@@ -20,10 +20,7 @@ class Pose:
 
 
 class ExactState:
-    """The true state of the car, from an exact sensor (the simulations of Section V-C).
-
-    It has the methods of `PoseEstimator` that a driver calls.
-    """
+    """The true state of the car, from an exact sensor (the simulations of Section V-C)."""
 
     lateral_deviation = 0.0
 

@@ -13,7 +13,7 @@ from vehicles.driver.own_state import Pose
 from vehicles.driver.plausibility import REFUSED, PoseJudge
 from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import LOST, OFF_PATH
-from vehicles.driver.speed import BendsAhead
+from vehicles.driver.speed import MIN_SPEED, BendsAhead
 from vehicles.preview.samples import Window
 from vehicles.preview.trace import Trace
 from vehicles.received_pose import ReceivedPose
@@ -106,16 +106,14 @@ MIN_SAMPLES: Final = 3  # Fewer samples of a source determine no trajectory
 CURVATURE_MEMORY: Final = 300.0
 """Distance (m) over which a received curvature loses half of its effect: the bends of a car park do
 not count on a motorway."""
-MIN_SPEED: Final = 1.0  # Below it (m/s) the yaw rate determines no curvature
 
 
 class Source:
     """A vehicle whose poses a follower receives: its state, its trace and its weight.
 
-    Status: unheard before the first message, fresh, late if some messages are overdue, lost after a
-    longer silence, distrusted while its poses are refused, on probation for a fixed time once they
-    are accepted again. The `weight` in the trajectory is 1 while it is fresh. Once late, the weight
-    decreases with the known path and returns slowly, so that no sample appears or vanishes at once.
+    The `weight` in the trajectory is 1 while the status (see `messages.SourceStatus`) is fresh.
+    Once late, it decreases with the known path and returns slowly, so that no sample appears or
+    vanishes at once.
 
     `place` is 0 for the lead, k for the k-th vehicle ahead, -k for the k-th vehicle behind.
 

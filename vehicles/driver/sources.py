@@ -114,17 +114,15 @@ class Sources:
                 windows[name] = source.intended.corrected(window, instants)
         return windows
 
-    def have_bridge_points(self, windows: Mapping[str, Window]) -> bool:
-        return any(
-            self.used[name].trace.has_bridge_points(window) for name, window in windows.items()
-        )
+    def samples_beside_bridge(self, windows: Mapping[str, Window]) -> int | None:
+        """Number of samples, None without points of a bridge in the windows."""
+        traces = {name: self.used[name].trace for name in windows}
+        bridged = any(traces[name].has_bridge_points(window) for name, window in windows.items())
+        return sum([trace.sample_count for trace in traces.values()]) if bridged else None
 
     @property
     def bend(self) -> float:
         return max([source.bend for source in self.used.values()])  # 1/m
-
-    def sample_count(self, windows: Mapping[str, Window]) -> int:
-        return sum([self.used[name].trace.sample_count for name in windows])
 
     def _without_bridges(self, windows: dict[str, Window], behind: float) -> dict[str, Window]:
         """Remove bridge points if a source has received samples around the car.
@@ -164,12 +162,6 @@ class Sources:
             return lead.bends.acceleration(pose)
         bends = [source.bends for source in self.all.values() if source.bends is not None]
         return min([one.acceleration(pose) for one in bends], default=inf)
-
-    @property
-    def accuracy_ahead(self) -> float:
-        """Stated accuracy (m) of the newest pose of the predecessor."""
-        newest = self.predecessor.trace.newest if self.predecessor else None
-        return newest.accuracy if newest else 0.0
 
     def place_of_left(self, speed: float) -> float:
         """Spacing (m) that a predecessor which has left would keep to the next vehicle ahead."""

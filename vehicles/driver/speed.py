@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from math import inf
-from typing import Final, Protocol
+from typing import Final
 
 from vehicles.driver.controller import (
     GapLimits,
@@ -181,12 +181,6 @@ class SpeedCommand:
     evidence: str = ""
 
 
-class SpeedLaw(Protocol):
-    """Longitudinal control, as in Section V-C.3 or another."""
-
-    def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand: ...
-
-
 def profile_correction(wanted: float, speed: float) -> float:
     """Acceleration (m/s²) that gently reduces a speed error (m/s)."""
     correction = PROFILE_CORRECTION * (wanted - speed)
@@ -241,3 +235,7 @@ class GapKeeping:
         wanted = min(max(wanted, -limits.deceleration), limits.acceleration)
         target = ahead.predecessor_speed
         return SpeedCommand(wanted, pose.speed if math.isnan(target) else target)
+
+
+SpeedLaw = ProfileSpeed | GapKeeping
+"""Longitudinal control, as in Section V-C.3 or another."""

@@ -22,10 +22,7 @@ REJOINING_ANGLE = 0.2  # Largest angle (rad) between the return and the path
 SHORTEST_RETURN = 10.0  # Shortest return to a path (m)
 SLOWEST_RETURN = 8.0  # Speed (m/s) for which slower cars plan, as they accelerate
 JUMP = 0.3  # A change of the lateral error by more than this (m) within a tick is a new path
-MOST_PLANS = 3
-"""A return is planned again after this number of further jumps at most: more of them are noise of
-the received positions, and a car that measured its error from each of them would never correct it.
-"""
+MOST_PLANS = 3  # A return is planned again after at most so many jumps; more are noise
 FAR = 1.75  # More than this (m) beside a path, half a lane, a car is slow
 SLOW = 3.0  # Largest speed (m/s) there
 FARTHEST = 10.0  # A car more than this (m) beside a path stops instead
