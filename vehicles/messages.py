@@ -96,8 +96,8 @@ NO_ANNOUNCEMENT = Announcement()
 
 def statuses_in(other_sources: str) -> dict[str, SourceStatus]:
     """Parse `Tracking.other_sources`, names with their statuses."""
-    pairs = [entry.split(" ") for entry in other_sources.split(", ") if entry]
-    return {name: cast("SourceStatus", status) for name, status in pairs}
+    words = other_sources.replace(",", "").split()
+    return dict(zip(words[::2], cast("list[SourceStatus]", words[1::2]), strict=True))
 
 
 @dataclass(slots=True, kw_only=True)

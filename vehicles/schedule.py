@@ -1,7 +1,7 @@
 """Instants in integer nanoseconds: units, periodic schedules, timers."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 SECOND: Final = 1_000_000_000
@@ -25,33 +25,24 @@ def instants(start_at: int, end_at: int, rate_hz: float) -> Iterator[int]:
         k += 1
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Cadence:
     """A periodic schedule."""
 
     start_at: int
     rate_hz: float
-    _period: int = field(init=False)  # ns; 0 if not a whole number
-
-    def __post_init__(self) -> None:
-        whole = (SECOND / self.rate_hz).is_integer()
-        self._period = int(SECOND / self.rate_hz) if whole else 0
 
     def index(self, now: int) -> int | None:
         """Index of `now` (ns) in the schedule; None if it is not an instant of the schedule."""
-        elapsed = now - self.start_at
-        if self._period:  # whole nanoseconds, as at 20 and 50 Hz
-            return None if elapsed < 0 or elapsed % self._period else elapsed // self._period
-        k = round(elapsed * self.rate_hz / SECOND)
-        return k if k >= 0 and instant(self.start_at, k, self.rate_hz) == now else None
+        k = round((now - self.start_at) * self.rate_hz / SECOND)
+        is_instant = now == self.start_at + round(k * SECOND / self.rate_hz)
+        return k if is_instant and k >= 0 else None
 
     def until(self, end_at: int) -> Iterator[int]:
         return instants(self.start_at, end_at, self.rate_hz)
 
     def due(self, now: int) -> bool:
         """Whether `now` (ns) is an instant of the schedule."""
-        if self._period:
-            return now >= self.start_at and (now - self.start_at) % self._period == 0
         return self.index(now) is not None
 
 

@@ -85,18 +85,10 @@ class PathWalk:
         start, end = self._stations[index : index + 2]
         return start + share * (end - start), lateral
 
-
-def driven_feet(
-    path: SampledPath, points: FloatArray, distance: FloatArray, start: float
-) -> FloatArray:
-    """Station and offset (m), shape (2, n), of the points (m) of a drive along a path.
-
-    `points` (2, n) follow each other after `distance` (m) (n,) driven; at distance 0 the vehicle is
-    at station `start` (m).
-    """
-    walked = PathWalk(path, start)
-    rows = zip(*points.tolist(), distance.tolist(), strict=True)
-    return np.array([walked.foot(*row) for row in rows]).reshape(-1, 2).T
+    def feet(self, points: FloatArray, distance: FloatArray) -> FloatArray:
+        """`foot` (2, n) of each of `points` (2, n) (m), after distances (n,) driven (m)."""
+        rows = zip(*points.tolist(), distance.tolist(), strict=True)
+        return np.array([self.foot(*row) for row in rows]).reshape(-1, 2).T
 
 
 class CrossTrack(NamedTuple):

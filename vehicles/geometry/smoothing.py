@@ -22,7 +22,7 @@ from vehicles.geometry.bridges import (
     noise_deviation,
     step_lengths,
 )
-from vehicles.geometry.driven_path import driven_feet
+from vehicles.geometry.driven_path import PathWalk
 from vehicles.geometry.sampled_path import SAMPLING, FloatArray, SampledPath
 
 # ---- Local cubic regression (Cleveland, 1979), in O(points in reach) per location
@@ -207,12 +207,12 @@ def smooth_path(
     path = _path(smoothed)
     at_points = np.interp(record.t, grid, path.station)
     stations = at_points[numbers[:used]]
-    offsets = np.abs(driven_feet(path, given[:, :used], stations, 0.0)[1])
-    between = np.abs(driven_feet(path, record.points, at_points, 0.0)[1])
+    offsets = np.abs(PathWalk(path, 0.0).feet(given[:, :used], stations)[1])
+    everywhere = np.abs(PathWalk(path, 0.0).feet(record.points, at_points)[1])
     return SmoothedPath(
         path=path,
         deviation_rms=math.sqrt(float(np.mean(offsets * offsets))),
-        deviation_max=float(max(np.max(offsets), np.max(between, initial=0.0))),
+        deviation_max=float(max(np.max(offsets), np.max(everywhere, initial=0.0))),
         points_used=used,
         stations=stations,
         start=float(path.station[led_in]),

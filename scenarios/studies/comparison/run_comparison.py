@@ -16,7 +16,7 @@ from scenarios.results.run_record import ModeFrom, RunRecord, mode_changes
 from scenarios.results.summary import RunSummary
 from scenarios.results.vehicle_figures import StringError, string_errors
 from transport.log.errors import LogError
-from vehicles.geometry.driven_path import driven_feet
+from vehicles.geometry.driven_path import PathWalk
 from vehicles.geometry.geodesy import LocalPlane
 
 Floats = NDArray[np.float64]
@@ -226,7 +226,7 @@ def _placed(record: RunRecord, reference: RunRecord) -> dict[str, PlacedVehicle]
         points = _in_plane_of(np.stack((true.east_m, true.north_m)), record, reference)
         east, north = points[:, 0].tolist()
         start = route.path.project(east, north, None).station - true.distance_m.item(0)
-        station, offset = driven_feet(route.path, points, true.distance_m, start)
+        station, offset = PathWalk(route.path, start).feet(points, true.distance_m)
         away = ~(np.abs(offset) <= BESIDE_M)
         station[away] = offset[away] = np.nan
         placed[name] = PlacedVehicle(

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from vehicles.geometry.driven_path import PathWalk, driven_feet
+from vehicles.geometry.driven_path import PathWalk
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
 
 PATH = path_from_segments(
@@ -29,7 +29,7 @@ def test_feet_equal_those_of_single_projections() -> None:
             for foot, off in zip(feet, beside.tolist(), strict=True)
         ]
     ).T
-    station, offset = driven_feet(PATH, points, along + 8.0, -8.0)
+    station, offset = PathWalk(PATH, -8.0).feet(points, along + 8.0)
     assert offset == pytest.approx(beside, abs=1.5e-3)
     assert station == pytest.approx(along, abs=0.1)
 

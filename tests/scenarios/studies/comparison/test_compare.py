@@ -18,7 +18,7 @@ from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from scenarios.studies.comparison.run_comparison import compare_runs
 from tests.made.transport.changed_logs import changed_log
-from vehicles.geometry.driven_path import driven_feet
+from vehicles.geometry.driven_path import PathWalk
 from vehicles.messages import Message, TruePose
 
 PLANTED_M, FROM_M = 0.5, 300.0
@@ -103,7 +103,7 @@ def test_a_drive_that_crosses_itself_stays_on_its_branch() -> None:
     points = np.stack(
         (np.interp(station, path.station, path.east), np.interp(station, path.station, path.north))
     )
-    feet = driven_feet(path, points, 1.02 * (station - station[0]), float(station[0]))
+    feet = PathWalk(path, float(station[0])).feet(points, 1.02 * (station - station[0]))
     assert np.abs(feet[0] - station).max() < 0.1
     assert np.abs(feet[1]).max() < 0.1
 
