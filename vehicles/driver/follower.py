@@ -31,7 +31,7 @@ from vehicles.driver.speed_guard import SpeedGuard
 from vehicles.driver.steering import LateralController, SteeringCommand
 from vehicles.driver.tracking import PathBehind, Rejoining, TrackingErrors, track
 from vehicles.preview.curve_fit import FitSettings
-from vehicles.preview.fusion import CompositeFusion, SourceFusion
+from vehicles.preview.fusion import CompositeFusion, SourceFusion, fused
 from vehicles.preview.trajectory import Fit, SourceWindow
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import MILLISECOND, SECOND, Cadence, Timer
@@ -210,7 +210,7 @@ class Follower:
         ]
         count, settings = self.sources.samples_beside_bridge(windows), self.settings
         settings = settings if count is None else settings.beside_bridge(count)
-        along = tuple(self.fusion.fuse(sources, settings))
+        along = fused(self.fusion, sources, settings, self.sources.bend, pose.speed)
         if self._degrades and self._fitted and not along:
             self._extrapolate(pose.speed)
         self._fitted = bool(along)

@@ -1,7 +1,7 @@
 """Fusion of the sources of a follower: interface, and the shipped classes."""
 
 from collections.abc import Sequence
-from typing import ClassVar, Protocol
+from typing import ClassVar, Final, Protocol
 
 from vehicles.preview.curve_fit import FitSettings
 from vehicles.preview.trajectory import Fit, SourceWindow, fit_composite
@@ -57,3 +57,29 @@ class BlendFusion:
             return ((1.0, found[0][1]),)
         total = sum([weight for weight, _ in found])
         return tuple([(weight / total, fit) for weight, fit in found if weight > 0.0])
+
+
+BEND_RATIO: Final = 1.5
+BEND_MARGIN: Final = 1.5
+"""A fit follows noise if its lateral acceleration exceeds that of the measured bends by this ratio
+and margin (m/s²)."""
+
+
+def fused(
+    fusion: SourceFusion,
+    sources: Sequence[SourceWindow],
+    settings: FitSettings,
+    bend: float,
+    speed: float,
+) -> tuple[tuple[float, Fit], ...]:
+    """Trajectories of Section III-A, straight lines if others would follow noise.
+
+    `bend` (1/m) is the largest recent curvature by the yaw rates of the sources. A few samples far
+    apart may lie on a much narrower arc, on which the car would slide at its `speed` (m/s).
+    """
+    found = tuple(fusion.fuse(sources, settings))
+    curvatures = [abs(piece.curvature) for _, fit in found for piece in fit.spline.pieces]
+    most = BEND_RATIO * bend + BEND_MARGIN / max(speed, 1.0) ** 2
+    if settings.trajectory != "fitted" or max(curvatures, default=0.0) <= most:
+        return found
+    return tuple(fusion.fuse(sources, settings.beside_bridge(0)))

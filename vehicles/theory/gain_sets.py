@@ -189,7 +189,7 @@ SPREAD = np.array(list(product((-1.0, -0.5, 0.0, 0.5, 1.0), repeat=3)))  # Direc
 
 
 def members(cars: Sequence[VehicleParameters], speeds: Sequence[float]) -> Array:
-    """Gains spread evenly over the intersection of Section V-A; shape (n, 3).
+    """Gains spread evenly over the intersection over cars and speeds (Section V-A); shape (n, 3).
 
     A random walk (Metropolis) whose steps have the covariance of its points, so that it also fills
     thin wedges: at low speed the set lies along the plane b k_e + k_theta = 0, because A1 > 0. It
