@@ -143,6 +143,7 @@ class SourceState:
     measured_at: int = 0
     spacing: float = nan
     lag: float = 0.0
+    is_silent: bool = False
 
     @property
     def is_overdue(self) -> bool:

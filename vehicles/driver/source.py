@@ -101,6 +101,7 @@ class Reception:
 # ---- Source
 
 
+SILENT_SHARE: Final = 0.5  # Share of the silence of a lost source from which a stop may begin
 LATE_PERIODS: Final = 3.0  # Periods without a message after which a source is late
 MIN_SAMPLES: Final = 3  # Fewer samples of a source determine no trajectory
 CURVATURE_MEMORY: Final = 300.0
@@ -264,6 +265,7 @@ class Source:
         state.age = (now - newest.measured_at) / SECOND
         state.measured_at, state.speed = newest.measured_at, max(newest.speed, 0.0)
         state.period, state.share = reception.period, reception.share(silence)
+        state.is_silent = silence > SILENT_SHARE * reception.lost_after
         self._update_status(now, silence)
         if self.weight == 1.0 and state.status in ("fresh", "probation"):  # the usual case
             self._known_at_full_weight = 0.0

@@ -278,6 +278,6 @@ class Sources:
             if one.status in AWAITED and not source.has_left_path and one.lost_at > self._stops_at:
                 self._stops_at = one.lost_at
         ahead = self._situation.predecessor
-        if ahead.is_overdue and ahead.measured_at < ahead.stops_at < self._stops_at:
+        if ahead.is_silent and ahead.measured_at < ahead.stops_at < self._stops_at:
             return ahead.stops_at
         return self._stops_at

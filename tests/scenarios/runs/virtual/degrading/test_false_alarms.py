@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from scenarios.definition.scenario import scenario_from_text
+from scenarios.definition.scenario import load_scenario, scenario_from_text
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.virtual import run_unlogged
 from vehicles.messages import Message, Tracking
@@ -54,3 +54,16 @@ def test_the_number_of_alarms_follows_the_law_of_the_link(case: int) -> None:
             assert since >= PROBATION_S, f"{name} to {one.mode} again after {since:.2f} s"
             entered[one.mode] = one.decided_at_ns
             assert one.reason
+
+
+def test_delays_in_order_are_no_stop_of_a_predecessor() -> None:
+    """Delays of 0 to 300 ms without losses: each car hears late of the stops announced ahead."""
+    straight = "path={kind='segments', segments=[{length_m=800.0}]}"
+    law = "speed.set_mps=20", "speed.followers='gap'", "control.longitudinal='cacc'"
+    delay = "links.delay={kind='uniform', delay_ms_max=300, order='in_order'}"
+    sets = [straight, *law, delay, "convoy.vehicles=4", "duration_s=15"]
+    result = run_unlogged(load_scenario("lane_change", sets))
+    for car in result.vehicles[1:]:
+        assert car.true_gap_m_min is not None
+        assert car.true_gap_m_max is not None
+        assert car.true_gap_m_max - car.true_gap_m_min < 2.0
