@@ -383,7 +383,8 @@ class SpeedGuard:
         """Acceleration (m/s²) towards the largest speed, a ratio of the lead's.
 
         That of a lead that slows down falls gradually, so that a swinging lead does not limit it.
-        Without the lead it is the predecessor's.
+        Without the lead it is the predecessor's. Cars behind a lead that already slows down for
+        the next corner may drive as fast as the vehicle ahead.
         """
         known = at.ahead.lead_speed
         if at.situation.lead.status not in RELIED_ON or isnan(known):
@@ -394,7 +395,8 @@ class SpeedGuard:
             self._reference = max(known, self._reference * (1.0 - REFERENCE_FALL * at.span))
         if isnan(self._reference):
             return inf
-        return (self._setup.catch_up_ratio * max(self._reference, 0.5) - at.speed) / LIMIT_TIME
+        fastest = max(self._setup.catch_up_ratio * max(self._reference, 0.5), at.its_speed)
+        return (fastest - at.speed) / LIMIT_TIME
 
     def _words(self, override: Override, at: _Instant, needed: float) -> str:
         """The evidence for an override, with its figures."""

@@ -198,7 +198,7 @@ def _return_from(errors: TrackingErrors, speed: float) -> _Return:
     """
     lateral, heading = errors.lateral, errors.heading
     # For a steep car a long return would lead away from the path first.
-    planned = max(speed, SLOW if abs(heading) > REJOINING_ANGLE else SLOWEST_RETURN)
+    planned = max(1.05 * speed, SLOW if abs(heading) > REJOINING_ANGLE else SLOWEST_RETURN)
     most = REJOINING_LATERAL / planned**2
     slope, bend = 4.0 * abs(heading), 6.0 * abs(lateral)
     length = (slope + sqrt(slope * slope + 4.0 * most * bend)) / (2.0 * most)
