@@ -234,7 +234,7 @@ ROWS = (
             period_ns=SLOW_CURVE_NS, foxglove=True,
         ),
         Panel(
-            name="received", title="Received in the last second", unit="%",
+            name="received", title="Received in the last 10 s", unit="%",
             kind="plot",
             series=(
                 Series("tracking", "lead_received_ratio", name="lead"),

@@ -118,7 +118,7 @@ class GpsPose:
     The history is the path just driven (SAE J2735, path history): positions whose chords lie within
     5 cm of the measured ones, newest first. Each is a difference from the previous position in the
     list, the first one from the pose: latitude and longitude in 1e-7 degrees, age in 10 ms. It
-    restarts while the vehicle announces a hazard or a mode in which it slows down.
+    restarts while the vehicle announces a hazard or the mode coast or stop.
     """
 
     vehicle: str
@@ -206,8 +206,8 @@ class Tracking:
     """A vehicle's estimate of its errors and of the state of its sources, at a command.
 
     Errors are estimates, relative to the trajectory that the vehicle steers along. For each source:
-    age of the newest sample, expected period of its messages, share of them received in the last
-    second, length of its known path ahead of the car (negative if it ends behind), and status.
+    age of the newest sample, expected period of its messages, share of them received in the last 10
+    seconds, length of its known path ahead of the car (negative if it ends behind), and status.
     `known_m` is the known path from all sources, `blind_m` the distance the car would drive beyond
     it in an emergency stop. `predecessor_weight_ratio` is the predecessor's weight in the
     trajectory. `hazard`: the vehicle warns its followers.

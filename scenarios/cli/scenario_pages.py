@@ -108,7 +108,7 @@ def degradation_page() -> None:
         "[information_flow], by default the lead and the predecessor. A source is fresh, late, "
         "lost, or distrusted as implausible. The follower steers along the sources that remain. "
         "Its longitudinal law acts on the predicted motion of the vehicles ahead. A source is lost "
-        "after a silence that its usual losses do not explain, and used again after a probation."
+        "after a silence that its usual losses do not explain, and used again after probation_s."
     )
     _print_tables("control.degradation")
     print_section("states of a follower", STATES.items())

@@ -249,8 +249,8 @@ def _flow(tables: ScenarioTables) -> Iterator[Problem]:
         if setup.degradation.reaction == "degrade" and setup.predecessor not in setup.senders:
             yield (
                 "information_flow",
-                f"{name} does not receive its predecessor {setup.predecessor}, to which it keeps "
-                'the safe distance with control.degradation.reaction = "degrade": add it to a '
+                f"{name} does not receive its predecessor {setup.predecessor}, for which it brakes "
+                'with control.degradation.reaction = "degrade": add it to a '
                 'direction, or set another reaction, such as "extrapolate"',
             )
             return

@@ -28,9 +28,9 @@ class GapSensorSettings:
     predecessor without fail, and loses it beyond its range and angle of view. The controllers that
     use it ("acc", and "cacc", "ploeg", "flatbed" and "consensus" without data of the predecessor)
     take the newest measurement, predicted to the present by its rate, for up to the latency and two
-    periods. With the reaction "degrade" it also replaces the poses of a predecessor whose messages
-    are late or lost when the safe distance is kept; without a known path the car still stops. 20 Hz
-    is the usual rate of radars in openpilot. The latency must exceed that of the transport.
+    periods. With the reaction "degrade" it also replaces the poses of the predecessor from 2.5
+    periods without a message on; without a known path the car still stops. 20 Hz is the usual rate
+    of radars in openpilot. The latency must exceed that of the transport.
     """
 
     reach: Annotated[float, Setting("longest gap; 0: no sensor", "m", 0, 1000, name="range")] = 0.0
@@ -55,15 +55,14 @@ class GapMeasurement:
     gap: float = math.nan
     rate: float = math.nan
 
-    def at(self, now: int) -> tuple[float, float, float]:
-        """Gap (m) predicted to `now` (ns) by its rate, the rate (m/s) and the age (s).
+    def at(self, now: int) -> tuple[float, float]:
+        """Gap (m) predicted to `now` (ns) by its rate, and the rate (m/s).
 
         NaN once it is too old.
         """
         if now > self.valid_until:
-            return math.nan, math.nan, math.nan
-        age = (now - self.measured_at) / SECOND
-        return self.gap + self.rate * age, self.rate, age
+            return math.nan, math.nan
+        return self.gap + self.rate * ((now - self.measured_at) / SECOND), self.rate
 
 
 TargetAt = Callable[[int], TruePose | None]  # Newest true pose by an instant (ns)

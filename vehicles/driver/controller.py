@@ -1,6 +1,6 @@
 """Interface of a longitudinal controller, and its inputs; SI units.
 
-A gap is between bumpers; a *spacing*, by which it is kept, is between centres of mass.
+A gap is measured between bumpers, a *spacing* between centres of mass.
 """
 
 import math
@@ -92,9 +92,10 @@ def predicted_motion(  # noqa: PLR0917 - a state
     """Predict a vehicle `age` (s) after a sample of its speed, achieved and commanded acceleration.
 
     The acceleration a approaches the command u with the drive lag τ (s), τ da/dt = u - a, for
-    s = min(age, `PREDICTED_FOR`), then the speed is constant; braking beyond `lasting` (m/s²)
-    lasts. With k = τ (1 - exp(-s/τ)): v(s) = v + u s + (a - u) k and
-    x(s) = v s + u s²/2 + (a - u) τ (s - k). A vehicle that stands remains so.
+    s = min(age, `PREDICTED_FOR`), then the speed is constant. With k = τ (1 - exp(-s/τ)):
+    v(s) = v + u s + (a - u) k and x(s) = v s + u s²/2 + (a - u) τ (s - k). A vehicle that stands
+    remains so. The returned command fades (`FADES_FROM`). Braking harder than `lasting` (m/s²)
+    neither ends nor fades.
     """
     lasts = command < lasting
     span = age if lasts or age < PREDICTED_FOR else PREDICTED_FOR
@@ -120,10 +121,10 @@ class SourceState:
     `period` (s) the time between messages, `share` the received ratio of the last ten seconds. Its
     path is known up to `known` (m) ahead of the car, negative if it ends behind. It is lost at
     `lost_at` (ns) unless it is received again. `mode`, `hazard`, `acceleration` (m/s², commanded),
-    `achieved` (m/s²), `leaving` and `stops_at` (ns, 0 for never) are those announced last; the
-    lead's relay of `stops_at` counts if it is later. `speed` (m/s) is that of the newest sample,
-    measured at `measured_at` (ns) `spacing` (m, along the path) ahead of the car. `lag` (s) is the
-    assumed drive lag.
+    `achieved` (m/s²), `leaving` and `stops_at` (ns, 0 for never) are those announced last, or a
+    later `stops_at` relayed by the lead. Of the newest sample, `measured_at` (ns) is its instant,
+    `speed` (m/s) its speed and `spacing` (m) how far ahead of the car it is along the path,
+    negative behind. `lag` (s) is the assumed drive lag.
     """
 
     status: SourceStatus = "unheard"
@@ -176,9 +177,8 @@ class OwnMotion:
 class VehiclesAhead:
     """Motion of the vehicles ahead, and of those behind; NaN where nothing was received.
 
-    The first five are predicted to the present by achieved and commanded accelerations
-    (`predicted_motion`). Those of the lead are NaN unless it is a
-    longitudinal source ([information_flow]).
+    The first five are predicted to the present (`predicted_motion`). Those of the lead are NaN
+    unless it is a longitudinal source ([information_flow]).
 
     spacing                   arc length to the predecessor (m)
     predecessor_speed         m/s

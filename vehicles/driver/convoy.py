@@ -92,7 +92,8 @@ class ConvoyWatch:
             message = None if track.newest is None else track.newest.message
             silence = (now - track.received_at) / SECOND
             desired = track.policy.desired(track.speed)
-            excess, station = station - track.station - desired, track.station
+            excess = station - track.station - desired  # behind the vehicle directly ahead
+            station = track.station
             if silence > self._settings.lost_after_silence(track.period):
                 troubles.append(f"{track.name} silent for {silence:.1f} s")
             elif message is not None and (message.hazard or message.mode in OFF_PATH):
@@ -115,8 +116,8 @@ class ConvoyAhead:
 
     `policy` gives the gap between bumpers. The last member moves as announced by its newest pose.
     Silent for longer than the time after which a source is lost, it is assumed to stand where firm
-    braking would have ended, until it is received again. Nothing else would show where it stands,
-    so the lead waits for good if need be.
+    braking would have ended, until it is received again. The lead may wait for good, because
+    nothing else shows where that member stands.
 
     `reason` is that of the last limit, `silent` the state of the member if it is silent.
     """
@@ -143,7 +144,7 @@ class ConvoyAhead:
         last, limits = members[-1], self.limits
         silence = (now - last.received_at) / SECOND
         lost = self.settings.lost_after_silence(last.period)
-        driven, its_speed = self._motion(now, last.newest, lost)
+        driven, its_speed = self._motion(now, last, lost)
         gap = last.station + driven + self.lap - station - least_spacing(last.car, self.car)
         error = gap - self.policy.desired(speed)
         squared = its_speed * its_speed + 2.0 * limits.before_bends * error
@@ -157,11 +158,12 @@ class ConvoyAhead:
         self.reason = f"keeps distance from {where}, {gap:.1f} m ahead{since}"
         return most
 
-    def _motion(self, now: int, pose: ReceivedPose | None, lost: float) -> tuple[float, float]:
-        """Distance (m) driven since the pose, less its uncertainty, and speed (m/s)."""
+    def _motion(self, now: int, last: MemberTrack, lost: float) -> tuple[float, float]:
+        """Distance (m) driven since the newest pose, less its uncertainty, and speed (m/s)."""
+        pose = last.newest
         if pose is None:
             return 0.0, 0.0
-        age, message, lag = (now - pose.measured_at) / SECOND, pose.message, self.car.drive_lag
+        age, message, lag = (now - pose.measured_at) / SECOND, pose.message, last.car.drive_lag
         achieved, command = message.achieved_acceleration_mps2, message.acceleration_mps2
         speed, span = max(pose.speed, 0.0), min(age, lost)
         driven, speed, _ = predicted_motion(speed, achieved, command, span, lag)

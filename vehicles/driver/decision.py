@@ -25,8 +25,8 @@ class Decision:
 
     Units: target_speed m/s; estimated_gap m, between bumpers; measured_gap m and its rate m/s, by
     the gap sensor, predicted to the control instant; lateral_deviation m, of the own position;
-    own_pose is its estimate at the control instant. `path_offset` (m, left positive) is the offset
-    of the last own fix from the lead's path, NaN if unknown. `law_acceleration` (m/s²) is that of
+    own_pose is its estimate at the control instant. `path_offset` (m, left positive) is that of a
+    fix at this instant from the lead's path, NaN if unknown. `law_acceleration` (m/s²) is that of
     the longitudinal law, NaN without one, `override` why the command differs from it; `achieved`
     (m/s²) is what the drive has reached at the instant `at` (ns). `leaving`: the car leaves the
     convoy. `fresh` is False between two control instants, where the last decision is held. `fit` is
@@ -73,7 +73,7 @@ class Decision:
 
     @property
     def keeps_to_path(self) -> bool:
-        """Whether it follows a path, without a hazard: such positions are others' path, too."""
+        """Whether it follows a path without a hazard, so that others may follow its positions."""
         return not self.situation.hazard and self.mode not in OFF_PATH
 
     @property

@@ -51,7 +51,7 @@ class Follower:
 
     `alpha` in [0, 1] is the weight of the predecessor, the others share 1 - alpha. The `speed_law`
     is overridden by the `guard`, if there is one. `least_spacing` (m) to the predecessor is that at
-    which the bumpers touch. `drive_lag` (s) is the car's. Lines for the log are appended to
+    which the bumpers touch. `drive_lag` (s) is that of the car. Lines for the log are appended to
     `remarks`, which the sources share.
     """
 
@@ -75,16 +75,15 @@ class Follower:
     def __post_init__(self) -> None:
         if len(self.sources.used) == 1:
             self.fusion = CompositeFusion()
-        degrades = self.degradation.reaction == "degrade"
+        self._degrades = self.degradation.reaction == "degrade"
         self._period = 1.0 / self.control.rate_hz
         self._position_limit = PositionLimit(self.degradation)
-        self._degrades = degrades
-        self._machine = StateMachine(self.degradation) if degrades else ModesByReach()
+        self._machine = StateMachine(self.degradation) if self._degrades else ModesByReach()
         self._trajectories: tuple[tuple[float, Fit], ...] = ()
         self._driven = 0.0
         self._behind: dict[int, PathBehind] = {}
         self._fitted = self._is_kept = False
-        self._rejoining = Rejoining(self.remarks, enabled=degrades)
+        self._rejoining = Rejoining(self.remarks, enabled=self._degrades)
         self._refit = Timer(REFIT_AFTER)
         self._decided_at = 0
         self._own = OwnMotion()
@@ -223,12 +222,20 @@ class Follower:
             errors = TrackingErrors(0.0, 0.0, pose.yaw_rate, 0.0)
             return errors, self.controller.steer(errors, pose.speed)
         self._driven += pose.speed * self._period
-        if len(self._trajectories) == 1:
-            errors = self._track(self._trajectories[0][1], pose)
-            corrected = self._rejoining.corrected(now, errors, pose.speed)
-            return errors, self.controller.steer(corrected, pose.speed)
         tracked = [(share, self._track(fit, pose)) for share, fit in self._trajectories]
-        return blended([(share, e, self.controller.steer(e, pose.speed)) for share, e in tracked])
+        errors = tracked[0][1] if len(tracked) == 1 else mean_errors(tracked)
+        corrected = self._rejoining.corrected(now, errors, pose.speed)
+        if len(tracked) == 1:
+            return errors, self.controller.steer(corrected, pose.speed)
+        command = SteeringCommand(0.0, 0.0, 0.0)
+        for share, one in tracked:
+            one.lateral += corrected.lateral - errors.lateral
+            one.heading += corrected.heading - errors.heading
+            steering = self.controller.steer(one, pose.speed)
+            command.steering += share * steering.steering
+            command.feedforward += share * steering.feedforward
+            command.feedback += share * steering.feedback
+        return errors, command
 
     def _extrapolate(self, speed: float) -> None:
         """Extend the last trajectories of Section III-A, whose samples now end behind the car."""
@@ -257,15 +264,14 @@ class Follower:
         """Motion of the longitudinal sources, and of the predecessor if it is received.
 
         Those of lead and predecessor are predicted to now; spacings are reduced by a `margin` (m).
-        In place of a predecessor that has left, the next vehicle ahead is followed, so much further
-        back that the place of the one that left, which a human drives, stays free.
+        Behind a predecessor that has left, which a human drives on, the spacing to the next vehicle
+        ahead is reduced by that of the predecessor to it, so that its position stays free.
         """
         sources = self.sources
         ahead = VehiclesAhead(curvature_ahead=errors.curvature_ahead, own=self._own)
         ahead.bend = sources.bend_limit(pose)
         if self._measured is not None:
-            measured = self._measured.at(now)[:2]
-            ahead.measured_gap, ahead.measured_gap_rate = measured
+            ahead.measured_gap, ahead.measured_gap_rate = self._measured.at(now)
         lead, predecessor, place = sources.lead, sources.predecessor, 0.0
         if lead is not None and lead in sources.longitudinal and not isnan(lead.state.age):
             _, ahead.lead_speed, ahead.lead_acceleration = lead.state.predicted()
@@ -294,17 +300,12 @@ class Follower:
         self._decided_at = now
 
 
-def blended(
-    parts: Sequence[tuple[float, TrackingErrors, SteeringCommand]],
-) -> tuple[TrackingErrors, SteeringCommand]:
-    """Sum of the errors and commands along several trajectories, weighted by their shares."""
-    errors, command = TrackingErrors(0.0, 0.0, 0.0, 0.0), SteeringCommand(0.0, 0.0, 0.0)
-    for share, one, steering in parts:
+def mean_errors(parts: Sequence[tuple[float, TrackingErrors]]) -> TrackingErrors:
+    """Mean of the errors along several trajectories, weighted by their shares."""
+    errors = TrackingErrors(0.0, 0.0, 0.0, 0.0)
+    for share, one in parts:
         errors.lateral += share * one.lateral
         errors.heading += share * one.heading
         errors.yaw_rate += share * one.yaw_rate
         errors.curvature += share * one.curvature
-        command.steering += share * steering.steering
-        command.feedforward += share * steering.feedforward
-        command.feedback += share * steering.feedback
-    return errors, command
+    return errors

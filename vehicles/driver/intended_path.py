@@ -1,9 +1,9 @@
 """The lead's path, reconstructed from the positions of the predecessor.
 
-A vehicle that follows the path driven by its predecessor repeats its errors and adds its own. The
-error grows along the convoy, although each self-estimate is small (Section V-D.1). Composite data
-halve an error at each vehicle, so that errors double in the end. Therefore each follower announces
-its offset from the lead's path, and the next one moves the predecessor's positions back by it.
+A vehicle that follows the path driven by its predecessor repeats its errors and adds its own, so
+errors grow along the convoy although self-estimates are small (Section V-D.1). With composite data
+each vehicle passes on half of its error, which doubles errors in the end. Therefore each follower
+announces its offset from the lead's path, and the next one moves the predecessor's positions by it.
 
 The offset is measured from the lead's samples (or from corrected samples), not from the curve
 fitted to them: a curve that rounds off bends would do so again for each vehicle. It is the offset

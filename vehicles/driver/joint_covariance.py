@@ -150,7 +150,7 @@ class JointCovariance:
         first five states.
         """
         rows, load = self._rows[state], self.values[LOAD, LOAD]
-        joint = np.zeros((len(rows), len(rows) + 1))  # of the fix and the states; the values off
+        joint = np.zeros((len(rows), len(rows) + 1))  # of fix and states, and their innovations
         joint[:, :-1] = _transformed(rows, self.values)
         joint[:MEASURED, -1] = off - np.einsum("ij,j->i", rows[:MEASURED], self._errors)
         joint[range(MEASURED), range(MEASURED)] += noise

@@ -36,7 +36,7 @@ from vehicles.schedule import SECOND, Cadence
 
 APPROACH: Final = 0.25  # Acceleration per difference of speed (1/s), within comfortable jerk
 WAITING_SHARE: Final = 0.5  # Share of the set speed, so that followers catch up
-SLOWEST: Final = 1.0  # Slower (m/s) the lead stands, and its pace changes as at this speed
+SLOWEST: Final = 1.0  # Speed (m/s) below which the lead stands; least speed for its pace
 
 
 class WaitingProfile(ProfileSpeed):

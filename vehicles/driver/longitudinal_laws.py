@@ -1,4 +1,4 @@
-"""The law that keeps a constant distance or time gap; SI units."""
+"""Shipped longitudinal laws; SI units."""
 
 import math
 from dataclasses import dataclass
@@ -67,16 +67,15 @@ def gap_acceleration(
     return min(max(wanted, -limits.deceleration), limits.acceleration)
 
 
-# ---- Shipped longitudinal controllers; SI units
+# ---- Controllers
 #
 # Symbols of the formulas: gap g to the predecessor, from bumper to bumper; own speed v and
 # acceleration a; speeds v_p, v_l and announced accelerations a_p, a_l of predecessor and lead,
 # predicted to now; standstill gap d and time headway h of [speed.gap]. Default parameters are those
 # of Plexe.
 #
-# Laws that need radio data fall back to ACC while the predecessor is lost, at a headway that is
-# stable without them. ACC uses the gap of an on-board sensor where there is one, else the received
-# one.
+# Laws that need radio data fall back to ACC while the predecessor is not relied on, at a headway
+# that is stable without radio. ACC uses the gap of the on-board sensor, else the received one.
 
 
 class GapLaw:
@@ -85,11 +84,10 @@ class GapLaw:
     needs_predecessor: ClassVar[bool] = True
 
     def __init__(self, setup: LongitudinalSetup) -> None:
-        self._policy = setup.policy
-        self._limits = setup.limits
+        self._setup = setup
 
     def acceleration(self, speed: float, ahead: VehiclesAhead) -> float:
-        return gap_acceleration(ahead, speed, self._policy, self._limits)
+        return gap_acceleration(ahead, speed, self._setup.policy, self._setup.limits)
 
 
 @dataclass(frozen=True)
@@ -133,12 +131,12 @@ class _RadioLaw:
 
     def __init__(self, setup: LongitudinalSetup, settings: Fallback) -> None:
         self._setup = setup
-        self._headway = max(setup.policy.headway, settings.fallback_headway)
+        self.fallback_headway = max(setup.policy.headway, settings.fallback_headway)
 
     def acceleration(self, speed: float, ahead: VehiclesAhead) -> float:
         if self._has_data(ahead):
             return self._cooperative(speed, ahead)
-        return acc_acceleration(self._setup, speed, ahead, self._headway)
+        return acc_acceleration(self._setup, speed, ahead, self.fallback_headway)
 
     def _has_data(self, ahead: VehiclesAhead) -> bool:
         return self._is_recent(ahead.sources.get(self._setup.predecessor))
@@ -308,9 +306,8 @@ class Consensus(_RadioLaw):
     e'' + b e' + L e = 0 with the lead, where L has the sum of k_j/n of each vehicle on its diagonal
     and -k_j/n for its sources; they decay if the lead reaches every vehicle, L has real
     eigenvalues and b is as large as here. A source that is not received counts in n, without a
-    share in the sum. It falls back to ACC while the predecessor's data are old, or those of all
-    sources if the predecessor is none of them; without data of the predecessor at all, it then
-    keeps its speed.
+    share in the sum. It falls back to ACC while the predecessor is not relied on, or no source if
+    the predecessor is none of them; without any gap to the predecessor, ACC keeps the speed.
     """
 
     needs_predecessor: ClassVar[bool] = False

@@ -10,7 +10,7 @@ from typing import Final, Literal
 
 from vehicles.driver.controller import SourceState
 from vehicles.driver.settings import DegradationSettings
-from vehicles.driver.situation import LOST, SLOWING, STOP_MARGIN, Situation, needed_deceleration
+from vehicles.driver.situation import LOST, STOP_MARGIN, Situation, needed_deceleration
 from vehicles.driver.source import Source
 from vehicles.driver.sources import Sources
 from vehicles.messages import Mode, State
@@ -54,7 +54,7 @@ TRANSITIONS: dict[Finding, dict[State, State]] = {
 
 
 class StateMachine:
-    """Start, follow, alone, return and stop; see `TRANSITIONS`."""
+    """State of a follower, which `TRANSITIONS` derives from what it receives, and its mode."""
 
     def __init__(self, settings: DegradationSettings) -> None:
         self._comfortable = settings.comfortable.deceleration
@@ -120,7 +120,7 @@ class StateMachine:
         if not has_path:
             return "straight"
         if not relied:
-            return "straight" if self._mode in SLOWING else self._mode
+            return "straight" if self._mode == "stop" else self._mode
         return "composite" if len(relied) > 1 else sources.mode_along(relied[0])
 
 
@@ -128,7 +128,7 @@ class ModesByReach:
     """Modes of the baselines, which continue at full speed.
 
     The car steers along sources whose samples reach ahead of it, however old they are. Without any
-    it coasts: along its last trajectory, or by its configured reaction.
+    it coasts: along its last trajectory, or as its reaction prescribes.
     """
 
     def decide(

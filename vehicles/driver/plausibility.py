@@ -61,10 +61,10 @@ class _Stated(NamedTuple):
 class _Innovation(NamedTuple):
     """Innovation of a pose against another one of its source.
 
-    `east`, `north` (m) are the position minus the prediction. `manoeuvre` (m) is the standard
-    deviation by the manoeuvre in between along and across the direction of travel, the larger one.
-    `deviations` is the largest of both axes and the heading in standard deviations, `square` the
-    squared normalised innovation of the position, chi-squared with 2 degrees of freedom.
+    `east`, `north` (m) are the position minus the prediction, `manoeuvre` (m) its larger standard
+    deviation, along or across the direction of travel, by any manoeuvre in between. `deviations` is
+    the largest innovation of position and heading in standard deviations, `square` the squared
+    normalised innovation of the position, chi-squared with 2 degrees of freedom.
     """
 
     east: float
@@ -126,7 +126,7 @@ class _PoseTrack:
 
     Innovations of consecutive poses hide slow drifts. Their sum over up to a second has only the
     noise of two positions (CUSUM; Page, "Continuous inspection schemes", 1954). `inflation` is that
-    at the anchor, `since` (ns) the instant at which the first of `count` poses was received.
+    at the anchor. The first of `count` poses was received at `since` (ns).
     """
 
     last: _Stated
@@ -138,10 +138,10 @@ class _PoseTrack:
     north: float = 0.0
     manoeuvre: float = 0.0
 
-    def add(self, found: _Innovation, pose: _Stated, inflation: float, gate: float) -> bool:
+    def add(self, step: _Innovation, pose: _Stated, inflation: float, gate: float) -> bool:
         """Append a pose unless the sum of innovations is beyond the gate."""
-        east, north = self.east + found.east, self.north + found.north
-        manoeuvre, widest = self.manoeuvre + found.manoeuvre, max(inflation, self.inflation)
+        east, north = self.east + step.east, self.north + step.north
+        manoeuvre, widest = self.manoeuvre + step.manoeuvre, max(inflation, self.inflation)
         variance = self.anchor.variance * widest * widest + pose.variance * inflation * inflation
         if max(abs(east), abs(north)) > gate * sqrt(manoeuvre * manoeuvre + variance):
             return False
@@ -241,7 +241,7 @@ class PoseJudge:
         return True
 
     def _extend(self, track: _PoseTrack, pose: _Stated) -> Distrust:
-        """Append a pose, unless it is late, to a track; returns how it contradicts the track."""
+        """Append a pose, unless it is late, to a track; returns why it contradicts it, else ""."""
         last, receiver, gate = track.last, self._receiver, self._gate
         span = (pose.pose.measured_at - last.pose.measured_at) / SECOND
         if not self._is_reachable(last, pose):
@@ -249,14 +249,14 @@ class PoseJudge:
         if receiver is None:
             track.last = pose if span > 0.0 else last
             return ""
-        found = _innovation(last, pose, receiver, self._inflation)
-        self._square = min(self._square, found.square)
-        if found.deviations > gate:
+        step = _innovation(last, pose, receiver, self._inflation)
+        self._square = min(self._square, step.square)
+        if step.deviations > gate:
             return "jumping"
-        gain = abs(pose.pose.speed - last.pose.speed) - HARDEST_BRAKING * abs(span)
-        if gain > gate * (sqrt(2.0) * receiver.speed_noise + 1e-3):
+        excess = abs(pose.pose.speed - last.pose.speed) - HARDEST_BRAKING * abs(span)
+        if excess > gate * (sqrt(2.0) * receiver.speed_noise + 1e-3):
             return "impossible"
-        if span > 0.0 and not track.add(found, pose, self._inflation, gate):
+        if span > 0.0 and not track.add(step, pose, self._inflation, gate):
             return "impossible"
         return ""
 

@@ -123,8 +123,8 @@ class PoseEstimator:
         """Correct by a fix of the own receiver; fixes are in order of measurement.
 
         The first one initialises the filter. Fixes that are not finite, not newer than the last
-        fix, or older than the stored readings are ignored, as are outliers (see GATE). The third
-        consecutive outlier restarts the filter.
+        fix, or older than the stored readings are ignored, as are outliers (`JointCovariance`). The
+        third consecutive outlier restarts the filter.
         """
         if not math.isfinite(fix.east + fix.north + fix.yaw + fix.speed + fix.yaw_rate):
             return

@@ -16,12 +16,12 @@ class ReactionPolicy(Protocol):
 
     Each follower has its own instance, constructed as `Class()`, with its `settings` if it has any.
     `mode`, `steering` and `acceleration` are called once per control instant, in this order. They
-    must not use a clock. A class can inherit from `Extrapolate` of `vehicles.driver.reactions`,
-    which changes nothing: then it is the whole policy, and decides on all that was received. A
-    class that inherits from `Degrade` decides after the shipped policy: implausible poses are
-    rejected, and the car brakes where evidence requires it and stops within the known path.
+    must not use a clock. A class that inherits from `Extrapolate` of `vehicles.driver.reactions`
+    replaces the shipped policy: only impossible jumps are rejected, and the law of the speed is not
+    overridden. A class that inherits from `Degrade` adds to it: implausible poses are rejected,
+    and the car brakes where evidence requires it and stops within the known path.
 
-    `mode` is the usual one or one of `CHOSEN`, in which the last trajectory is kept.
+    `mode` returns the usual mode or one of `CHOSEN`; in a chosen mode the last trajectory is kept.
     """
 
     degrades: ClassVar[bool]

@@ -10,7 +10,7 @@ Reaction = Literal["degrade", "extrapolate", "hold", "straight"]
 PredecessorPath = Literal["intended", "driven"]
 
 LOST_PERIODS = 10.0  # A source without usual losses is lost after this number of periods
-COMFORTABLE_JERK = 0.3  # Jerk (m/s³) of comfortable braking of a lead
+COMFORTABLE_JERK = 0.3  # Jerk (m/s³) with which a lead slows down to wait
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class Braking:
 class DegradationSettings:
     """Thresholds of degradation and braking levels (s, m/s²; beyond the paper).
 
-    The shortest silence of a lost source follows openpilot, the gates follow PX4's EKF2.
+    The shortest silence of a lost source follows openpilot, the gate follows PX4's EKF2.
     Comfortable braking is the upper end of what passengers accept (Hoberock, "A survey of
     longitudinal acceleration comfort studies in ground transportation vehicles", 1977), emergency
     braking is hard braking on a dry road, as in [speed.gap].
@@ -47,11 +47,11 @@ class DegradationSettings:
         Setting("longest silence of a source with usual losses", "s", 0.01, 60, name="lost_max"),
     ] = 1.5
     probation: Annotated[
-        float, Setting("time of reception after which a lost source is relied on", "s", 0.1, 60)
+        float, Setting("time of reception after which a lost source is used again", "s", 0.1, 60)
     ] = 0.5
     gate: Annotated[
         float,
-        Setting("largest error of a received position or heading", "deviations", 1, 1000),
+        Setting("largest plausible error of a position or heading", "deviations", 1, 1000),
     ] = 5.0
     predecessor_path: Annotated[
         PredecessorPath,
@@ -62,13 +62,13 @@ class DegradationSettings:
     ] = "intended"
     lateral_deviation_max: Annotated[
         float,
-        Setting("standard deviation of the own position above which it slows down", "m", 0, 1000),
+        Setting("deviation of the own lateral position above which it slows down", "m", 0, 1000),
     ] = 0.1
     comfortable_deceleration: Annotated[
         float, Setting("braking without evidence", "mps2", 0.1, 12, name="comfortable")
     ] = 1.5
     firm_deceleration: Annotated[
-        float, Setting("braking required from which it overrides", "mps2", 0.1, 12, name="firm")
+        float, Setting("required braking that overrides the law", "mps2", 0.1, 12, name="firm")
     ] = 3.0
     emergency_deceleration: Annotated[
         float, Setting("braking of a car that receives nothing", "mps2", 0.1, 12, name="emergency")

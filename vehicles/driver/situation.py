@@ -14,8 +14,7 @@ from vehicles.driver.settings import Braking
 from vehicles.messages import Mode, SourceStatus, State
 
 LOST: tuple[SourceStatus, ...] = ("lost", "distrusted")  # Silent for too long, or refused
-SLOWING: tuple[Mode, ...] = ("coast", "stop")  # Without a source to follow
-OFF_PATH: tuple[Mode, ...] = SLOWING  # No other vehicle follows its poses
+OFF_PATH: tuple[Mode, ...] = ("coast", "stop")  # Modes in which no other vehicle follows its poses
 
 UNUSED = SourceState("unused")  # State of a vehicle that is not received
 
@@ -30,10 +29,10 @@ class Situation:
     in an emergency stop. `weights` in the trajectory are by name, `predecessor_weight` is the
     predecessor's; `hazard` warns the followers behind. `stops_at` (ns, 0 for never) is the
     announced instant at which the car begins to stop without new data; `relayed_stops` are those
-    that a lead received from its followers, from front to back. The known path ends at a hole of
-    about `hole` (m), 0 without one, which the car can cross if it is `crossable`. A return to the
-    path requires at most `speed_limit` (m/s), an uncertain position `position_limit`. `ahead` is
-    the motion of the vehicles ahead, once it is computed.
+    that a lead received from its followers, from front to back. If the known path ends at a hole,
+    `hole` (m) is its approximate length, else 0; the car can cross it if it is `crossable`. During
+    a return to the path the speed is at most `speed_limit` (m/s), at an uncertain position at most
+    `position_limit` (m/s). `ahead` is the motion of the vehicles ahead, once it is computed.
     """
 
     lead: SourceState = field(default_factory=SourceState)

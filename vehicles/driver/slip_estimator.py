@@ -47,7 +47,7 @@ def with_load(p: VehicleParameters, ratio: float) -> VehicleParameters:
 class SlipEstimator:
     """Estimates the load, and thus K_sg of eq. (6) and the slip, from yaw rate and commands.
 
-    `ratio` is the estimated mass over the assumed one, `deviation` its standard deviation.
+    `ratio` is the estimated mass over the assumed one, `variance` its variance.
     """
 
     def __init__(self, parameters: VehicleParameters, yaw_rate_noise: float) -> None:
@@ -60,12 +60,8 @@ class SlipEstimator:
         self._actuator = actuator(parameters)
         self._steering = self._steering_rate = 0.0
         self._bias = self._turning = 0.0
-        self._variance, self._bias_variance, self._covariance = PRIOR**2, BIAS_PRIOR**2, 0.0
+        self.variance, self._bias_variance, self._covariance = PRIOR**2, BIAS_PRIOR**2, 0.0
         self.ratio = 1.0
-
-    @property
-    def deviation(self) -> float:
-        return math.sqrt(self._variance)
 
     @property
     def parameters(self) -> VehicleParameters:
@@ -87,7 +83,7 @@ class SlipEstimator:
             self._steering_rate = min(max(self._steering_rate + h * push, -limit), limit)
             self._steering += h * self._steering_rate
         self._turning = (motions[0][1] - before) / span
-        self._variance += DRIFT * DRIFT * span
+        self.variance += DRIFT * DRIFT * span
         self._bias_variance += BIAS_DRIFT * BIAS_DRIFT * span
 
     def correct(self, yaw_rate: float, speed: float) -> None:
@@ -97,14 +93,14 @@ class SlipEstimator:
             return
         gain = (laden - empty) / (LADEN - 1.0)
         late = DELAY * self._turning
-        p, q, c = self._variance, self._bias_variance, self._covariance
+        p, q, c = self.variance, self._bias_variance, self._covariance
         with_ratio, with_bias = gain * p + c, gain * c + q
         total = gain * with_ratio + with_bias + self._noise * self._noise + late * late
         innovation = yaw_rate - empty - (self.ratio - 1.0) * gain - self._bias
         to_ratio, to_bias = with_ratio / total, with_bias / total
         self.ratio = min(max(self.ratio + to_ratio * innovation, MIN_RATIO), MAX_RATIO)
         self._bias += to_bias * innovation
-        self._variance = p - to_ratio * with_ratio
+        self.variance = p - to_ratio * with_ratio
         self._bias_variance = q - to_bias * with_bias
         self._covariance = c - to_ratio * with_bias
 

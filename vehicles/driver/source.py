@@ -86,8 +86,8 @@ class Reception:
             probability *= (lost + missing) / (sent + missing)
             missing += 1
         if lost > LEAST_BURST:
-            again = min(max(1.0 - (self._bursts + 0.2) / (lost + 0.4), 0.05), 0.95)
-            in_bursts = 1.0 + log(IMPROBABLE * sent / lost) / log(again)
+            continues = min(max(1.0 - (self._bursts + 0.2) / (lost + 0.4), 0.05), 0.95)
+            in_bursts = 1.0 + log(IMPROBABLE * sent / lost) / log(continues)
             missing = max(missing, round(in_bursts))
         return min(max(self.period * missing, least), most)
 
@@ -118,9 +118,10 @@ class Source:
 
     `place` is 0 for the lead, k for the k-th vehicle ahead, -k for the k-th vehicle behind.
 
-    A source that `may_leave_path` is followed only while it announces neither trouble nor a large
-    offset from the path, as there is another source; else `has_left_path` is True. `bend` is the
-    largest curvature (1/m) of its recent poses.
+    A source that `may_leave_path`, because there is another one, is not followed while it announces
+    trouble or a large offset from the path; then `has_left_path` is True. Its samples `reaches`
+    ahead of the car at the last refit, or once did if it is `usable`. `bend` is the largest
+    curvature (1/m) of its recent poses, `refusal` why a pose was refused last.
     """
 
     def __init__(
@@ -182,7 +183,7 @@ class Source:
         newer = last is None or pose.measured_at > last.measured_at
         lost = newer and state.status in LOST
         if self.may_leave_path and last is not None and self._is_off_path(pose):
-            self.has_left_path = True
+            self.has_left_path |= newer
             self._moved |= self._judge.at_new_place
             self.trace.record_position(pose)
         else:
@@ -214,7 +215,7 @@ class Source:
         state.stops_at = message.stops_at_ns
 
     def _is_off_path(self, pose: ReceivedPose) -> bool:
-        """Whether its pose is not on the lead's path, or may not be, as after a restart."""
+        """Whether a pose is not on the lead's path, or may not be, as after a restart."""
         message = pose.message
         if message.hazard or message.mode in OFF_PATH:
             return True

@@ -26,8 +26,9 @@ class Sources:
     `all` are in the order of the convoy, by name. `used` are the lateral ones, through whose poses
     the trajectory is fitted, `longitudinal` those by which the speed is controlled; `relied` are
     those of the lateral ones relied on at the last control instant. `lead` and `predecessor` are
-    one source for the first follower, None if they are not received. While the predecessor has left
-    the convoy, it is the next received vehicle ahead; `own_predecessor` is its name.
+    one source for the first follower, None if they are not received. `own_predecessor` is the name
+    of the vehicle directly ahead. While that has left the convoy, `predecessor` is the next vehicle
+    ahead that is received.
     """
 
     def __init__(
@@ -115,7 +116,7 @@ class Sources:
         return windows
 
     def samples_beside_bridge(self, windows: Mapping[str, Window]) -> int | None:
-        """Number of samples, None without points of a bridge in the windows."""
+        """Number of received samples; None if the windows contain no points of a bridge."""
         traces = {name: self.used[name].trace for name in windows}
         bridged = any(traces[name].has_bridge_points(window) for name, window in windows.items())
         return sum([trace.sample_count for trace in traces.values()]) if bridged else None
@@ -212,7 +213,7 @@ class Sources:
         self.relied = {}
         for name, source in self.used.items():
             state = source.state
-            if state.status != "distrusted" and not known >= state.known:  # also NaN
+            if state.status != "distrusted" and (isnan(known) or known < state.known):
                 known = state.known
             if source.gives_path:
                 self.relied[name] = source

@@ -15,7 +15,7 @@ from vehicles.driver.controller import (
     LongitudinalSetup,
     VehiclesAhead,
 )
-from vehicles.driver.longitudinal_laws import GapLaw
+from vehicles.driver.longitudinal_laws import Fallback, GapLaw
 from vehicles.driver.own_state import Pose
 from vehicles.geometry.geodesy import along
 from vehicles.messages import Override
@@ -183,10 +183,7 @@ class SpeedCommand:
 
 def profile_correction(wanted: float, speed: float) -> float:
     """Acceleration (m/s²) that gently reduces a speed error (m/s)."""
-    correction = PROFILE_CORRECTION * (wanted - speed)
-    if -CORRECTION_MAX <= correction <= CORRECTION_MAX:  # usual, and faster than min and max
-        return correction
-    return min(max(correction, -CORRECTION_MAX), CORRECTION_MAX)
+    return min(max(PROFILE_CORRECTION * (wanted - speed), -CORRECTION_MAX), CORRECTION_MAX)
 
 
 class ProfileSpeed:
@@ -217,10 +214,12 @@ class GapKeeping:
     def __init__(
         self, setup: LongitudinalSetup, controller: LongitudinalController | None = None
     ) -> None:
-        """Without a `controller`, that of `GapLaw`."""
+        """By `GapLaw` without a `controller`; without poses by ACC at `fallback_headway` (s)."""
         self._limits = setup.limits
         self._controller = controller or GapLaw(setup)
         self._needs_poses: bool = getattr(self._controller, "needs_poses", True)
+        least = max(setup.policy.headway, Fallback.fallback_headway)
+        self.fallback_headway: float = getattr(self._controller, "fallback_headway", least)
 
     def command(self, now: int, pose: Pose, ahead: VehiclesAhead) -> SpeedCommand:
         """Keep the gap; keep the speed until the predecessor, or any source, is received.
@@ -238,4 +237,4 @@ class GapKeeping:
 
 
 SpeedLaw = ProfileSpeed | GapKeeping
-"""Longitudinal control, as in Section V-C.3 or another."""
+"""Longitudinal control: by a profile, as in Section V-C.3, or by a gap."""

@@ -18,7 +18,7 @@ from vehicles.driver.controller import (
     VehiclesAhead,
     predicted_motion,
 )
-from vehicles.driver.longitudinal_laws import STABLE_HEADWAY, Fallback, acc_acceleration
+from vehicles.driver.longitudinal_laws import STABLE_HEADWAY, acc_acceleration
 from vehicles.driver.own_state import Pose
 from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import (
@@ -37,6 +37,7 @@ from vehicles.schedule import SECOND
 
 TYRES_USED: Final = 0.9  # Share of the friction that contact braking uses
 ANNOUNCED_MARGIN: Final = 1.5  # Gap (m) that remains behind a predecessor that stops as announced
+ANNOUNCED_DELAY: Final = 0.04  # Delay (s) of that stop beyond the drive lag: two control periods
 RELEASE_JERK: Final = 5.0  # Jerk (m/s³) at which an override lets the acceleration grow again
 LIMIT_TIME: Final = 0.5  # Time constant (s) with which a car slows to a speed limit
 LEAD_ONLY_SHARE: Final = 0.92
@@ -71,8 +72,8 @@ speed (m/s) at which it resumes it."""
 
 SMOOTH: Final = ("contact", "announced stop", "known path", "return", "position")
 """Overrides that limit the jerk while the car follows; contact braking begins at once."""
-BY_STATE: dict[State, Override] = {"follow": "contact", "alone": "alone", "stop": "known path"}
-"""Override of an acceleration whose change is limited, by the state; else it is "return"."""
+BY_STATE: dict[State, Override] = {"alone": "alone", "stop": "known path"}
+"""Override by the state where only the jerk is limited; in other states it is "return"."""
 
 
 @dataclass(slots=True)
@@ -110,8 +111,8 @@ class SpeedGuard:
         self, law: SpeedLaw, settings: DegradationSettings, setup: LongitudinalSetup
     ) -> None:
         self._law = law
-        self._keeps_gap = isinstance(law, GapKeeping)
-        self._keeping = law if self._keeps_gap else GapKeeping(setup)
+        self._keeping = law if isinstance(law, GapKeeping) else GapKeeping(setup)
+        self._keeps_gap = law is self._keeping
         self._settings, self._setup = settings, setup
         self._lag, self._least = setup.parameters.drive_lag, setup.least_spacing
         self._comfort = settings.comfortable_deceleration
@@ -134,15 +135,16 @@ class SpeedGuard:
         hardest = TYRES_USED * sqrt(max(most * most - lateral * lateral, 0.0))  # friction circle
         received = ahead.spacing - self._least
         at = _Instant(now, speed, span, hardest, received, ahead, situation)
-        braking = ahead.lead_acceleration
-        self._look(at)
-        self._show(at)
+        lead_acceleration = ahead.lead_acceleration
+        self._locate(at)
+        self._prepare(at)
         usual = self._usual(at, pose)
         law = min(usual.acceleration, ahead.bend)
-        wanted, override = self._proven(at, usual.acceleration, law, braking)
+        wanted, override = self._proven(at, usual.acceleration, law, lead_acceleration)
         needed = self._contact(at)
+        contact = min(self._barrier(at), -1.1 * needed if needed else inf)
         reasons: tuple[tuple[float, Override], ...] = (
-            (max(min(self._barrier(at), -1.1 * needed or inf), -hardest), "contact"),
+            (max(contact, -hardest), "contact"),
             (self._announced_stop(at), "announced stop"),
             (self._path_end(at), "known path"),
             (self._towards(situation.speed_limit, speed), "return"),
@@ -169,11 +171,11 @@ class SpeedGuard:
 
     # ---- The vehicle ahead, and what the law sees
 
-    def _look(self, at: _Instant) -> None:
+    def _locate(self, at: _Instant) -> None:
         """Set the vehicle ahead: by the gap sensor while its poses are old, else as received.
 
-        Without the predecessor it is assumed to move as the lead, from its last or initial place,
-        until it stops as it announced, if the lead repeats that.
+        A predecessor that is lost is assumed to move as the lead, from its last or initial place,
+        and to stop by emergency braking from the instant on that it announced (`stops_at`).
         """
         ahead, predecessor, span = at.ahead, at.situation.predecessor, at.span
         self._sense(at)
@@ -192,8 +194,8 @@ class SpeedGuard:
             at.acceleration = self._sensed
         elif alone:
             at.gap, at.its_speed = self._gap, self._its_speed
-            braking = -emergency if stops and at.its_speed > 0.0 else ahead.lead_acceleration
-            at.acceleration = 0.0 if isnan(braking) else braking
+            command = -emergency if stops and at.its_speed > 0.0 else ahead.lead_acceleration
+            at.acceleration = 0.0 if isnan(command) else command
         else:
             at.gap, at.its_speed = at.received, ahead.predecessor_speed
             at.acceleration = ahead.predecessor_acceleration
@@ -204,7 +206,7 @@ class SpeedGuard:
         """Speed and acceleration of the vehicle ahead by the gap sensor."""
         rate = at.ahead.measured_gap_rate
         if isnan(rate):
-            self._sensed = min(self._sensed, 0.0)
+            self._sensed, self._sensed_speed = min(self._sensed, 0.0), nan
             return
         its_speed = max(at.speed + rate, 0.0)
         if at.span > 0.0 and not isnan(self._sensed_speed):
@@ -216,17 +218,17 @@ class SpeedGuard:
     def _join(self, at: _Instant) -> None:
         """Let a predecessor whose message is missing brake with the lead, if that brakes hard."""
         lead, predecessor = at.situation.lead, at.situation.predecessor
-        braking = at.ahead.lead_acceleration
-        if lead is predecessor or not braking < min(LASTING, predecessor.acceleration):
+        command = at.ahead.lead_acceleration
+        if lead is predecessor or not command < min(LASTING, predecessor.acceleration):
             return
         if predecessor.is_overdue and lead.age < predecessor.age + JOINT_AGE:
             speed, achieved, age = predecessor.speed, predecessor.achieved, predecessor.age
-            motion = predicted_motion(speed, achieved, braking, age, predecessor.lag)
+            motion = predicted_motion(speed, achieved, command, age, predecessor.lag)
             at.gap += motion.driven - predecessor.predicted().driven
             at.its_speed, at.acceleration = motion.speed, motion.acceleration
 
-    def _show(self, at: _Instant) -> None:
-        """Show the law the vehicle ahead, and without a lost lead a wider gap.
+    def _prepare(self, at: _Instant) -> None:
+        """Set what the law sees: the vehicle ahead, seemingly closer while the lead is lost.
 
         At a stable headway the lead's speed is not needed (Swaroop and Hedrick, 1996).
         """
@@ -258,20 +260,21 @@ class SpeedGuard:
     # ---- Evidence for braking
 
     def _proven(
-        self, at: _Instant, usual: float, law: float, braking: float
+        self, at: _Instant, usual: float, law: float, lead_acceleration: float
     ) -> tuple[float, Override]:
-        """Acceleration (m/s²) for which something was received or measured, and its override.
+        """Acceleration (m/s²) with no more braking than the evidence justifies, and its override.
 
-        `usual` is that of the law and `law` the same limited in bends; the lead brakes by
-        -`braking` (m/s², NaN if unknown). Comfortable braking needs no evidence. Braking that has
-        begun may go on while closing.
+        `usual` is that of the law and `law` the same limited in bends; `lead_acceleration` is NaN
+        if unknown. Comfortable braking needs no evidence. Braking that has begun may go on while
+        closing.
         """
         state, bend = at.situation.state, at.ahead.bend
         if state == "return" and law > 0.0:
             return 0.0, "return"
         if state != "alone" and (isnan(at.gap) or not (self._keeps_gap or self._following)):
             return law, ""
-        received = max(-at.acceleration, 0.0 if isnan(braking) else -braking, 0.0)
+        of_lead = 0.0 if isnan(lead_acceleration) else -lead_acceleration
+        received = max(-at.acceleration, of_lead, 0.0)
         closing = max(at.closing, 0.0)
         relative = closing * closing / (2.0 * self._room(at, closing))
         begun = -self._last if closing > 0.0 else 0.0
@@ -290,7 +293,7 @@ class SpeedGuard:
         a little slower until the headway would be safe behind a car that it does not receive.
         """
         if at.by_sensor:
-            headway = max(self._setup.policy.headway, Fallback.fallback_headway)
+            headway = self._keeping.fallback_headway
             return acc_acceleration(self._setup, at.speed, at.ahead, headway)
         lead_speed, lead_acceleration = at.ahead.lead_speed, at.ahead.lead_acceleration
         if isnan(lead_speed):
@@ -332,7 +335,8 @@ class SpeedGuard:
         """Acceleration (m/s²) that stops behind a silent predecessor that stops as announced.
 
         It drives on as predicted until the announced instant, and stops with emergency braking from
-        then on; braking that it announced before is assumed to last. Both brakes build up alike.
+        then on. Braking that it announced before, if harder than a third of comfortable braking, is
+        assumed to last. Both brakes build up alike.
         """
         one = at.situation.predecessor
         free = (one.stops_at - one.measured_at) / SECOND
@@ -345,7 +349,7 @@ class SpeedGuard:
         emergency = self._settings.emergency
         its_stop = until.driven + stopping_distance(until.speed, until.acceleration, emergency)
         left = at.received - one.predicted().driven + its_stop - ANNOUNCED_MARGIN
-        left -= at.speed * (self._lag + 0.04)
+        left -= at.speed * (self._lag + ANNOUNCED_DELAY)
         return -min(needed_deceleration(at.speed, max(left, LEAST_LEFT)), at.hardest)
 
     def _path_end(self, at: _Instant) -> float:
@@ -380,11 +384,11 @@ class SpeedGuard:
         return max((limit - speed) / LIMIT_TIME, -self._comfort)
 
     def _catch_up(self, at: _Instant) -> float:
-        """Acceleration (m/s²) towards the largest speed, a ratio of the lead's.
+        """Acceleration (m/s²) towards the largest speed, a multiple of the reference speed.
 
-        That of a lead that slows down falls gradually, so that a swinging lead does not limit it.
-        Without the lead it is the predecessor's. Cars behind a lead that already slows down for
-        the next corner may drive as fast as the vehicle ahead.
+        The reference is the lead's speed, at first the predecessor's if the lead is unknown. It
+        falls gradually, so that a swinging lead does not limit the car. While the lead is slow in
+        the next bend, a car may drive as fast as the one ahead.
         """
         known = at.ahead.lead_speed
         if at.situation.lead.status not in RELIED_ON or isnan(known):

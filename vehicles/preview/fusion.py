@@ -27,10 +27,10 @@ class SourceFusion(Protocol):
 
         `sources` are the lateral ones of [information_flow] that are received, from front to back.
         Each has its `place` (0 the lead, k the k-th vehicle ahead, 1 the predecessor), its `weight`
-        (by `control.alpha_ratio`, unless a source is on probation) and its `window`: the received
-        positions around the car in order of travel, as arrays `east`, `north` and `station` (m,
-        along the path, from the car). `fit_composite` of `vehicles.preview.trajectory` returns a
-        fit.
+        (by `control.alpha_ratio`, less while a source is late or has just returned) and its
+        `window`: the received positions around the car in order of travel, as arrays `east`,
+        `north` and `station` (m, along the path, from the car). `fit_composite` of
+        `vehicles.preview.trajectory` returns a fit.
         """
         ...
 

@@ -160,7 +160,7 @@ class InformationFlowTable(Table):
     directly ahead and behind), "all_ahead", "all", a list of vehicles, or a table such as
     { ahead = 2 }. A follower receives the vehicles of both keys, and no others.
     [vehicle.NAME.information_flow] has the same keys for one vehicle. With reaction "degrade" a
-    follower must receive its predecessor, to which it keeps the safe distance.
+    follower must receive its predecessor, for which it brakes.
 
     lateral       vehicles ahead, through whose poses it steers
     longitudinal  vehicles that its longitudinal controller uses. "consensus" uses any; the others

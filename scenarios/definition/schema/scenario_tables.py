@@ -220,7 +220,7 @@ class GainsTable(Table):
 class DegradationTable(SettingsTable[DegradationSettings]):
     """Reaction to missing data: thresholds of degradation, and levels of braking.
 
-    The shortest silence of a lost source follows openpilot, the gates follow PX4's EKF2.
+    The shortest silence of a lost source follows openpilot, the gate follows PX4's EKF2.
     Comfortable braking is the upper end of what passengers accept (Hoberock, 1977), emergency
     braking is hard braking on a dry road, as in [speed.gap].
     """

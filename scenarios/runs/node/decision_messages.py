@@ -7,11 +7,8 @@ from vehicles.preview.trajectory import Fit
 
 def tracking_message(decision: Decision, vehicle: str, seq: int, now: int) -> Tracking:
     """Message of the errors and the state of the sources (Sections III-A and III-B)."""
-    situation, lead, ahead = (
-        decision.situation,
-        decision.situation.lead,
-        decision.situation.predecessor,
-    )
+    situation = decision.situation
+    lead, ahead = situation.lead, situation.predecessor
     rest = situation.others.values()
     others = ", ".join([f"{name} {one.status}" for name, one in situation.others.items()])
     return Tracking(

@@ -133,7 +133,7 @@ class DriverBuilder:
     def _source(self, sender: str, policy: SpacingPolicy | None, remarks: list[str]) -> Source:
         """A source at its place: 0 of the lead, k of the k-th vehicle ahead, -k behind.
 
-        Baseline reactions do not judge poses. Bends do not limit the speed without friction.
+        Baselines only refuse impossible jumps. Bends limit the speed if friction is limited.
         """
         scenario, degradation = self._scenario, self._setup.degradation
         other, bends = scenario.vehicle(sender), None
@@ -248,7 +248,7 @@ class DriverBuilder:
         )
 
     def _policies(self) -> dict[str, SpacingPolicy]:
-        """Spacings that the follower keeps to its sources ahead: the sums of those between."""
+        """Spacing to each vehicle ahead: the sum of those that the vehicles in between keep."""
         place, policies = self._setup.place, dict[str, SpacingPolicy]()
         standstill = headway = 0.0
         for ahead in range(place, 0, -1):

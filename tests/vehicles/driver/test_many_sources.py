@@ -76,3 +76,12 @@ def test_without_the_predecessor_it_steers_along_the_others_and_falls_back() -> 
     # It does not receive its predecessor: it falls back a little, as the lead drives on.
     assert situation.state == "alone"
     assert SPEED - 1.0 < steps[-1].body.speed < SPEED - 0.2
+
+
+def test_it_stops_within_the_known_path_of_the_lead_if_the_predecessor_was_never_received() -> None:
+    sender = Received("v1", BEND, AT + 2 * SPACING, SPEED, ((0.0, CUT_AT),))
+    driver = follower(degradation=SETTINGS)
+    steps = drive(driver, on(BEND, AT, SPEED), 9.0, received_from(sender))
+    stopping = [step.decision for step in steps if step.decision.mode == "stop"]
+    assert all(decision.situation.known > 0.0 for decision in stopping)
+    assert min(decision.actuation.acceleration for decision in stopping) > -2.0

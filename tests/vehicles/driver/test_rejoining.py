@@ -1,6 +1,7 @@
 """The return to a path that has jumped, for a car that follows its return exactly."""
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -8,7 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.made.vehicles.exact_drives import START
+from tests.made.vehicles.exact_drives import START, drive, on, received_from
+from tests.made.vehicles.followers import STRAIGHT, follower, lead_of, predecessor_of
+from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.tracking import (
     FARTHEST,
     REJOINING_ANGLE,
@@ -16,6 +19,9 @@ from vehicles.driver.tracking import (
     Rejoining,
     TrackingErrors,
 )
+from vehicles.preview.curve_fit import FitSettings
+from vehicles.preview.fusion import CompositeFusion, SourceFusion, Trajectories
+from vehicles.preview.trajectory import SourceWindow
 from vehicles.schedule import SECOND
 
 TICK = SECOND // 50
@@ -103,3 +109,29 @@ def test_a_car_corrects_its_error_from_a_path_that_jumps_all_the_time() -> None:
         lateral += (0.2 - left.lateral) * TICK / SECOND
         largest = max(largest, abs(lateral))
     assert largest < 1.0
+
+
+class Jumping(SourceFusion):
+    """Composite trajectory that jumps by 1 m to the left, and is two equal ones soon after."""
+
+    separate, calls = False, 0
+
+    def fuse(self, sources: Sequence[SourceWindow], settings: FitSettings) -> Trajectories:
+        self.calls += 1
+        if self.calls > 40:
+            moved = [one.window._replace(north=one.window.north + 1.0) for one in sources]
+            sources = [one._replace(window=to) for one, to in zip(sources, moved, strict=True)]
+        along = CompositeFusion().fuse(sources, settings)
+        return [(0.5, fit) for _, fit in along] * 2 if self.calls > 43 else along
+
+
+def test_a_return_ends_also_along_several_trajectories() -> None:
+    driver = follower(degradation=DegradationSettings())
+    driver.fusion = Jumping()
+    received = received_from(lead_of(STRAIGHT), predecessor_of(STRAIGHT))
+    steps = drive(driver, on(STRAIGHT, 0.0, 10.0), 9.0, received)
+    assert any(step.decision.situation.hazard for step in steps)
+    assert not steps[-1].decision.situation.hazard
+    assert steps[-1].decision.situation.speed_limit == math.inf
+    assert steps[-1].body.north == pytest.approx(1.0, abs=0.05)
+    assert max(abs(step.body.yaw_rate) * 10.0 for step in steps) < 2.5

@@ -88,7 +88,7 @@ def test_blind_metres_are_those_beyond_the_known_path(
     assert found == pytest.approx(max(driven - known, 0.0), abs=1e-6 * len(drive))
 
 
-@pytest.mark.parametrize("mode", ["lead", "stop", "creep"])
+@pytest.mark.parametrize("mode", ["lead", "stop"])
 def test_blind_distance_is_predicted_when_it_begins(mode: str) -> None:
     blind = {"known_m": -1.0, "mode": mode, "blind_m": 7.0}
     rows = states((5, {"known_m": 1.0}), (5, blind))

@@ -1,6 +1,6 @@
 """The lead keeps its distance from the last member of its convoy, ahead on a lap."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, pi
 
 import pytest
@@ -11,6 +11,7 @@ from vehicles.driver.controller import GapLimits, SpacingPolicy
 from vehicles.driver.convoy import ConvoyAhead, MemberTrack
 from vehicles.driver.settings import DegradationSettings
 from vehicles.geometry.sampled_path import SampledPath, Segment, path_from_segments
+from vehicles.messages import Announcement
 from vehicles.received_pose import ReceivedPose
 from vehicles.schedule import SECOND
 
@@ -86,3 +87,16 @@ def test_it_stops_comfortably_behind_a_car_that_was_last_received_standing(speed
     assert 1.9 < gap < 2.5
     assert braking < 2.5
     assert "silent for" in convoy.ahead.reason
+
+
+def test_the_last_car_is_predicted_by_its_own_drive_lag() -> None:
+    limits, station = list[float](), 20.0 + LAP - REAR - FRONT - 3.0
+    for lag in (0.0, 1.0):
+        convoy = Convoy(20.0)
+        convoy.last.car = replace(CAR, drive_lag=lag)
+        braking = Announcement(acceleration_mps2=-4.0)
+        place = CIRCLE.at(20.0)
+        pose = received(1, place.east, place.north, place.yaw, 5.0, announced=braking)
+        convoy.last.receive(pose)
+        limits.append(convoy.acceleration(SECOND // 4, station, 5.0))
+    assert limits[0] < limits[1] - 0.3

@@ -15,7 +15,7 @@ from tests.made.vehicles.exact_drives import GNSS_HZ, START
 from vehicles.driver.own_state import Pose
 from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.source import Reception, Source
-from vehicles.messages import SourceStatus
+from vehicles.messages import Announcement, SourceStatus
 from vehicles.schedule import SECOND, instant
 
 TICK = SECOND // 50
@@ -135,6 +135,15 @@ def test_a_source_is_lost_after_a_silence_that_its_losses_do_not_explain(
     longest = max(1.5, usual)
     assert reception.lost_after == pytest.approx(min(max(expected, usual), longest), rel=0.25)
     assert reception.share(0.0) == pytest.approx(1.0 - loss, abs=0.08)
+
+
+def test_an_overtaken_message_does_not_take_a_source_off_its_path() -> None:
+    source, hazard = Source("v1", 0.05, DEGRADE), Announcement(hazard=True)
+    source.may_leave_path = True
+    on_path = [received(START + seq * SECOND // 20, float(seq), 0.0, seq=seq) for seq in (0, 1, 3)]
+    for pose in (*on_path, received(START + SECOND // 10, 2.0, 0.0, seq=2, announced=hazard)):
+        source.receive(pose)
+    assert not source.has_left_path
 
 
 def test_bursts_prolong_the_silence_and_a_cut_does_not() -> None:

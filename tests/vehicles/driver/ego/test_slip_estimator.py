@@ -45,15 +45,15 @@ def driven(
 def test_the_load_is_estimated_with_exact_sensors(ratio: float, speed: float) -> None:
     estimator = driven(with_load(LINCOLN_MKZ, ratio), speed=speed)
     assert estimator.ratio == pytest.approx(ratio, abs=0.04)
-    assert estimator.deviation < 0.05
+    assert math.sqrt(estimator.variance) < 0.05
 
 
 def test_the_stated_deviation_is_right_with_noise_and_a_biased_gyroscope() -> None:
     off = []
     for seed in range(12):
         estimator = driven(FULL, noise=0.00175, bias=0.001, seed=seed)
-        off.append((estimator.ratio - FULL_RATIO) / estimator.deviation)
-        assert 0.005 < estimator.deviation < 0.1
+        off.append((estimator.ratio - FULL_RATIO) / math.sqrt(estimator.variance))
+        assert 0.005 < math.sqrt(estimator.variance) < 0.1
     assert max(map(abs, off)) < 4.0
     assert np.sqrt(np.mean(np.square(off))) < 2.0
 
@@ -64,7 +64,7 @@ def test_a_straight_road_gives_no_information() -> None:
         estimator.move(TICK, 30.0, 0.0)
         estimator.correct(0.001 + 0.00175 * random.standard_normal(), 30.0)
     assert estimator.ratio == 1.0
-    assert estimator.deviation >= PRIOR
+    assert math.sqrt(estimator.variance) >= PRIOR
 
 
 def test_left_and_right_are_symmetric() -> None:

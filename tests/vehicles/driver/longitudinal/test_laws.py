@@ -38,7 +38,13 @@ from vehicles.driver.longitudinal_laws import (
     Ploeg,
     PloegSettings,
 )
+from vehicles.driver.own_state import Pose
+from vehicles.driver.settings import DegradationSettings
+from vehicles.driver.situation import Situation
+from vehicles.driver.speed import GapKeeping
+from vehicles.driver.speed_guard import SpeedGuard
 from vehicles.messages import SourceStatus
+from vehicles.schedule import SECOND
 
 Floats = NDArray[np.float64]
 Lead = Callable[[float], tuple[float, float]]
@@ -245,10 +251,12 @@ def test_speed_variations_grow_along_the_string_only_without_string_stability(
     assert bool(np.all(sizes[2:] <= sizes[1:-1] * 1.001)) == stable
 
 
+@pytest.mark.parametrize("fallback", [1.2, 2.0])
 @pytest.mark.parametrize("law", [law for law in LAWS if law != "acc"])
-def test_laws_with_radio_data_fall_back_to_acc(law: str) -> None:
-    """With old data of the predecessor the command is that of ACC at a headway of 1.2 s."""
+def test_laws_with_radio_data_fall_back_to_acc(law: str, fallback: float) -> None:
+    """With old data of the predecessor the command is that of ACC, also of a car that degrades."""
     built, settings, standstill, headway = LAWS[law]
+    settings = replace(settings, fallback_headway=fallback)
     policy = SpacingPolicy(standstill + LENGTH, headway)
     setup = LongitudinalSetup(policy, GapLimits(), LENGTH, lead="v1", predecessor="v2")
     controller = built(setup, settings)
@@ -259,10 +267,14 @@ def test_laws_with_radio_data_fall_back_to_acc(law: str) -> None:
         lead_acceleration=0.0,
         sources={"v2": SourceState("lost", 0.6, speed=24.0, spacing=40.0)},
         measured_gap=30.0,
-        measured_gap_rate=-2.0,
+        measured_gap_rate=-0.2,
     )
-    wanted = -(2.0 + 0.1 * (standstill + 1.2 * 25.0 - 30.0)) / 1.2
+    wanted = -(0.2 + 0.1 * (standstill + fallback * 25.0 - 30.0)) / fallback
     assert controller.acceleration(25.0, ahead) == pytest.approx(wanted, abs=1e-12)
+    guard = SpeedGuard(GapKeeping(setup, controller), DegradationSettings(), setup)
+    own, situation = Pose(0.0, 0.0, 0.0, 25.0, 0.0), Situation(state="alone")
+    commands = [guard.command(now, own, replace(ahead), situation) for now in (1, SECOND)]
+    assert commands[-1].acceleration == pytest.approx(wanted, abs=1e-12)
 
 
 @pytest.mark.parametrize("law", ["cacc", "flatbed", "consensus"])
@@ -303,3 +315,16 @@ def test_a_law_with_a_time_gap_refuses_a_headway_of_zero() -> None:
         Acc(setup, AccSettings())
     with pytest.raises(ValueError, match="headway_s"):
         Ploeg(setup, PloegSettings())
+
+
+def test_a_change_of_speed_while_the_gap_sensor_sees_nothing_is_no_braking() -> None:
+    setup = LongitudinalSetup(SpacingPolicy(10.0 + LENGTH), GapLimits(), LENGTH)
+    guard, commands = SpeedGuard(GapKeeping(setup), DegradationSettings(), setup), list[float]()
+    for milliseconds, speed, gap in ((20, 25.0, 10.0), (40, 25.0, math.nan), (60, 22.0, 10.0)):
+        ahead = VehiclesAhead(
+            sources={"v2": SourceState()}, measured_gap=gap, measured_gap_rate=0.0 * gap
+        )
+        own, situation = Pose(0.0, 0.0, 0.0, speed, 0.0), Situation(state="follow")
+        command = guard.command(milliseconds * SECOND // 1000, own, ahead, situation)
+        commands.append(command.acceleration)
+    assert (commands[0], commands[2]) == (0.0, 0.0)

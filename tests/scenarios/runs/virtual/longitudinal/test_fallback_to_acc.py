@@ -8,7 +8,7 @@ suffices, for the lead of Plexe's braking scenario (8 m/s², lag 0.5 s) at the w
 
 The followers only extrapolate, so that the laws act alone. A cut does not end while the cars brake:
 PATH's CACC closes errors slowly (ω 0.2 rad/s), and its theory does not cover a return at a large
-difference in speed. With the reaction "degrade" the safe distance does.
+difference in speed. With the reaction "degrade" its guard does.
 """
 
 import math
