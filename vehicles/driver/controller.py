@@ -118,18 +118,19 @@ class SourceState:
     """State of one source at the last control instant; it is updated in place.
 
     `age` (s) is the time since the newest sample was measured, `silence` (s) since it was received,
-    `period` (s) the time between messages, `share` the received ratio of the last ten seconds. Its
-    path is known up to `known` (m) ahead of the car, negative if it ends behind. It is lost at
-    `lost_at` (ns) unless it is received again. `mode`, `hazard`, `acceleration` (m/s², commanded),
-    `achieved` (m/s²), `leaving` and `stops_at` (ns, 0 for never) are those announced last, or a
-    later `stops_at` relayed by the lead. Of the newest sample, `measured_at` (ns) is its instant,
-    `speed` (m/s) its speed and `spacing` (m) how far ahead of the car it is along the path,
-    negative behind. `lag` (s) is the assumed drive lag.
+    `usual_silence` (s) the longest recent one, `period` (s) the time between messages, `share` the
+    received ratio of the last ten seconds. Its path is known up to `known` (m) ahead of the car,
+    negative if it ends behind. It is lost at `lost_at` (ns) unless it is received again. `mode`,
+    `hazard`, `acceleration` (m/s², commanded), `achieved` (m/s²), `leaving` and `stops_at` (ns, 0
+    for never) are those announced last, or a later `stops_at` relayed by the lead. Of the newest
+    sample, `measured_at` (ns) is its instant, `speed` (m/s) its speed and `spacing` (m) how far
+    ahead of the car it is along the path, negative behind. `lag` (s) is the assumed drive lag.
     """
 
     status: SourceStatus = "unheard"
     age: float = nan
     silence: float = nan
+    usual_silence: float = 0.0
     period: float = nan
     share: float = nan
     known: float = nan
@@ -144,12 +145,16 @@ class SourceState:
     measured_at: int = 0
     spacing: float = nan
     lag: float = 0.0
-    is_silent: bool = False
 
     @property
     def is_overdue(self) -> bool:
         """Whether a message is missing."""
         return self.silence > OVERDUE_AFTER * self.period
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether messages are missing for longer than usual."""
+        return self.is_overdue and self.silence > self.usual_silence
 
     def predicted(self) -> PredictedMotion:
         """Motion predicted to now (see `predicted_motion`)."""

@@ -50,6 +50,7 @@ class Reception:
         self._settings = settings
         self.received_at: int | None = None
         self._measured_at = self._seq = 0
+        self.usual_silence = 0.0
         self._sent, self._lost, self._bursts = PRIOR_SENT, PRIOR_LOST, PRIOR_BURSTS
         self.lost_after = self._improbable_silence()
 
@@ -63,6 +64,7 @@ class Reception:
                 self._lost -= 1.0
             return False
         span, numbers = (measured_at - self._measured_at) / SECOND, seq - self._seq
+        silence = (now - self.received_at) / SECOND
         self.received_at, self._measured_at, self._seq = now, measured_at, seq
         if numbers <= 0:  # the sender has restarted
             return True
@@ -70,6 +72,7 @@ class Reception:
         missed = numbers - 1
         if missed * self.period <= self.lost_after:  # a cut is no usual loss
             kept = max(1.0 - span / LOSS_MEMORY, 0.0)
+            self.usual_silence = max(kept * self.usual_silence, silence)
             self._sent = kept * self._sent + missed + 1.0
             self._lost = kept * self._lost + missed
             self._bursts = kept * self._bursts + (missed > 0)
@@ -101,7 +104,6 @@ class Reception:
 # ---- Source
 
 
-SILENT_SHARE: Final = 0.5  # Share of the silence of a lost source from which a stop may begin
 LATE_PERIODS: Final = 3.0  # Periods without a message after which a source is late
 MIN_SAMPLES: Final = 3  # Fewer samples of a source determine no trajectory
 CURVATURE_MEMORY: Final = 300.0
@@ -266,7 +268,7 @@ class Source:
         state.age = (now - newest.measured_at) / SECOND
         state.measured_at, state.speed = newest.measured_at, max(newest.speed, 0.0)
         state.period, state.share = reception.period, reception.share(silence)
-        state.is_silent = silence > SILENT_SHARE * reception.lost_after
+        state.usual_silence = reception.usual_silence
         self._update_status(now, silence)
         if self.weight == 1.0 and state.status in ("fresh", "probation"):  # the usual case
             self._known_at_full_weight = 0.0

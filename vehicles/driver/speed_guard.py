@@ -340,10 +340,10 @@ class SpeedGuard:
         """
         one = at.situation.predecessor
         free = (one.stops_at - one.measured_at) / SECOND
-        if at.by_sensor or not one.is_silent or isnan(at.received):
-            return inf  # its braking would be measured or received
-        if not 0 < one.stops_at <= at.now:
+        if at.by_sensor or not 0 < one.stops_at <= at.now or isnan(at.received):
             return inf
+        if not one.is_silent and not 0.0 < free <= one.period:
+            return inf  # its braking would be received
         lasting, span = -self._comfort / 3.0, max(free, 0.0)
         until = predicted_motion(one.speed, one.achieved, one.acceleration, span, one.lag, lasting)
         emergency = self._settings.emergency

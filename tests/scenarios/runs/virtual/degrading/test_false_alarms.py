@@ -58,10 +58,10 @@ def test_the_number_of_alarms_follows_the_law_of_the_link(case: int) -> None:
 
 def test_delays_in_order_are_no_stop_of_a_predecessor() -> None:
     """Delays of 0 to 300 ms without losses: each car hears late of the stops announced ahead."""
-    straight = "path={kind='segments', segments=[{length_m=800.0}]}"
+    straight = "path={kind='segments', segments=[{length_m=800.0}]}", "convoy.gap_m=13.0"
     law = "speed.set_mps=20", "speed.followers='gap'", "control.longitudinal='cacc'"
     delay = "links.delay={kind='uniform', delay_ms_max=300, order='in_order'}"
-    sets = [straight, *law, delay, "convoy.vehicles=4", "duration_s=15"]
+    sets = [*straight, *law, delay, "convoy.vehicles=4", "duration_s=15"]
     result = run_unlogged(load_scenario("lane_change", sets))
     for car in result.vehicles[1:]:
         assert car.true_gap_m_min is not None
