@@ -386,12 +386,12 @@ class SpeedGuard:
     def _catch_up(self, at: _Instant) -> float:
         """Acceleration (m/s²) towards the largest speed, a multiple of the reference speed.
 
-        The reference is the lead's speed, at first the predecessor's if the lead is unknown. It
-        falls gradually, so that a swinging lead does not limit the car.
+        The reference is the lead's speed, or the predecessor's if the lead's is unknown. It falls
+        gradually, so that a swinging lead does not limit the car.
         """
         known = at.ahead.lead_speed
         if at.situation.lead.status not in RELIED_ON or isnan(known):
-            known = nan if isfinite(self._reference) else at.ahead.predecessor_speed
+            known = at.its_speed
         if isnan(self._reference):
             self._reference = known
         elif not isnan(known):
