@@ -13,7 +13,6 @@ from typing import Final
 from vehicles.car.tyres import GRAVITY
 from vehicles.driver.controller import (
     LASTING,
-    RELIED_ON,
     LongitudinalSetup,
     VehiclesAhead,
     predicted_motion,
@@ -386,13 +385,13 @@ class SpeedGuard:
     def _catch_up(self, at: _Instant) -> float:
         """Acceleration (m/s²) towards the largest speed, a multiple of the reference speed.
 
-        The reference is the lead's speed, at first the predecessor's if the lead is unknown. It
-        falls gradually, so that a swinging lead does not limit the car. While the lead is slow in
-        the next bend, a car may drive as fast as the one ahead.
+        The reference is the lead's speed, or the predecessor's without a lead; it stays while the
+        lead is lost. It falls gradually, so that a swinging lead does not limit the car. A car may
+        always drive as fast as the one ahead, as while the lead is slow in the next bend.
         """
         known = at.ahead.lead_speed
-        if at.situation.lead.status not in RELIED_ON or isnan(known):
-            known = nan if isfinite(self._reference) else at.ahead.predecessor_speed
+        if isnan(known) and (isnan(self._reference) or at.situation.lead.status not in LOST):
+            known = at.its_speed
         if isnan(self._reference):
             self._reference = known
         elif not isnan(known):

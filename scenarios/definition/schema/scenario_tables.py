@@ -351,8 +351,8 @@ class SpeedTable(Table):
     friction_ratio_max             largest share of the friction that followers use in curves of the
                                    path that they have received, or inf; with followers = "same"
                                    they fall behind
-    catch_up_ratio                 largest speed of a follower that catches up, over the lead's;
-                                   with the reaction "degrade"
+    catch_up_ratio                 largest speed of a follower that catches up, over the lead's, or
+                                   the predecessor's without the lead; with the reaction "degrade"
     gap                            gap keeping
     """
 

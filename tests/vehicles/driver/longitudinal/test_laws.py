@@ -328,3 +328,18 @@ def test_a_change_of_speed_while_the_gap_sensor_sees_nothing_is_no_braking() -> 
         command = guard.command(milliseconds * SECOND // 1000, own, ahead, situation)
         commands.append(command.acceleration)
     assert (commands[0], commands[2]) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("status", ["unused", "lost"])
+def test_without_the_lead_a_car_follows_a_predecessor_that_accelerates(
+    status: SourceStatus,
+) -> None:
+    setup = LongitudinalSetup(SpacingPolicy(10.0 + LENGTH), GapLimits(), LENGTH)
+    guard, own = SpeedGuard(GapKeeping(setup), DegradationSettings(), setup), 10.0
+    for tick in range(1000):
+        speed = 10.0 + 0.02 * min(tick, 500)
+        ahead = VehiclesAhead(20.0 + LENGTH, speed, sources={"v2": SourceState()})
+        situation = Situation(SourceState(status), state="follow")
+        pose, now = Pose(0.0, 0.0, 0.0, own, 0.0), (tick + 1) * SECOND // 50
+        own += 0.02 * guard.command(now, pose, ahead, situation).acceleration
+    assert 20.0 < own < 1.1 * 20.0 + 0.1
