@@ -30,8 +30,7 @@ MAX_ADDED: Final = 3.5  # Largest error of a fix, in its standard deviations as 
 MAX_OFFSET_SLOPE: Final = 0.2  # Offset per metre driven: a heading error of 11 degrees
 DEVIATIONS: Final = 7.0  # Further change, in deviations: 5 of the difference of two fixes
 SPACING: Final = 0.2  # Least distance (m) between stored offsets, as between samples
-CAPACITY: Final = 4096
-DROPPED_AT_ONCE: Final = 1024  # Offsets stored at most, and oldest dropped at once
+CAPACITY, DROPPED_AT_ONCE = 4096, 1024  # Offsets stored at most, and oldest dropped at once
 
 
 class IntendedPath:

@@ -23,9 +23,7 @@ from vehicles.schedule import SECOND
 
 
 LOSS_MEMORY: Final = 10.0  # Averaging time (s) of the losses
-PRIOR_SENT: Final = 6.0
-PRIOR_LOST: Final = 0.5
-PRIOR_BURSTS: Final = 0.35
+PRIOR_SENT, PRIOR_LOST, PRIOR_BURSTS = 6.0, 0.5, 0.35
 """Messages assumed before the first one: half of one in six is lost, as a burst of its own."""
 LEAST_BURST: Final = 2.0  # Lost messages from which bursts are taken into account
 IMPROBABLE: Final = 1e-6
@@ -35,7 +33,7 @@ PERIOD_WEIGHT: Final = 0.25  # Weight of a new message in the period
 
 
 class Reception:
-    """Period and losses of the messages of one source, by their sequence numbers.
+    """Period, losses and `usual_silence` (s) of the messages of a source, by sequence numbers.
 
     `lost_after` (s) is the silence that is improbable under the usual losses: n missing messages
     have the probability Π (l + k) / (s + k), k < n, after l of s were lost, which accounts for the

@@ -39,9 +39,7 @@ ANNOUNCED_MARGIN: Final = 1.5  # Gap (m) that remains behind a predecessor that 
 ANNOUNCED_DELAY: Final = 0.04  # Delay (s) of that stop beyond the drive lag: two control periods
 RELEASE_JERK: Final = 5.0  # Jerk (m/s³) at which an override lets the acceleration grow again
 LIMIT_TIME: Final = 0.5  # Time constant (s) with which a car slows to a speed limit
-LEAD_ONLY_SHARE: Final = 0.92
-LEAD_ONLY_HEADWAY: Final = 1.5
-LEAD_ONLY_ACCELERATION: Final = 0.5
+LEAD_ONLY_SHARE, LEAD_ONLY_HEADWAY, LEAD_ONLY_ACCELERATION = 0.92, 1.5, 0.5
 """A car that receives the lead, but not its predecessor, drives at this share of the lead's speed
 up to this headway (s), with at most this acceleration (m/s²) beyond the lead's."""
 SENSOR_FILTER: Final = 0.3  # Time constant (s) of the predecessor's acceleration by the gap sensor
@@ -59,13 +57,10 @@ OLD_AFTER: Final = 2.5  # Periods after which the gap sensor replaces the predec
 JOINT_AGE: Final = 0.1  # The lead's pose may be this (s) older than the predecessor's
 FAR: Final = 5.0  # Gap error (m) from which a car is catching up
 LEAST_CLOSING: Final = 0.2  # Closing speed (m/s) from which a contact is expected
-LEAST_ROOM: Final = 0.3
-LEAST_LEFT: Final = 0.05
+LEAST_ROOM, LEAST_LEFT = 0.3, 0.05
 """Distances (m) that bound the braking of a car that has none left."""
 BARRIER_TIME: Final = 0.3  # Time constant (s) with which a law that creeps closer is limited
-OFF_PLACE: Final = 0.5
-IN_PLACE: Final = 0.2
-IN_PACE: Final = 0.3
+OFF_PLACE, IN_PLACE, IN_PACE = 0.5, 0.2, 0.3
 """Spacing errors (m) at which a car leaves the common speed and resumes it, and the difference of
 speed (m/s) at which it resumes it."""
 

@@ -103,8 +103,7 @@ class SlipCompensated:
     On straights the law equals the paper's; the poles of the closed loop are the same everywhere.
     """
 
-    HOLD = 0.01
-    """Mean age of a command (s): half a control period at 50 Hz."""
+    HOLD = 0.01  # Mean age of a command (s): half a control period at 50 Hz
 
     def __init__(self, parameters: VehicleParameters, gains: Gains = NOMINAL_GAINS) -> None:
         self._gains = gains
@@ -196,8 +195,7 @@ class PurePursuit:
     on the path. Tyre slip, yaw rate and the paper's gains are ignored.
     """
 
-    STEPS = 16
-    """Parts of the path up to the goal, each of constant curvature."""
+    STEPS = 16  # Parts of the path up to the goal, each of constant curvature
 
     @dataclass(frozen=True, slots=True)
     class Settings:

@@ -23,8 +23,7 @@ SHORTEST_RETURN = 10.0  # Shortest return to a path (m)
 SLOWEST_RETURN = 8.0  # Speed (m/s) for which slower cars plan, as they accelerate
 JUMP = 0.3  # A change of the lateral error by more than this (m) within a tick is a new path
 MOST_PLANS = 3  # A return is planned again up to three times; more jumps are noise
-FAR = 1.75  # More than this (m) beside a path, half a lane, a car is slow
-SLOW = 3.0  # Largest speed (m/s) there
+FAR, SLOW = 1.75, 3.0  # Half a lane (m) beside a path, beyond which a car is slow (m/s)
 FARTHEST = 10.0  # A car more than this (m) beside a path stops instead
 STEEPEST = 1.0  # So does a car whose heading differs by more than this (rad)
 
