@@ -149,7 +149,7 @@ class ArcSpline:
                 begin += piece.length
                 station -= piece.length
                 piece, *later = later
-            within = min(max(station, 0.0), piece.length)
+            within = min(max(station, 0.0), piece.length) if piece.rate else 0.0
             curvatures.append(piece.curvature + piece.rate * within)
         return curvatures
 
