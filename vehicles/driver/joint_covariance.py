@@ -34,7 +34,7 @@ FIRST_ERROR: Final = 6  # Index of the first lasting error; each has two states,
 MEASURED: Final = 5  # Number of measured states of a fix, which are the first ones
 
 GATE: Final = 6.0  # Innovations beyond this number of standard deviations are outliers
-IGNORED: Final = 1e12  # Variance of a measurement that is not used
+STEP: Final = 0.1  # Time (s) of dead reckoning after which the covariance is predicted
 
 
 class JointCovariance:
@@ -60,18 +60,17 @@ class JointCovariance:
         self._errors: FloatArray = np.zeros(size)  # estimated; only lasting ones are kept
         self._transition: FloatArray = np.eye(size)
         self._noise: FloatArray = np.zeros((size, size))
-        self._rows: dict[FixState, FloatArray] = {}
-        for state in stated.white:  # from the states to the values of a fix, and the states
-            measured = np.eye(MEASURED, size)
-            for axis in (EAST, NORTH):
-                measured[axis, self._active(axis, state)] = 1.0
-            self._rows[state] = np.concatenate((measured, np.eye(size)))
+        self._columns = {
+            state: [self._active(measured, state) for measured in range(MEASURED)]
+            for state in stated.white
+        }
+        self._since, self._yaw = np.zeros(4), 0.0
         self._state: FixState | None = None
         self._fixed_at = 0
 
     def _active(self, axis: int, state: FixState) -> list[int]:
-        """Columns of the states that add up to a measured coordinate."""
-        columns = enumerate(self._stated.lasting, FIRST_ERROR // 2)
+        """Columns of the states that add up to a measured value, a coordinate or another."""
+        columns = enumerate(self._stated.lasting if axis <= NORTH else (), FIRST_ERROR // 2)
         return [axis, *(2 * index + axis for index, error in columns if state in error.states)]
 
     def start(self, position: float, heading: float, state: FixState | None, at: int) -> None:
@@ -83,6 +82,7 @@ class JointCovariance:
         variances = self.values.diagonal().copy()
         variances[:SPEED_BIAS] = position, position, heading
         self.values = p = np.diag(variances)
+        self._since[:] = 0.0
         for index, error in enumerate(self._stated.lasting):
             self._restart(index, error.deviation)
         self._state, self._fixed_at = state, at
@@ -97,9 +97,17 @@ class JointCovariance:
         """Predict over `span` (s) of dead reckoning, a displacement (m) from the direction `yaw`.
 
         `load_effect` (m) is the lateral displacement per relative error of the load. A change of
-        heading has no effect within the step.
+        heading has no effect within the step. Steps are collected for `STEP` (s), or up to a fix.
         """
-        f, q, cos, sin = self._transition, self._noise, math.cos(yaw), math.sin(yaw)
+        self._since += span, east, north, load_effect
+        self._yaw = yaw
+        if self._since[0] >= STEP:
+            self._predict()
+
+    def _predict(self) -> None:
+        span, east, north, load_effect = self._since.tolist()
+        self._since[:] = 0.0
+        f, q, cos, sin = self._transition, self._noise, math.cos(self._yaw), math.sin(self._yaw)
         f[EAST, HEADING], f[NORTH, HEADING] = -north, east
         f[EAST, SPEED_BIAS], f[NORTH, SPEED_BIAS] = -cos * span, -sin * span
         f[EAST, LOAD], f[NORTH, LOAD] = -sin * load_effect, cos * load_effect
@@ -114,10 +122,12 @@ class JointCovariance:
             f[2 * index, 2 * index] = f[2 * index + 1, 2 * index + 1] = error.kept(span)
             q[2 * index, 2 * index] = q[2 * index + 1, 2 * index + 1] = error.growth(span)
         self._errors *= f.diagonal()
-        self.values = _transformed(f, self.values) + q
+        self.values = np.einsum("ij,kj->ik", np.einsum("ij,jk->ik", f, self.values), f) + q
 
     def enter(self, state: FixState, at: int) -> None:
-        """Restart the errors that a fix in this state at `at` (ns) restarts."""
+        """Predict to a fix in this state at `at` (ns), and restart the errors that it restarts."""
+        if self._since[0] > 0.0:
+            self._predict()
         entered = state != self._state or at - self._fixed_at > 1.5 * self._stated.period
         for index, error in enumerate(self._stated.lasting):
             if entered and state in error.states and error.entry_deviation is not None:
@@ -137,11 +147,7 @@ class JointCovariance:
         return max(rest, self._stated.white[fix.state])
 
     def correct(
-        self,
-        state: FixState,
-        off: Sequence[float],
-        noise: Sequence[float],
-        free: tuple[float, float],
+        self, state: FixState, off: Sequence[float], noise: Sequence[float], free: Sequence[float]
     ) -> list[float] | None:
         """Correct by a fix that is `off` the estimate in the first five states.
 
@@ -149,27 +155,27 @@ class JointCovariance:
         the gate; otherwise it is an outlier, and None is returned. Returns the corrections of the
         first five states.
         """
-        rows, load = self._rows[state], self.values[LOAD, LOAD]
-        joint = np.zeros((len(rows), len(rows) + 1))  # of fix and states, and their innovations
-        joint[:, :-1] = _transformed(rows, self.values)
-        joint[:MEASURED, -1] = off - np.einsum("ij,j->i", rows[:MEASURED], self._errors)
-        joint[range(MEASURED), range(MEASURED)] += noise
-        east, north, heading, speed, gyro = joint.diagonal()[:MEASURED].tolist()
-        away, turned = math.hypot(*joint[:HEADING, -1].tolist()), abs(off[HEADING]) - free[1]
+        columns, p, load = self._columns[state], self.values, self.values[LOAD, LOAD]
+        measured = list(zip(off, columns, noise, strict=True))
+        left = [value - sum([self._errors[k] for k in own]) for value, own, _ in measured]
+        east, north, heading, *biases = [
+            sum([p[k, j] for k in own for j in own]) + variance for _, own, variance in measured
+        ]
+        away, turned = math.hypot(left[EAST], left[NORTH]), abs(off[HEADING]) - free[1]
         if away > free[0] + GATE * math.sqrt(east + north) or turned > GATE * math.sqrt(heading):
             return None
-        for column, variance in ((SPEED_BIAS, speed), (GYRO_BIAS, gyro)):
-            if off[column] ** 2 > GATE**2 * variance:
-                joint[column, column] = IGNORED
-        for pivot in range(MEASURED):  # Gaussian elimination leaves what the fix does not explain
-            rest = joint[pivot + 1 :]
-            rest -= rest[:, pivot : pivot + 1] * (joint[pivot] / joint[pivot, pivot])
-        p = joint[MEASURED:, MEASURED:-1]
-        self.values = 0.5 * (p + p.T)  # otherwise errors of rounding grow
-        self.values[LOAD, LOAD] = load
-        self._errors -= joint[MEASURED:, -1]
-        corrections: list[float] = self._errors[:MEASURED].tolist()
+        change = np.zeros(len(p))
+        for index, (_, own, variance) in enumerate(measured):  # one after the other
+            if index >= SPEED_BIAS and off[index] ** 2 > GATE**2 * biases[index - SPEED_BIAS]:
+                continue
+            gain = sum([p[k] for k in own], np.zeros(len(p)))
+            total = sum([gain[k] for k in own]) + variance
+            change += gain * ((left[index] - sum([change[k] for k in own])) / total)
+            p -= gain[:, None] * gain / total
+        p[LOAD, LOAD] = load  # considered, not estimated
+        self._errors += change
         self._errors[:FIRST_ERROR] = 0.0
+        corrections: list[float] = change[:MEASURED].tolist()
         return corrections
 
     def deviation(self, direction: float) -> float:
@@ -178,9 +184,3 @@ class JointCovariance:
         square = cos * cos * p[EAST, EAST] + sin * sin * p[NORTH, NORTH]
         square += 2.0 * cos * sin * p[EAST, NORTH] + self._stated.common_variance
         return math.sqrt(max(square, 0.0))
-
-
-def _transformed(by: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Covariance of linear combinations, the rows of `by`, without a linear-algebra library."""
-    half = np.einsum("ij,jk->ik", by, covariance)
-    return np.asarray(np.einsum("ij,jk->ik", half, by.T))
