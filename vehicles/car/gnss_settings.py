@@ -272,9 +272,6 @@ class StatedErrors:
     common_density: float
     period: int
 
-    def is_white(self, state: FixState) -> bool:
-        return not self.common_variance and not any(state in one.states for one in self.lasting)
-
 
 def stated_errors(settings: GnssSettings) -> StatedErrors:
     """Error model that a receiver with these settings states.

@@ -214,8 +214,8 @@ class PurePursuit:
         """δ = atan(2 (a+b) sin α / l_d), α being the goal's bearing from the rear axle (Coulter).
 
         The goal is where the look-ahead distance l_d from the rear axle ends, measured along the
-        path. The feedforward follows from the path's curvature beside the car, the feedback is the
-        rest.
+        path. The feedforward is the steering on the arc of the path's curvature; the feedback is
+        the difference.
         """
         car, settings, heading = self.parameters, self.settings, errors.heading
         least = settings.lookahead_wheelbases_min * car.wheelbase

@@ -146,7 +146,7 @@ class Rejoining:
     A steering law would react to the whole error at once. Therefore the error is measured from a
     Hermite cubic that leads from the car's position and heading to the path, long enough for a mild
     lateral acceleration and a small angle. The speed is limited to that for which the return is
-    planned, to a low one while the car is far beside the path, and to 0 where it cannot return.
+    planned, to SLOW while the car is far from the path, and to 0 where it cannot return.
     """
 
     def __init__(self, remarks: list[str], *, enabled: bool = True) -> None:

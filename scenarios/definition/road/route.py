@@ -53,17 +53,21 @@ def spacing_policy(tables: ScenarioTables, least: float) -> SpacingPolicy:
 def source_policies(tables: ScenarioTables, setup: VehicleSetup) -> dict[str, SpacingPolicy]:
     """Spacing of a follower to each longitudinal source, negative to those behind."""
     names, least = tables.convoy.vehicle_names, least_spacings(tables)
-    policies = {}
-    for name in setup.flow.longitudinal:
-        place = names.index(name)
-        first, last = sorted((place, setup.place))
-        between = [spacing_policy(tables, least[one]) for one in range(last, first, -1)]
-        sign = 1.0 if place < setup.place else -1.0
-        policies[name] = SpacingPolicy(
-            sign * sum([one.standstill for one in between]),
-            sign * sum([one.headway for one in between]),
-        )
-    return policies
+    kept = [spacing_policy(tables, spacing) for spacing in least]
+    return {
+        name: summed_spacing(kept, names.index(name), setup.place)
+        for name in setup.flow.longitudinal
+    }
+
+
+def summed_spacing(kept: Sequence[SpacingPolicy], place: int, own: int) -> SpacingPolicy:
+    """Sum the spacings `kept` by place from `own` to another `place`, negative to one behind."""
+    between = kept[max(place, own) : min(place, own) : -1]
+    sign = 1.0 if place < own else -1.0
+    return SpacingPolicy(
+        sign * sum([policy.standstill for policy in between]),
+        sign * sum([policy.headway for policy in between]),
+    )
 
 
 def gaps_at(tables: ScenarioTables, speed: float) -> tuple[float, ...]:

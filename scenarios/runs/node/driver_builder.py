@@ -1,9 +1,10 @@
 """Builds the driver of a vehicle: its software, or a human."""
 
 import math
+from collections.abc import Sequence
 
 from scenarios.definition.channel.build import usual_delay_ms
-from scenarios.definition.road.route import spacing_policy
+from scenarios.definition.road.route import spacing_policy, summed_spacing
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.plug_ins.point import InstantDraw
 from scenarios.definition.topology import relays_stops
@@ -119,9 +120,10 @@ class DriverBuilder:
         )
 
     def _sources(self, predecessor: str, remarks: list[str]) -> Sources:
-        setup, policies = self._setup, self._policies()
+        setup, scenario = self._setup, self._scenario
+        kept = [scenario.kept_spacing(place) for place in range(len(scenario.vehicle_names))]
         return Sources(
-            [self._source(sender, policies.get(sender), remarks) for sender in setup.senders],
+            [self._source(sender, kept, remarks) for sender in setup.senders],
             setup.degradation,
             lead=setup.lead,
             predecessor=predecessor,
@@ -130,7 +132,7 @@ class DriverBuilder:
             relay=setup.place - 2,
         )
 
-    def _source(self, sender: str, policy: SpacingPolicy | None, remarks: list[str]) -> Source:
+    def _source(self, sender: str, kept: Sequence[SpacingPolicy], remarks: list[str]) -> Source:
         """A source at its place: 0 of the lead, k of the k-th vehicle ahead, -k behind.
 
         Baselines only refuse impossible jumps. Bends limit the speed if friction is limited.
@@ -149,7 +151,7 @@ class DriverBuilder:
             delay=self._usual_delay(sender),
             lag=other.assumed_parameters.drive_lag,
             receiver=other.gnss if degradation.reaction == "degrade" else None,
-            policy=policy,
+            policy=summed_spacing(kept, other.place, self._setup.place),
             bends=bends,
             remarks=remarks,
         )
@@ -246,17 +248,6 @@ class DriverBuilder:
         return ProfileSpeed(
             self._route.plan.profile, start_at, 1.0 / self._scenario.control_rate_hz
         )
-
-    def _policies(self) -> dict[str, SpacingPolicy]:
-        """Spacing to each vehicle ahead: the sum of those that the vehicles in between keep."""
-        place, policies = self._setup.place, dict[str, SpacingPolicy]()
-        standstill = headway = 0.0
-        for ahead in range(place, 0, -1):
-            kept = self._scenario.kept_spacing(ahead)
-            standstill, headway = standstill + kept.standstill, headway + kept.headway
-            name = self._scenario.vehicle_names[ahead - 1]
-            policies[name] = SpacingPolicy(standstill, headway)
-        return policies
 
     def _members(self, now: int, body: Body) -> list[MemberTrack]:
         """Received followers from front to back, at the initial spacings behind `body`."""

@@ -57,7 +57,7 @@ def test_the_number_of_alarms_follows_the_law_of_the_link(case: int) -> None:
 
 
 def test_delays_in_order_are_no_stop_of_a_predecessor() -> None:
-    """Delays of 0 to 300 ms without losses: each car hears late of the stops announced ahead."""
+    """Delays of 0 to 300 ms without losses: announced stops are received late."""
     straight = "path={kind='segments', segments=[{length_m=800.0}]}", "convoy.gap_m=13.0"
     law = "speed.set_mps=20", "speed.followers='gap'", "control.longitudinal='cacc'"
     delay = "links.delay={kind='uniform', delay_ms_max=300, order='in_order'}"
