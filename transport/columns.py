@@ -1,8 +1,11 @@
 """Messages as columns: an array for each field, not an object for each message."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from functools import cache
+from itertools import chain
+from operator import attrgetter
+from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,3 +91,63 @@ def ranges(starts: Integers, counts: Integers, step: int) -> Integers:
     before = np.cumsum(counts) - counts
     number = np.arange(int(counts.sum())) - np.repeat(before, counts)
     return np.repeat(starts, counts) + step * number
+
+
+# ---- Tables of messages in memory
+
+
+_TYPES: Mapping[Any, type] = {float: np.float64, int: np.int64, bool: np.bool_}
+
+
+class FieldType(NamedTuple):
+    """Type of the values of a field in NumPy; `is_list`: several values in each message."""
+
+    kind: type
+    is_list: bool
+
+
+@cache
+def field_types(topic: str) -> Mapping[str, FieldType]:
+    """Types of the fields of the messages of a topic, without `vehicle`."""
+    types = {}
+    for name, hint in get_type_hints(TOPICS[topic].message).items():
+        is_list = get_origin(hint) is tuple
+        kind = _TYPES.get(get_args(hint)[0] if is_list else hint, object)
+        types[name] = FieldType(kind, is_list)
+    del types["vehicle"]
+    return types
+
+
+def columns_from(
+    topic: str, messages: Sequence[Any], logged_at_ns: Sequence[int], vehicle: str = ""
+) -> Columns:
+    """Columns of messages of one topic in memory, each recorded at its instant (ns)."""
+    fields: dict[str, Array] = {}
+    lists: dict[str, Lists] = {}
+    for name, (kind, is_list) in field_types(topic).items():
+        values = list(map(attrgetter(name), messages))
+        if is_list:
+            offsets = np.concatenate(([0], np.cumsum(list(map(len, values)), dtype=np.int64)))
+            lists[name] = Lists(offsets, np.array(list(chain.from_iterable(values)), kind))
+        else:
+            fields[name] = np.array(values, kind)
+    at_ns = np.array(logged_at_ns, np.int64)
+    return Columns(vehicle, topic, np.arange(len(at_ns)), at_ns, fields, lists)
+
+
+def joined(parts: Sequence[Columns]) -> Columns:
+    """Join columns of one topic and vehicle, one below the other."""
+    first, lists = parts[0], {}
+    if len(parts) == 1:
+        return first
+    for name in first.lists:
+        lengths = np.concatenate([np.diff(part.lists[name].offsets) for part in parts])
+        values = np.concatenate([part.lists[name].values for part in parts])
+        lists[name] = Lists(np.concatenate(([0], np.cumsum(lengths))), values)
+    return replace(
+        first,
+        order=np.concatenate([part.order for part in parts]),
+        logged_at_ns=np.concatenate([part.logged_at_ns for part in parts]),
+        fields={name: np.concatenate([part[name] for part in parts]) for name in first.fields},
+        lists=lists,
+    )

@@ -1,0 +1,155 @@
+"""The messages of a run as tables: a NumPy array per field, for each vehicle and topic.
+
+Every metric is a function of these tables and the scenario, whether they come from a log or from a
+virtual run in memory.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.definition.scenario import Scenario
+from transport.columns import Columns, Integers, columns_from, joined
+from transport.topics import RUN_SENDER, TOPIC_OF, TOPICS
+from vehicles.messages import (
+    Change,
+    Command,
+    GpsPose,
+    Health,
+    LinkVerdict,
+    LogText,
+    Message,
+    RunStart,
+    Tracking,
+    TruePose,
+)
+from vehicles.schedule import SECOND
+
+Tables = Mapping[tuple[str, str], Columns]
+"""Messages by (vehicle, topic)."""
+KINDS: frozenset[type[Message]] = frozenset(
+    {Change, Command, GpsPose, Health, LinkVerdict, LogText, RunStart, Tracking, TruePose}
+)
+"""Messages of which metrics are made; trajectories are only drawn."""
+CONVERTED_EVERY = 4000
+"""Messages that are converted at once, while they are in the processor's cache."""
+
+
+@dataclass(frozen=True)
+class RunTables:
+    """Messages of a run of `ran_ns`; a vehicle or a topic without messages has an empty table."""
+
+    scenario: Scenario
+    tables: Tables
+    ran_ns: int = 0
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the vehicles, the lead first."""
+        return tuple(self.scenario.vehicle_names)
+
+    @cached_property
+    def _cache(self) -> dict[tuple[str, str], Columns]:
+        return {}
+
+    def table(self, vehicle: str, topic: str) -> Columns:
+        """Messages of a vehicle in the order of their numbers, each number once."""
+        key = vehicle, topic
+        if key not in self._cache:
+            columns = self.tables.get(key)
+            self._cache[key] = (
+                columns_from(topic, [], [], vehicle) if columns is None else in_order(columns)
+            )
+        return self._cache[key]
+
+    @cached_property
+    def start_at(self) -> int | None:
+        """Start of the run (ns); None if it was not recorded."""
+        starts = self.table(RUN_SENDER, "start")
+        return int(starts.at_ns[0]) if len(starts) else None
+
+    @cached_property
+    def beginning(self) -> int:
+        """Start of the run (ns) or, if it was not recorded, the first true pose."""
+        if self.start_at is not None:
+            return self.start_at
+        truths = [self.table(name, "truth").at_ns for name in self.names]
+        return int(min([at.min() for at in truths if len(at)], default=0))
+
+    def seconds(self, at: int | np.int64) -> float:
+        """Seconds from the beginning to an instant (ns)."""
+        return (int(at) - self.beginning) / SECOND
+
+    @cached_property
+    def last_at(self) -> Mapping[str, int]:
+        """Instant (ns) of the last message of each vehicle; 0 without any."""
+        last = dict.fromkeys(self.names, 0)
+        for (name, topic), columns in self.tables.items():
+            if name in last and topic != "log" and len(columns):
+                last[name] = max(last[name], int(columns.at_ns.max()))
+        return last
+
+    def until(self, at: int) -> "RunTables":
+        """The same run, cut at an instant (ns)."""
+        tables = {key: columns.of(columns.at_ns <= at) for key, columns in self.tables.items()}
+        return RunTables(self.scenario, tables, max(at - self.beginning, 0))
+
+
+def in_order(columns: Columns) -> Columns:
+    """Sort messages by number; of several with one number the first in the log remains."""
+    seq = columns["seq"]
+    if bool((np.diff(seq) > 0).all()):  # the usual case
+        return columns
+    _, rows = np.unique(seq, return_index=True)
+    return columns.of(rows)
+
+
+def common(*instants: Integers) -> tuple[Integers, list[NDArray[np.intp]]]:
+    """Instants that all sorted arrays contain, and their rows in each of them."""
+    at = instants[0]
+    for others in instants[1:]:
+        at = np.intersect1d(at, others, assume_unique=True)
+    return at, [np.searchsorted(each, at) for each in instants]
+
+
+class Collector:
+    """Observer that keeps the messages of a run as tables."""
+
+    def __init__(self, kinds: Iterable[type[Message]] = KINDS) -> None:
+        self.kinds = frozenset(kinds)
+        self._rows: list[tuple[int, Message]] = []
+        self._parts: defaultdict[tuple[str, str], list[Columns]] = defaultdict(list)
+
+    def listen(self, at: int, message: Message) -> None:
+        """Keep a message that was recorded at an instant (ns)."""
+        self._rows.append((at, message))
+        if len(self._rows) >= CONVERTED_EVERY:
+            self._convert()
+
+    def _convert(self) -> None:
+        by_kind: defaultdict[type[Message], list[tuple[int, Message]]] = defaultdict(list)
+        for row in self._rows:
+            by_kind[type(row[1])].append(row)
+        self._rows.clear()
+        for kind, rows in by_kind.items():
+            at, messages = zip(*rows, strict=True)
+            columns = columns_from(TOPIC_OF[kind].name, messages, at)
+            names = np.array([message.vehicle for message in messages])
+            for vehicle in dict.fromkeys(names.tolist()):
+                self._parts[vehicle, columns.topic].append(columns.of(names == vehicle))
+
+    def tables(self) -> dict[tuple[str, str], Columns]:
+        """Tables of all messages so far."""
+        self._convert()
+        for key, parts in self._parts.items():
+            if len(parts) > 1:
+                self._parts[key] = [joined(parts)]
+        return {(name, topic): parts[0] for (name, topic), parts in self._parts.items()}
+
+
+TOPICS_OF_METRICS = tuple(row.name for row in TOPICS.values() if row.message in KINDS)
+"""Topics of which metrics are made."""
