@@ -22,7 +22,6 @@ from scenarios.definition.overrides import OverrideError, override_text
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.traces.reading import DriveInPlane
 from scenarios.results.files import LOG_NAME
-from scenarios.results.metrics import Metrics
 from scenarios.results.summary import ClockName
 from scenarios.runs.observer import ProgressLines
 from scenarios.runs.run_folder import claimed, folder_of
@@ -107,10 +106,9 @@ def run_loaded(
         warnings.warn(line, stacklevel=3)
     folder = folder_of(loaded, None if out is None else Path(out))
     if clock == "virtual":
-        metrics = Metrics.of(loaded)
-        observers = [] if report is None else [ProgressLines(metrics, loaded.duration_s, report)]
+        shown = [] if report is None else [ProgressLines(loaded, report)]
         with claimed(folder, fresh=out is None), completed_on_ctrl_c() as stop:
-            run_virtual(loaded, folder, stop, metrics=metrics, observers=observers)
+            run_virtual(loaded, folder, stop, watchers=shown, observers=shown)
     else:
         _run_processes(arguments, folder, report)
     return Run(folder)

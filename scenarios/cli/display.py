@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from math import inf, isfinite
+from math import isnan
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,13 +16,11 @@ from scenarios.cli.output import Column, print_error, table_of, worst_rows
 from scenarios.cli.summary_tables import print_summary
 from scenarios.definition.errors import require
 from scenarios.definition.scenario import Scenario
-from scenarios.results.accumulators import Extremes
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
-from scenarios.results.metrics import Metrics
+from scenarios.results.live import LiveRun, LiveValues
 from scenarios.results.run_drawing import open_drawing
 from scenarios.results.summary import RunSummary
-from scenarios.results.vehicle_figures import VehicleFigures
-from scenarios.runs.observer import Observer, OnMessage, ProgressLines
+from scenarios.runs.observer import Observer, ProgressLines, Watcher
 from transport.picture.option import parse_rerun_option, refuse_foreign_file, spelled
 from transport.picture.viewer_process import UnwritableRecordingError, ViewerError, require_display
 
@@ -35,37 +33,28 @@ MOST_ROWS = 10
 
 
 class _Row(NamedTuple):
-    """A vehicle now: its figures, its true gap (m), infinite if unknown, and its messages."""
+    """A vehicle and its current metrics."""
 
     name: str
-    figures: VehicleFigures
-    gap: float
-    delivered: int
-    dropped: int
-    late: int
-
-    @property
-    def error(self) -> Extremes | None:
-        """True error, None if there is none yet."""
-        return self.figures.cross_track_error if self.figures.cross_track_error.count else None
-
-
-def _metres(gap: float) -> str:
-    return f"{gap:.1f}" if isfinite(gap) else "-"
+    now: LiveValues
 
 
 COLUMNS: Sequence[Column[_Row]] = (
     Column("vehicle", lambda row: row.name, left=True),
-    Column("true\nerror\ncm", lambda row: row.error.latest if row.error else None, ".1f", 100),
-    Column("max\nerror\ncm", lambda row: row.error.largest if row.error else None, ".1f", 100),
-    Column("true\ngap\nm", lambda row: _metres(row.gap)),
-    Column("estimated\nerror\ncm", lambda row: row.figures.lateral_error.latest, ".1f", 100),
-    Column("mode", lambda row: row.figures.mode, left=True),
-    Column("speed\nm/s", lambda row: row.figures.speed, ".1f"),
-    Column("delivered", lambda row: row.delivered),
-    Column("dropped", lambda row: row.dropped),
-    Column("late", lambda row: row.late),
+    Column("true\nerror\ncm", lambda row: known(row.now.error_m), ".1f", 100),
+    Column("max\nerror\ncm", lambda row: known(row.now.error_m_max), ".1f", 100),
+    Column("true\ngap\nm", lambda row: known(row.now.gap_m), ".1f"),
+    Column("estimated\nerror\ncm", lambda row: known(row.now.estimated_error_m), ".1f", 100),
+    Column("mode", lambda row: row.now.mode, left=True),
+    Column("speed\nm/s", lambda row: known(row.now.speed_mps), ".1f"),
+    Column("delivered", lambda row: row.now.delivered),
+    Column("dropped", lambda row: row.now.dropped),
+    Column("late", lambda row: row.now.late),
 )
+
+
+def known(value: float) -> float | None:
+    return None if isnan(value) else value
 
 
 class Progress(ProgressLines):
@@ -75,10 +64,10 @@ class Progress(ProgressLines):
     about all. Without a terminal it prints a line every few seconds.
     """
 
-    def __init__(self, metrics: Metrics, duration_s: float) -> None:
+    def __init__(self, scenario: Scenario) -> None:
         self._console = Console(stderr=True)
         self._live = Live(console=self._console, auto_refresh=False, transient=True)
-        super().__init__(metrics, duration_s, self._print)
+        super().__init__(scenario, self._print)
         self._terminal = self._console.is_terminal
         if self._terminal:
             self._every_s = REDRAW_S
@@ -94,30 +83,22 @@ class Progress(ProgressLines):
     def _print(self, line: str) -> None:
         self._console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
 
-    def _show(self) -> None:
+    def _show(self, live: LiveRun) -> None:
         if self._terminal:
-            self._live.update(self._table(), refresh=True)
+            self._live.update(self._table(live), refresh=True)
         else:
-            super()._show()
+            super()._show(live)
 
-    def _gap(self, name: str) -> float:
-        """True gap (m) to the vehicle ahead, infinite if it is unknown."""
-        known = self._metrics.stream.gaps.get(name)
-        return known.now_m if known else inf
-
-    def _table(self) -> Table:
-        vehicles = self._metrics.vehicles
+    def _table(self, live: LiveRun) -> Table:
         names = worst_rows(
-            list(vehicles), lambda name: vehicles[name].cross_track_error.largest, MOST_ROWS
+            list(live.values), lambda name: known(live.values[name].error_m_max) or 0.0, MOST_ROWS
         )
         caption = None
-        if len(names) < len(vehicles):
-            caption = f"the worst {len(names)} of {len(vehicles)}; all: {self._of_all()}"
-        rows = [
-            _Row(name, vehicles[name], self._gap(name), *self._messages(name)) for name in names
-        ]
+        if len(names) < len(live.values):
+            caption = f"the worst {len(names)} of {len(live.values)}; all: {self._of_all(live)}"
+        rows = [_Row(name, live.values[name]) for name in names]
         # without lines, which would cost columns
-        return table_of(COLUMNS, rows, title=self._title(), caption=caption, box=None)
+        return table_of(COLUMNS, rows, title=self._title(live), caption=caption, box=None)
 
 
 # ---- Checks of the destination of a run's picture
@@ -140,29 +121,29 @@ def refuse_picture(rerun: str, out: Path | None) -> None:
 
 
 @contextmanager
-def observers(
-    scenario: Scenario,
-    metrics: Metrics,
-    display: DisplayOptions,
-    folder: Path,
-    lost: list[str],
-) -> Iterator[list[Observer]]:
-    """Open the viewer and the progress line, which receive each recorded message.
+def displays(
+    scenario: Scenario, display: DisplayOptions, folder: Path, lost: list[str]
+) -> Iterator[tuple[list[Observer], list[Watcher]]]:
+    """Open the viewer and the progress line: observers of messages, and watchers of metrics.
 
     A saved recording that is incomplete is reported, and added to `lost`: the run continues.
     """
     with recording_reported(lost), ExitStack() as stack:
+        observers, watchers = list[Observer](), list[Watcher]()
         option = parse_rerun_option(display.rerun)
-        view = stack.enter_context(open_drawing(option, scenario, folder / LOG_NAME, metrics))
-        receivers: list[Observer] = [] if option.sink == "off" else [OnMessage(view.draw)]
-        if view.destination and not display.quiet:
+        drawing = stack.enter_context(open_drawing(option, scenario, folder / LOG_NAME))
+        if option.sink != "off":
+            observers.append(drawing)
+            watchers.append(drawing)
+        if drawing.destination and not display.quiet:
             Console(stderr=True).print(
-                f"watch it: {view.destination}", soft_wrap=True, highlight=False, markup=False
+                f"watch it: {drawing.destination}", soft_wrap=True, highlight=False, markup=False
             )
         if not display.quiet:
-            progress = stack.enter_context(Progress(metrics, scenario.duration_s))
-            receivers.append(progress)
-        yield receivers
+            progress = stack.enter_context(Progress(scenario))
+            observers.append(progress)
+            watchers.append(progress)
+        yield observers, watchers
 
 
 @contextmanager

@@ -9,13 +9,12 @@ from tempfile import TemporaryDirectory
 import click
 
 from scenarios.cli.common_options import DisplayOptions
-from scenarios.cli.display import observers, print_start, refuse_picture, show
+from scenarios.cli.display import displays, print_start, refuse_picture, show
 from scenarios.cli.output import print_error
 from scenarios.definition.check.confirmation import confirmed_lines
 from scenarios.definition.check.findings import warnings
 from scenarios.definition.library import is_run
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.metrics import Metrics
 from scenarios.runs.processes.membership import checked_run_name
 from scenarios.runs.run_folder import claimed, folder_of
 from scenarios.runs.stop import EXIT_FAILED, Stop, stop_on_signals
@@ -32,10 +31,10 @@ def run_virtually(
     options: DisplayOptions,
 ) -> int:
     print_start(run, folder, options)
-    metrics, lost = Metrics.of(scenario), list[str]()
-    with observers(scenario, metrics, options, folder, lost) as watchers:
+    lost = list[str]()
+    with displays(scenario, options, folder, lost) as (receivers, watchers):
         stop.begun = True
-        summary = run_virtual(scenario, folder, stop, metrics=metrics, observers=watchers)
+        summary = run_virtual(scenario, folder, stop, watchers=watchers, observers=receivers)
     show(summary, folder, options)
     if options.quiet and stop.exit_code == EXIT_FAILED:  # signals are reported when they arrive
         print_error(summary.reason)

@@ -5,12 +5,11 @@ from contextlib import nullcontext
 from pathlib import Path
 
 from scenarios.cli.common_options import DisplayOptions
-from scenarios.cli.display import observers, print_start, refuse_picture, show
+from scenarios.cli.display import displays, print_start, refuse_picture, show
 from scenarios.cli.output import print_error
 from scenarios.definition.scenario import Scenario
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import summary_of, write_summary
-from scenarios.results.metrics import Metrics
 from scenarios.runs.end_confirmation import random_run_id
 from scenarios.runs.node.process_probe import THIS_MACHINE, Machine
 from scenarios.runs.processes.membership import RECORDER, Fingerprint, Membership
@@ -47,8 +46,8 @@ def record_run(
         member.join(sleep=machine.time.sleep)
         if not launched:
             print_start(options.run, folder, display, ", ".join(options.connect))
-        metrics, lost = Metrics.of(scenario), list[str]()
-        with observers(scenario, metrics, display, folder, lost) as watchers:
+        lost = list[str]()
+        with displays(scenario, display, folder, lost) as (receivers, watchers):
             stop.begun = True
             recorder = RecorderProcess(
                 scenario,
@@ -56,9 +55,9 @@ def record_run(
                 folder,
                 stop,
                 member,
-                metrics=metrics,
                 gather_s=gather_s,
-                observers=watchers,
+                observers=receivers,
+                watchers=watchers,
                 system=machine.time,
             )
             summary = recorder.record_until_over()

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from scenarios.cli.common_options import Tables
 from scenarios.cli.output import Column, figure, print_whole, table_of, worst_rows
-from scenarios.results.encounters import EventKind
+from scenarios.results.events import EventKind
 from scenarios.results.explain import (
     IN_TRANSIT,
     SHOWN,
@@ -23,10 +23,10 @@ from scenarios.results.explain import (
     counts_of,
     fate_of,
 )
-from scenarios.results.holes import hole_lines
-from scenarios.results.link_summary import LinkSummary, lost_in_transport
+from scenarios.results.links import LinkSummary, lost_in_transport
 from scenarios.results.outcome import with_outcome_line
 from scenarios.results.reaction import NO_REACTION
+from scenarios.results.record import hole_lines
 from scenarios.results.run_event import RunEvent, road_known
 from scenarios.results.string_figures import STRING_SIGNALS, StringFigures, StringSignal
 from scenarios.results.summary import RunChange, RunSummary

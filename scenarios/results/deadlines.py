@@ -1,20 +1,15 @@
-"""Deadlines of followers: `[[limits.modes]]`, `[[limits.sources]]` and `[[limits.recovery]]`.
+"""Deadlines of followers: `[[limits.modes]]`, `[[limits.sources]]` and `[[limits.recovery]]`."""
 
-The messages of each vehicle come in order of time, those of different vehicles in any order.
-"""
-
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
-from scenarios.definition.schema.limit_tables import (
-    LimitsTable,
-    ModeLimit,
-    RecoveryLimit,
-    SourceLimit,
-)
+import numpy as np
+
+from scenarios.definition.schema.limit_tables import ModeLimit, RecoveryLimit, SourceLimit
+from scenarios.results.events import source_statuses
 from scenarios.results.reaction import is_degraded
-from vehicles.messages import Tracking
+from scenarios.results.tables import RunTables
+from scenarios.results.true_motion import Flags, cross_track_error
+from transport.columns import Integers
 from vehicles.schedule import SECOND, nanoseconds
 
 UNRECORDED_NS = SECOND
@@ -41,144 +36,68 @@ class DeadlineFigure:
         return self.is_over if self.took_s is None else self.took_s > self.within_s
 
 
-class DeadlineWatch(Protocol):
-    """Watches one follower for one limit; instants are ns since the start of the run."""
-
-    action: str
-
-    def add_tracking(self, at: int, tracking: Tracking) -> None: ...
-
-    def add_error(self, at: int, error: float) -> None:
-        """Take its true distance (m) from the lead's path."""
-        ...
-
-    def time_taken(self, ran: int) -> int | None:
-        """Time (ns) from the limit's instant until it was met, in a run of `ran` ns."""
-        ...
+def deadline_figures(run: RunTables) -> tuple[DeadlineFigure, ...]:
+    """Metrics of all deadlines of the scenario."""
+    limits = run.scenario.tables.limits
+    rows: list[tuple[str, ModeLimit | SourceLimit | RecoveryLimit]] = [
+        *((f"modes[{k}]", limit) for k, limit in enumerate(limits.modes)),
+        *((f"sources[{k}]", limit) for k, limit in enumerate(limits.sources)),
+        *((f"recovery[{k}]", limit) for k, limit in enumerate(limits.recovery)),
+    ]
+    return tuple(_figure(run, key, limit) for key, limit in rows)
 
 
-class ModeWatch:
-    """Watches when a follower first entered a mode."""
-
-    def __init__(self, limit: ModeLimit) -> None:
-        self._after, self._mode = nanoseconds(limit.after_s), limit.mode
-        self.action = f"in mode {limit.mode}, from {limit.after_s:g} s on"
-        self._first: int | None = None
-
-    def add_tracking(self, at: int, tracking: Tracking) -> None:
-        if self._first is None and at >= self._after and tracking.mode == self._mode:
-            self._first = at
-
-    def add_error(self, at: int, error: float) -> None:
-        """Ignore the error."""
-
-    def time_taken(self, ran: int) -> int | None:  # noqa: ARG002 - for RecoveryWatch
-        return None if self._first is None else self._first - self._after
-
-
-class SourceWatch:
-    """Watches when a source of a follower first got a status."""
-
-    def __init__(self, limit: SourceLimit, lead: str) -> None:
-        self._after, self._status = nanoseconds(limit.after_s), limit.status
-        self.action = f"source {limit.source} {limit.status}, from {limit.after_s:g} s on"
-        self._source, self._is_lead = limit.source, limit.source == lead
-        self._first: int | None = None
-
-    def add_tracking(self, at: int, tracking: Tracking) -> None:
-        status = tracking.lead_status if self._is_lead else tracking.predecessor_status
-        status = tracking.statuses().get(self._source, status)
-        if self._first is None and at >= self._after and status == self._status:
-            self._first = at
-
-    def add_error(self, at: int, error: float) -> None:
-        """Ignore the error."""
-
-    def time_taken(self, ran: int) -> int | None:  # noqa: ARG002 - for RecoveryWatch
-        return None if self._first is None else self._first - self._after
+def _figure(
+    run: RunTables, key: str, limit: ModeLimit | SourceLimit | RecoveryLimit
+) -> DeadlineFigure:
+    at = run.table(limit.vehicle, "tracking").at_ns - run.beginning
+    match limit:
+        case ModeLimit():
+            action = f"in mode {limit.mode}, from {limit.after_s:g} s on"
+            holds = run.table(limit.vehicle, "tracking")["mode"] == limit.mode
+            took = _first(at, holds, limit.after_s)
+        case SourceLimit():
+            action = f"source {limit.source} {limit.status}, from {limit.after_s:g} s on"
+            statuses = source_statuses(run, limit.vehicle)
+            unknown = np.full(len(at), "", object)
+            took = _first(at, statuses.get(limit.source, unknown) == limit.status, limit.after_s)
+        case RecoveryLimit():
+            action = f"recovered to {limit.error_m:g} m, from {limit.after_s:g} s on"
+            took = _recovered(run, limit)
+    return DeadlineFigure(
+        key=key,
+        vehicle=limit.vehicle,
+        action=action,
+        within_s=limit.within_s,
+        took_s=None if took is None else took / SECOND,
+        is_over=run.ran_ns >= nanoseconds(limit.after_s + limit.within_s),
+    )
 
 
-class RecoveryWatch:
-    """Watches when a follower was last degraded or too far off the path."""
+def _first(at: Integers, holds: Flags, after_s: float) -> int | None:
+    """Time (ns) from `after_s` until a condition first held; None if it did not."""
+    after = nanoseconds(after_s)
+    (rows,) = np.nonzero(holds & (at >= after))
+    return int(at[rows[0]]) - after if len(rows) else None
 
-    def __init__(self, limit: RecoveryLimit) -> None:
-        self._after, self._error = nanoseconds(limit.after_s), limit.error_m
-        self.action = f"recovered to {limit.error_m:g} m, from {limit.after_s:g} s on"
-        self._seen = self._degraded = -1
-        self._measured = self._off = -1
 
-    def add_tracking(self, at: int, tracking: Tracking) -> None:
-        self._seen = at
-        if at >= self._after and is_degraded(tracking):
-            self._degraded = at
+def _recovered(run: RunTables, limit: RecoveryLimit) -> int | None:
+    """Time (ns) until a follower was last degraded or too far off the path.
 
-    def add_error(self, at: int, error: float) -> None:
-        self._measured = at
-        if at >= self._after and abs(error) > self._error:
-            self._off = at
-
-    def time_taken(self, ran: int) -> int | None:
-        """Time (ns) until the last recovery; None if not recovered at the end, or without data."""
-        is_silent = min(self._seen, self._measured) < max(self._after, ran - UNRECORDED_NS)
-        if is_silent or self._degraded == self._seen or self._off == self._measured:
+    None if it is not recovered at the end, or without messages there.
+    """
+    after, name = nanoseconds(limit.after_s), limit.vehicle
+    decided_at = run.table(name, "tracking").at_ns - run.beginning
+    error = cross_track_error(run, name)
+    known = ~np.isnan(error)
+    measured_at = run.table(name, "truth").at_ns[known] - run.beginning
+    is_off = np.abs(error[known]) > limit.error_m
+    ends = []
+    for at, holds in ((decided_at, is_degraded(run, name)), (measured_at, is_off)):
+        if not len(at) or at[-1] < max(after, run.ran_ns - UNRECORDED_NS):
             return None
-        return max(self._degraded, self._off, self._after) - self._after
-
-
-class Deadlines:
-    """All deadlines of a scenario; false without any."""
-
-    def __init__(self, limits: LimitsTable | None = None, lead: str = "") -> None:
-        table = limits or LimitsTable()
-        self._start_at = 0
-        self._limits: list[tuple[str, ModeLimit | SourceLimit | RecoveryLimit, DeadlineWatch]] = [
-            *((f"modes[{k}]", limit, ModeWatch(limit)) for k, limit in enumerate(table.modes)),
-            *(
-                (f"sources[{k}]", limit, SourceWatch(limit, lead))
-                for k, limit in enumerate(table.sources)
-            ),
-            *(
-                (f"recovery[{k}]", limit, RecoveryWatch(limit))
-                for k, limit in enumerate(table.recovery)
-            ),
-        ]
-        self._of: Mapping[str, Sequence[DeadlineWatch]] = {
-            name: [watch for _, limit, watch in self._limits if limit.vehicle == name]
-            for name in {limit.vehicle for _, limit, _ in self._limits}
-        }
-
-    def __bool__(self) -> bool:
-        return bool(self._limits)
-
-    def begin(self, start_at: int) -> None:
-        """Set the start of the run (ns), from which instants count."""
-        self._start_at = start_at
-
-    def add_tracking(self, tracking: Tracking) -> None:
-        for watch in self._of.get(tracking.vehicle, ()):
-            watch.add_tracking(tracking.decided_at_ns - self._start_at, tracking)
-
-    def add_error(self, vehicle: str, at: int, error: float) -> None:
-        """Take the true distance (m) of a vehicle from the lead's path at an instant (ns)."""
-        for watch in self._of.get(vehicle, ()):
-            watch.add_error(at - self._start_at, error)
-
-    def figures(self, ran_ns: int) -> tuple[DeadlineFigure, ...]:
-        return tuple(self._figure(key, limit, watch, ran_ns) for key, limit, watch in self._limits)
-
-    def _figure(
-        self,
-        key: str,
-        limit: ModeLimit | SourceLimit | RecoveryLimit,
-        watch: DeadlineWatch,
-        ran_ns: int,
-    ) -> DeadlineFigure:
-        time_taken = watch.time_taken(ran_ns)
-        return DeadlineFigure(
-            key=key,
-            vehicle=limit.vehicle,
-            action=watch.action,
-            within_s=limit.within_s,
-            took_s=None if time_taken is None else time_taken / SECOND,
-            is_over=ran_ns >= nanoseconds(limit.after_s + limit.within_s),
-        )
+        (rows,) = np.nonzero(holds & (at >= after))
+        if len(rows) and rows[-1] == len(at) - 1:
+            return None
+        ends += at[rows[-1:]].tolist()
+    return int(max([*ends, after])) - after

@@ -1,20 +1,19 @@
 """The drives of one run as arrays: the paper's errors and the true ones."""
 
-from collections import defaultdict
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.definition.scenario import Scenario
-from scenarios.results.stream import FigureStream
-from vehicles.geometry.driven_path import CrossTrack
-from vehicles.messages import Message, Tracking, TruePose
+from scenarios.results.tables import RunTables
+from scenarios.results.true_motion import path_feet
+from vehicles.messages import Message, RunStart, Tracking, TruePose
 from vehicles.schedule import SECOND
 
 Array = NDArray[np.float64]
-KINDS: frozenset[type[Message]] = frozenset((TruePose, Tracking))
+TRIAL_KINDS: frozenset[type[Message]] = frozenset((RunStart, TruePose, Tracking))
+"""Messages of which drives are made."""
 
 
 @dataclass(frozen=True)
@@ -76,40 +75,26 @@ def _largest(values: Array) -> float:
     return float(np.abs(values).max(initial=0.0))
 
 
-class DriveRecorder:
-    """Observer that keeps the messages of which drives are made."""
+def trial_of(run: RunTables) -> Trial:
+    """Drives of a run."""
+    return Trial(tuple(_drive(run, name) for name in run.names if len(run.table(name, "truth"))))
 
-    kinds = KINDS
 
-    def __init__(self, scenario: Scenario, stream: FigureStream) -> None:
-        self._names = scenario.vehicle_names
-        self._start_at = scenario.start_at_ns
-        self._truth: defaultdict[str, list[TruePose]] = defaultdict(list)
-        self._errors: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
-        self._feet: defaultdict[str, list[CrossTrack]] = defaultdict(list)
-        stream.on_foot(lambda foot: self._feet[foot.vehicle].append(foot))
-
-    def listen(self, _at: int, message: Message) -> None:
-        if isinstance(message, TruePose):
-            self._truth[message.vehicle].append(message)
-        elif isinstance(message, Tracking):
-            errors = message.lateral_error_m, message.heading_error_rad
-            self._errors[message.vehicle].append(errors)
-
-    def trial(self) -> Trial:
-        return Trial(tuple(self._drive(name) for name in self._names if name in self._truth))
-
-    def _drive(self, name: str) -> Drive:
-        truth, feet = self._truth[name], self._feet[name]
-        errors = np.array(self._errors.get(name) or np.zeros((0, 2)), dtype=np.float64)
-        return Drive(
-            name=name,
-            at=np.array([pose.true_at_ns - self._start_at for pose in truth]) / SECOND,
-            east=np.array([pose.east_m for pose in truth]),
-            north=np.array([pose.north_m for pose in truth]),
-            speed=np.array([pose.speed_mps for pose in truth]),
-            lateral_error=errors[:, 0],
-            heading_error=errors[:, 1],
-            station=np.array([foot.station for foot in feet]),
-            cross_track=np.array([foot.lateral for foot in feet]),
-        )
+def _drive(run: RunTables, name: str) -> Drive:
+    truth, tracking = run.table(name, "truth"), run.table(name, "tracking")
+    station = lateral = np.zeros(0)
+    if name != run.lead:
+        feet = path_feet(run, name)
+        known = ~np.isnan(feet.station)
+        station, lateral = feet.station[known], feet.lateral[known]
+    return Drive(
+        name=name,
+        at=(truth.at_ns - run.scenario.start_at_ns) / SECOND,
+        east=truth["east_m"],
+        north=truth["north_m"],
+        speed=truth["speed_mps"],
+        lateral_error=tracking["lateral_error_m"],
+        heading_error=tracking["heading_error_rad"],
+        station=station,
+        cross_track=lateral,
+    )

@@ -10,14 +10,13 @@ from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 from scenarios.definition.channel.build import origin
-from scenarios.results.account import FATE_WORDS, Fate, MissingVerdict
-from scenarios.results.log_summary import scenario_in
+from scenarios.results.link_account import FATE_WORDS, Fate, MissingVerdict, accounts
+from scenarios.results.log_summary import scenario_in, tables_in
 from scenarios.results.reaction import NOT_RELIED_ON
-from scenarios.results.run_record import ACCOUNTED, missing_verdicts
 from transport.columns import Columns
 from transport.log.errors import LogError
 from transport.log.reader import LogReader
-from transport.topics import TOPIC_OF, counts_as_loss
+from transport.topics import counts_as_loss
 from vehicles.driver.controller import RELIED_ON
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import OVERRIDES, Override, statuses_in
@@ -330,16 +329,9 @@ class RecordedKnowledge:
     @cached_property
     def _without(self) -> Mapping[str, Mapping[int, MissingVerdict]]:
         """Messages without a verdict by sender and number, by the accounts of the links."""
-        topics = [TOPIC_OF[kind].name for kind in ACCOUNTED]
-        columns = self._reader.columns(topics)
-        by_topic: dict[str, dict[str, Columns]] = {}
-        for (name, topic), rows in columns.items():
-            by_topic.setdefault(topic, {})[name] = rows
-        missing = missing_verdicts(
-            self.scenario, lambda topic: by_topic.get(topic, {}), self._reader.last_at
-        )
+        counted = accounts(tables_in(self._reader, self.scenario))
         return {
-            sender: {row.number: row for row in missing.get((sender, self.vehicle), ())}
+            sender: {row.number: row for row in counted[sender, self.vehicle].missing}
             for sender in self.senders
         }
 

@@ -1,23 +1,31 @@
-"""Limits that are not judged, because messages that they judge are missing in the log."""
+"""The limits of a run: the figure of each one, kept, broken, or not judged for lack of messages."""
 
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from operator import attrgetter
 
+import numpy as np
+
 from scenarios.definition.run_limits import Limit, limits_of
-from scenarios.definition.schema.limit_rows import LIMITS, LimitRow, row_of
+from scenarios.definition.schema.limit_rows import LIMITS, LimitRow, Live, row_of
 from scenarios.definition.schema.limit_tables import LimitsTable
 from scenarios.definition.schema.plug_ins.point import PlugInError
 from scenarios.results.deadlines import DeadlineFigure
-from scenarios.results.encounters import Episode, TrueGap
-from scenarios.results.holes import RecordKind, UnseenSpan
-from scenarios.results.run_event import RunEvent
-from scenarios.results.stream import ALL_EVENTS, FigureStream, RoadError
+from scenarios.results.record import RecordKind, UnseenSpan
+from scenarios.results.run_event import RunEvent, events
 from scenarios.results.summary import LimitFigure, RunSummary
-from scenarios.results.vehicle_figures import VehicleFigures, VehicleSummary
-from vehicles.geometry.driven_path import CrossTrack
-from vehicles.messages import Tracking, TruePose
+from scenarios.results.tables import RunTables
+from scenarios.results.vehicle_figures import (
+    Signal,
+    VehicleSummary,
+    blind_distances,
+    friction,
+    road_errors,
+    self_estimate_errors,
+    true_errors,
+    true_gaps,
+)
 
 ROUNDING_S = 1e-9
 Needed = tuple[str, RecordKind]
@@ -157,18 +165,6 @@ def limit_figures(
     return judged_by_record(every, names, unseen, limits.holes_s_max)
 
 
-def broken_limits(
-    limits: LimitsTable,
-    events: Sequence[RunEvent],
-    vehicles: Sequence[VehicleSummary],
-    deadlines: Sequence[DeadlineFigure] = (),
-    unseen: Sequence[UnseenSpan] = (),
-) -> list[str]:
-    """List limits broken or not judged, a line each; `events` are in order of time."""
-    results = limit_figures(limits, events, vehicles, deadlines, unseen)
-    return [result.message for result in results if result.broken]
-
-
 def failure_reason(reason: str, broken: Sequence[str]) -> str:
     """Join the reason of an early end with broken limits that it does not mention."""
     return "; ".join([*filter(None, [reason]), *(line for line in broken if line not in reason)])
@@ -293,96 +289,40 @@ def _deadline(deadline: DeadlineFigure) -> LimitFigure:
     )
 
 
-# ---- A limit followed through a running simulation, rather than judged by its summary
+# ---- When a limit was first broken
 
 
-class LiveLimit:
-    """Subscribes to the figure of a limit, which is `broken` or not by now.
+SIGNALS: Mapping[Live, Callable[[RunTables, str], Signal]] = {
+    "error": true_errors,
+    "road_error": road_errors,
+    "gap": true_gaps,
+    "friction": friction,
+    "self_estimate": self_estimate_errors,
+    "blind": blind_distances,
+}
+"""Signals of which a limit bounds the magnitude, by `LimitRow.live`."""
 
-    A limit is broken in the same runs as by `broken_by` of their summaries. The stream computes
-    nothing but what the limit depends on, unless others subscribe to it. A limit on a figure of the
-    user's class is judged at the end of the run, as that figure may become smaller again. A limit
-    on a gain along the string is not judged: only a whole run has it.
+
+def first_breach(run: RunTables, limit: Limit) -> int | None:
+    """Instant (ns) at which a limit was first broken, None if it was kept.
+
+    None also for a limit on a metric that only a whole run has, see `LimitRow.live`.
     """
-
-    def __init__(self, limit: Limit, stream: FigureStream, vehicles: Sequence[str]) -> None:
-        """Subscribe to the stream of a convoy of `vehicles`, lead first."""
-        self.limit = limit
-        self.broken = False
-        self._events = 0
-        self._stream = stream
-        self._vehicles = {
-            name: VehicleFigures(name, is_lead=name == vehicles[0])
-            for name in ([limit.vehicle] if limit.vehicle else vehicles)
-        }
-        stream.on_event(self._take_event, [kind for kind in ALL_EVENTS if kind == limit.row.event])
-        match limit.row.live:
-            case "error":
-                stream.on_error(self._take_error)
-            case "gap":
-                stream.on_gap(self._take_gap)
-            case "road_error":
-                stream.on_road_error(self._take_road_error)
-            case "friction":
-                stream.on_truth(self._take_friction)
-            case "blind":
-                stream.on_truth(self._take_truth)
-                stream.on_tracking(self._take_tracking)
-            case "self_estimate":
-                stream.on_error(self._take_true_error)
-                stream.on_tracking(self._take_tracking)
-
-    def finish(self) -> None:
-        """Judge a figure of the user's class; raises PlugInError if the class failed."""
-        name = self.limit.row.own_figure
-        for vehicle in self._vehicles if name else ():
-            figures = self._stream.own.values(vehicle)
-            if name not in figures:
-                faults = self._stream.own.faults or [unmeasured(name, vehicle)]
-                raise PlugInError(f"{self.limit}: {faults[0]}")
-            figure = figures[name]
-            self.broken |= figure is not None and self.limit.is_beyond(figure)
-
-    def _take_event(self, event: Episode) -> None:
-        if self.limit.vehicle in {"", *event.vehicles}:
-            self._events += 1
-            self.broken |= self._events > self.limit.bound
-
-    def _take_error(self, foot: CrossTrack) -> None:
-        if self.limit.vehicle in {"", foot.vehicle}:
-            self._judge(abs(foot.lateral))
-
-    def _take_gap(self, gap: TrueGap) -> None:
-        if gap.vehicle in self._vehicles:
-            self._judge(gap.now_m)
-
-    def _take_road_error(self, error: RoadError) -> None:
-        if error.vehicle in self._vehicles:
-            self._judge(abs(error.lateral))
-
-    def _take_friction(self, pose: TruePose) -> None:
-        if pose.vehicle in self._vehicles:
-            self._judge(pose.friction_ratio)
-
-    def _take_truth(self, pose: TruePose) -> None:
-        if (figures := self._vehicles.get(pose.vehicle)) is not None:
-            figures.add_truth(pose)
-            self._judge(figures.reaction.blind_m)
-
-    def _take_true_error(self, foot: CrossTrack) -> None:
-        if (figures := self._vehicles.get(foot.vehicle)) is not None:
-            figures.add_error(foot)
-            self._judge(figures.self_estimate.difference.largest)
-
-    def _take_tracking(self, tracking: Tracking) -> None:
-        figures = self._vehicles.get(tracking.vehicle)
-        if figures is None or figures.is_lead:
-            return
-        figures.add_tracking(tracking)
-        if self.limit.row.live == "blind":
-            self._judge(figures.reaction.blind_m)
-        else:
-            self._judge(figures.self_estimate.difference.largest)
-
-    def _judge(self, figure: float) -> None:
-        self.broken |= self.limit.is_beyond(figure)
+    if limit.row.event:
+        counted = [
+            event.at_ns
+            for event in events(run)
+            if event.kind == limit.row.event and limit.vehicle in {"", *event.vehicles}
+        ]
+        most = int(limit.bound)
+        return counted[most] if len(counted) > most else None
+    if limit.row.live not in SIGNALS:
+        return None
+    names = run.names if limit.row.of_lead else run.followers
+    breaches = []
+    for name in [limit.vehicle] if limit.vehicle else names:
+        at, values = SIGNALS[limit.row.live](run, name)
+        sizes = np.abs(values)
+        (rows,) = np.nonzero(sizes < limit.bound if limit.row.is_least else sizes > limit.bound)
+        breaches += at[rows[:1]].tolist()
+    return min(breaches, default=None)

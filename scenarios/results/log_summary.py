@@ -2,17 +2,23 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from operator import itemgetter
 from pathlib import Path
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.results.deadlines import deadline_figures
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME, write_whole
 from scenarios.results.limits import failure_reason, limit_figures
-from scenarios.results.link_summary import LinkSummary
-from scenarios.results.metrics import Metrics
+from scenarios.results.link_account import accounts, contradictions
+from scenarios.results.links import LinkSummary, channel_warnings, link_summaries
 from scenarios.results.outcome import LATE_RATIO, late_ratio, with_outcome_line
-from scenarios.results.summary import RunIdentity, RunSummary, from_json, to_json
-from scenarios.results.vehicle_figures import VehicleSummary
+from scenarios.results.own_measures import own_measures
+from scenarios.results.record import record_holes, unseen
+from scenarios.results.run_event import run_events
+from scenarios.results.summary import RunIdentity, RunSummary, from_json, run_changes, to_json
+from scenarios.results.tables import TOPICS_OF_METRICS, RunTables
+from scenarios.results.vehicle_figures import VehicleSummary, tyre_warnings, vehicle_summaries
 from transport.log.errors import LogError, UnwritableError
 from transport.log.mcap_file import REPAIRED
 from transport.log.reader import LogReader
@@ -25,8 +31,8 @@ METADATA_NAME = "convoy"
 """Name of the log's metadata that identify the run."""
 SLOW_RATIO = 0.05
 """Share of poses above the floor latency from which the real transport was too slow."""
-SILENT_LINK_S = 1.0
-"""A link without loss that delivers nothing for this time is reported."""
+MOST_WARNINGS = 50
+"""Warnings about impossible time stamps in the summary."""
 
 
 def write_summary(folder: Path, summary: RunSummary) -> None:
@@ -39,51 +45,57 @@ def write_summary(folder: Path, summary: RunSummary) -> None:
 
 
 def summarise(
-    identity: RunIdentity,
-    scenario: Scenario,
-    metrics: Metrics,
-    *,
-    ran_ns: int,
-    reason: str,
-    rejected: Mapping[str, int],
+    identity: RunIdentity, run: RunTables, *, reason: str, rejected: Mapping[str, int]
 ) -> RunSummary:
-    """Summarise the figures of a run of `ran_ns`.
+    """Summarise a run.
 
     `rejected` counts refused messages by reason. Broken limits follow the `reason` to end early.
     """
-    metrics.finish()
-    ran_ns = min(ran_ns, nanoseconds(scenario.duration_s))
-    vehicles, events = metrics.vehicle_summaries(ran_ns), metrics.events.events()
-    deadlines = metrics.deadlines.figures(ran_ns)
+    own, counted = own_measures(run), accounts(run)
+    vehicles, listed = vehicle_summaries(run, own.figures), run_events(run)
     limits = limit_figures(
-        scenario.tables.limits, events, vehicles, deadlines, metrics.unseen(ran_ns)
+        run.scenario.tables.limits, listed, vehicles, deadline_figures(run), unseen(run)
     )
     broken = [limit.message for limit in limits if limit.broken]
-    reason = failure_reason(reason, [*broken, *metrics.contradictions(ran_ns)])
-    links = metrics.link_summaries(ran_ns)
+    reason = failure_reason(reason, [*broken, *contradictions(counted)])
+    links = link_summaries(run, counted)
     summary = RunSummary(
         identity=identity,
         outcome="failed" if reason else "completed",
         reason=reason,
-        duration_s=scenario.duration_s,
-        ran_s=ran_ns / SECOND,
+        duration_s=run.scenario.duration_s,
+        ran_s=run.ran_ns / SECOND,
         recorder_rejected_messages=dict(sorted(rejected.items())),
         vehicles=vehicles,
         links=links,
-        events=events,
-        holes=metrics.holes(ran_ns),
+        events=listed,
+        holes=record_holes(run),
         limits=limits,
         warnings=(
             *late_lines(vehicles),
             *transport_lines(links, vehicles),
-            *metrics.warnings,
-            *metrics.stream.own.faults,
-            *metrics.out_of_linear.values(),
-            *metrics.channel_warnings(ran_ns),
+            *alerts(run),
+            *own.faults,
+            *(line for _, line in tyre_warnings(run).values()),
+            *channel_warnings(run, counted),
         ),
-        changes=metrics.changes(),
+        changes=run_changes(run),
     )
     return with_outcome_line(summary)
+
+
+def alerts(run: RunTables) -> Sequence[str]:
+    """Lines of the log that cast doubt on the metrics, in order of recording."""
+    lines = [
+        (order, f"{name}: {text}")
+        for name in run.names
+        for table in [run.table(name, "log")]
+        for order, level, text in zip(
+            table.logged_at_ns.tolist(), table["level"], table["text"], strict=True
+        )
+        if level == "alert"
+    ]
+    return [line for _, line in sorted(lines, key=itemgetter(0))[:MOST_WARNINGS]]
 
 
 def late_lines(vehicles: Sequence[VehicleSummary]) -> Iterator[str]:
@@ -138,40 +150,6 @@ def transport_lines(
             )
 
 
-def silent_links(
-    metrics: Metrics,
-    replayed: frozenset[str] = frozenset(),
-    off: frozenset[tuple[str, str]] = frozenset(),
-) -> str:
-    """Report links that should lose nothing but delivered nothing; empty if there are none.
-
-    Only the time during which sender and receiver both ran counts, less the requested delay.
-    `replayed` vehicles receive nothing. The sender or the receiver of links that are `off` has no
-    radio for a time.
-    """
-    silent = []
-    for link in metrics.link_summaries():
-        requested = link.requested
-        common_s = min(
-            metrics.vehicles[link.sender].sent_for_s,
-            metrics.vehicles[link.receiver].recorded_for_s(metrics.start_at),
-        )
-        expected_s = common_s - (requested.latency_ms + requested.jitter_ms) / 1000.0
-        listens = link.receiver not in replayed
-        is_on = (link.sender, link.receiver) not in off
-        is_lossless = (
-            requested.is_lossless and not metrics.links[link.sender, link.receiver].changed
-        )
-        if listens and is_on and is_lossless and not link.delivered and expected_s >= SILENT_LINK_S:
-            silent.append(f"{link.sender} → {link.receiver} delivered none of {link.sent} poses")
-    refused = [
-        f"{name} refused {figures.health.rejected_messages} messages"
-        for name, figures in metrics.vehicles.items()
-        if silent and figures.health and figures.health.rejected_messages
-    ]
-    return "; ".join((*silent, *refused))
-
-
 # ---- Log summary
 
 
@@ -219,10 +197,6 @@ def summary_of(
     scenario = scenario_in(reader)
     if faults:
         warn(faults)
-    metrics = Metrics.of(scenario)
-    for at, _, message in reader.messages(metrics.topics):
-        metrics.listen(at, message)
-    start_at = metrics.start_at or 0
     thinned = reader.thinned
     if thinned:
         held = ", ".join(thinned)
@@ -230,9 +204,7 @@ def summary_of(
     breaks_off = "" if running else "the log breaks off"
     summary = summarise(
         _identity_in(reader),
-        scenario,
-        metrics,
-        ran_ns=max(reader.last_at - start_at, 0) if start_at else 0,
+        tables_in(reader, scenario),
         reason="the log is damaged" if reader.damage else breaks_off,
         rejected={},
     )
@@ -243,6 +215,21 @@ def summary_of(
     return with_outcome_line(
         replace(summary, outcome=outcome, outcome_line="", holes=holes, log_faults=faults)
     )
+
+
+def tables_in(reader: LogReader, scenario: Scenario, ran_ns: int | None = None) -> RunTables:
+    """Tables of a log, up to its end or for a run of `ran_ns`."""
+    run = RunTables(scenario, reader.columns(TOPICS_OF_METRICS))
+    if ran_ns is None:
+        start_at = run.start_at
+        ran_ns = max(reader.last_at - start_at, 0) if start_at is not None else 0
+    return replace(run, ran_ns=min(ran_ns, nanoseconds(scenario.duration_s)), results={})
+
+
+def tables_of(log: Path) -> RunTables:
+    """Tables of a log; raises LogError."""
+    reader = LogReader(log)
+    return tables_in(reader, scenario_in(reader))
 
 
 def _identity_in(reader: LogReader) -> RunIdentity:

@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from scenarios.results.encounters import EventKind
-from scenarios.results.link_summary import lost_in_transport
+from scenarios.results.events import EventKind
+from scenarios.results.links import lost_in_transport
 from scenarios.results.run_event import RunEvent
 from scenarios.results.summary import RunSummary
 from scenarios.results.traffic import FIGURE_OF

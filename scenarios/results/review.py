@@ -9,16 +9,14 @@ import click
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
-from scenarios.results.encounters import BodySize
-from scenarios.results.log_summary import scenario_in
+from scenarios.results.log_summary import scenario_in, tables_in
 from scenarios.results.run_drawing import RunDrawing, open_view, recording_id
-from scenarios.results.stream import FigureStream
+from scenarios.results.run_event import events
 from transport.log.errors import LogError
 from transport.log.reader import LogReader
 from transport.picture.option import RerunOption, require_cursor
 from transport.picture.view import RerunView
 from transport.topics import RUN_SENDER, valid_at
-from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.messages import RunStart, TruePose
 from vehicles.schedule import SECOND
 
@@ -94,11 +92,9 @@ def review(
     if reader.faults:
         warn(reader.faults)
     scenario = _scenario_in(reader, warn)
-    stream = _stream(reader, scenario)
-    excerpt = excerpt.with_lead(list(stream.sizes), reader.path)
-    with _open(reader, option, scenario, stream, excerpt) as view:
-        count = _draw(reader, view, stream, excerpt, progress) if view.enabled else 0
-        view.finish()
+    excerpt = excerpt.with_lead(_names(reader, scenario), reader.path)
+    with _open(reader, option, scenario, excerpt) as view:
+        count = _draw(reader, view, scenario, excerpt, progress) if view.enabled else 0
         if at_s is not None:
             view.show_at(at_s)
         if option.sink == "serve":
@@ -109,7 +105,7 @@ def review(
 def _draw(
     reader: LogReader,
     view: RerunView,
-    stream: FigureStream,
+    scenario: Scenario | None,
     excerpt: Excerpt,
     progress: Callable[[float], None],
 ) -> int:
@@ -118,27 +114,26 @@ def _draw(
     start = next(starts, 0)
     excerpt.check(start, reader)
     span = excerpt.span(start)
-    drawing = RunDrawing(view, stream, span=span, shows=excerpt.shows)
+    drawing = RunDrawing(view, span=span, shows=excerpt.shows)
     total, count, has_start = sum(reader.counts.values()), 0, False
     for number, (at, vehicle, message) in enumerate(reader.messages()):
-        stream.listen(at, message)
         if not has_start and isinstance(message, RunStart | TruePose):
             has_start = True  # which the picture needs in any case
-            drawing.draw(at, message)
+            drawing.listen(at, message)
         elif span[0] <= at <= span[1] and excerpt.shows(vehicle):
-            drawing.draw(at, message)
+            drawing.listen(at, message)
             count += 1
         if not number % PROGRESS_EVERY:
             progress(number / total)
-    drawing.finish()
+    if scenario is not None:
+        run = tables_in(reader, scenario)
+        drawing.draw_metrics(run, events(run), LATEST)
     progress(1.0)
     return count
 
 
-def _stream(reader: LogReader, scenario: Scenario | None) -> FigureStream:
-    if scenario is not None:
-        return FigureStream.of(scenario)
-    return FigureStream(dict.fromkeys(_in_order(reader), BodySize.of(LINCOLN_MKZ)))
+def _names(reader: LogReader, scenario: Scenario | None) -> list[str]:
+    return _in_order(reader) if scenario is None else list(scenario.vehicle_names)
 
 
 def _scenario_in(reader: LogReader, warn: Callable[[str], None]) -> Scenario | None:
@@ -155,13 +150,12 @@ def _open(
     reader: LogReader,
     option: RerunOption,
     scenario: Scenario | None,
-    stream: FigureStream,
     excerpt: Excerpt,
 ) -> RerunView:
     log = reader.path
     if scenario is not None:
         return open_view(option, scenario, log, vehicles=excerpt.vehicles)
-    names = list(stream.sizes)
+    names = _names(reader, scenario)
     return RerunView(
         option, recording_id=recording_id(log), vehicles=excerpt.vehicles or names, convoy=names
     )

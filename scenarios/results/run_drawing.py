@@ -1,107 +1,79 @@
-"""Draws a live run with its events and true gaps."""
+"""Draws a live run with its events, true errors and gaps."""
 
-from collections import deque
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from pathlib import Path
 from zlib import crc32
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.encounters import Episode
-from scenarios.results.metrics import Metrics
-from scenarios.results.stream import FigureStream, sizes_of
+from scenarios.results.events import Event
+from scenarios.results.live import LiveRun, deviations
+from scenarios.results.tables import RunTables
+from scenarios.results.true_motion import sizes_of
 from transport.closing import Closing
 from transport.picture.option import RerunOption
 from transport.picture.view import RerunView
-from vehicles.geometry.driven_path import CrossTrack
-from vehicles.messages import Message, TruePose
+from transport.topics import TOPIC_OF
+from vehicles.messages import Message
 
 DEFAULT_SPACING_M = 15.0
-MAX_PENDING_ERRORS = 10_000
-"""Largest number of true errors that wait to be drawn."""
 ALWAYS = -(2**62), 2**62
 
 
 class RunDrawing(Closing):
-    """Picture of a run with its figures; `draw` is an observer.
+    """Picture of a run: an observer that draws messages, and a watcher that draws metrics.
 
     `destination` describes to the user where it is shown.
     """
 
+    kinds = frozenset(TOPIC_OF)
+
     def __init__(
         self,
         view: RerunView,
-        stream: FigureStream,
         *,
         span: tuple[int, int] = ALWAYS,
         shows: Callable[[str], bool] = lambda _: True,
     ) -> None:
-        """Draw into `view` with the figures of `stream`, which receives the messages elsewhere.
-
-        Only figures with an instant in `span` (ns), of vehicles that it `shows`, are drawn.
-        """
+        """Draw into `view`, of the metrics those in `span` (ns) of vehicles that it `shows`."""
         self.destination = view.destination
-        self._view, self._stream = view, stream
+        self._view = view
         self._span, self._shows = span, shows
-        self._pending_errors: deque[CrossTrack] = deque(maxlen=MAX_PENDING_ERRORS)
-        self._pending_events: list[Episode] = []
-        if view.enabled:
-            stream.on_error(self._pending_errors.append)
-            stream.on_event(self._pending_events.append)
-        self._follower_of = dict(pairwise(stream.sizes))
-        self._drawn_at = {name: 0 for name in stream.sizes if view.has_curves(name)}
+        self._until = 0
+        self._marked: set[tuple[object, ...]] = set()
 
-    def draw(self, now: int, message: Message) -> None:
+    def listen(self, at: int, message: Message) -> None:
+        if self._view.enabled:
+            self._view.draw(at, message)
+
+    def update(self, live: LiveRun) -> None:
+        self.draw_metrics(live.window, live.events, live.evaluated_until)
+
+    def draw_metrics(self, run: RunTables, events: Sequence[Event], until: int) -> None:
+        """Draw true errors and gaps up to an instant (ns), and the events that are new."""
         if not self._view.enabled:
             return
-        self._view.draw(now, message)
-        if isinstance(message, TruePose):
-            while self._pending_errors:
-                foot = self._pending_errors.popleft()
-                if self._is_within(foot.at_ns) and self._shows(foot.vehicle):
-                    self._view.error(foot.vehicle, foot.at_ns, foot.lateral)
-            for name in (message.vehicle, self._follower_of.get(message.vehicle, "")):
-                if name in self._drawn_at:
-                    self._draw_gap(name)
-            self._draw_marks()
-
-    def _is_within(self, at: int) -> bool:
-        return self._span[0] <= at <= self._span[1]
-
-    def _draw_gap(self, name: str) -> None:
-        gap = self._stream.gaps.get(name)
-        if gap is None or not self._is_within(gap.now_at_ns):
-            return
-        if gap.now_at_ns > self._drawn_at[name]:
-            self._drawn_at[name] = gap.now_at_ns
-            self._view.gap(name, gap.now_at_ns, gap.now_m)
-
-    def _draw_marks(self) -> None:
-        for event in self._pending_events:
-            if self._is_within(event.at_ns) and any(map(self._shows, event.vehicles)):
+        for name, at, error, gap in deviations(run, self._until, until):
+            if self._span[0] <= at <= self._span[1] and self._shows(name):
+                self._view.error(name, at, error)
+                self._view.gap(name, at, gap)
+        self._until = until
+        for event in events:
+            is_within = self._span[0] <= event.at_ns <= self._span[1]
+            if (
+                event.key not in self._marked
+                and is_within
+                and any(map(self._shows, event.vehicles))
+            ):
                 self._view.mark(event.kind, event.at_ns, event.place, event.vehicles)
-        self._pending_events.clear()
-
-    def finish(self) -> None:
-        """Draw events that are still open."""
-        if self._view.enabled:
-            self._stream.finish()
-            self._draw_marks()
+            self._marked.add(event.key)
 
     def close(self) -> None:
-        """Draw events that are still open, and end the picture."""
-        self.finish()
         self._view.close()
 
 
-def open_drawing(
-    option: RerunOption, scenario: Scenario, log: Path, metrics: Metrics
-) -> RunDrawing:
-    """Open the picture of a run of `scenario`, whose figures `metrics` are gathered elsewhere.
-
-    Raises ViewerError.
-    """
-    return RunDrawing(open_view(option, scenario, log), metrics.stream)
+def open_drawing(option: RerunOption, scenario: Scenario, log: Path) -> RunDrawing:
+    """Open the picture of a run of `scenario`; raises ViewerError."""
+    return RunDrawing(open_view(option, scenario, log))
 
 
 def open_view(

@@ -1,15 +1,70 @@
 """Events of a run as the summary and the log list them."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.plug_ins.point import PlugInError
-from scenarios.definition.schema.plug_ins.points import EventDetector, RunFigure
-from scenarios.definition.schema.plug_ins.table import PlugInTable
-from scenarios.results.encounters import Episode, EventKind
-from vehicles.messages import Level, TruePose
-from vehicles.schedule import SECOND
+from scenarios.results.events import (
+    Event,
+    EventKind,
+    distrusts,
+    encounters,
+    in_time_order,
+    lane_departures,
+    lost_paths,
+    slides,
+    stops,
+)
+from scenarios.results.own_measures import own_events
+from scenarios.results.record import seen_before
+from scenarios.results.tables import RunTables, once
+from scenarios.results.traffic import overridden, traffic_events
+from vehicles.messages import Level
+
+OF_DECISIONS: frozenset[EventKind] = frozenset({"path_lost", "stop", "distrust", "overridden"})
+"""Events in the decisions of a follower; the others are in true poses."""
+OF_FOLLOWERS = (
+    lane_departures,
+    lost_paths,
+    distrusts,
+    traffic_events,
+    overridden,
+)
+"""Events of one follower, as functions of the run and its name."""
+OF_VEHICLES = (slides, stops)
+"""Events of one vehicle."""
+
+
+@once
+def events(run: RunTables) -> Sequence[Event]:
+    """All events of a run in order of time."""
+    of_vehicles = [event for name in run.names for of in OF_VEHICLES for event in of(run, name)]
+    of_followers = [
+        event for name in run.followers for of in OF_FOLLOWERS for event in of(run, name)
+    ]
+    return in_time_order([*encounters(run), *of_vehicles, *of_followers, *own_events(run)])
+
+
+def run_events(run: RunTables, found: Sequence[Event] | None = None) -> "tuple[RunEvent, ...]":
+    """Events of a run, by default all, as the summary lists them."""
+    return tuple(_run_event(run, event) for event in (events(run) if found is None else found))
+
+
+def _run_event(run: RunTables, event: Event) -> "RunEvent":
+    *_, follower = event.vehicles
+    if event.kind in OF_DECISIONS:
+        witnesses, topic = [follower], "tracking"
+    else:
+        lead = [run.lead] if event.kind == "lane_departure" else []
+        witnesses, topic = [*event.vehicles, *lead], "truth"
+    before = seen_before(run, topic, witnesses, event.at_ns)
+    return RunEvent(
+        kind=event.kind,
+        name=event.name,
+        at_s=run.seconds(event.at_ns),
+        after_s=None if before is None else run.seconds(before),
+        vehicles=event.vehicles,
+        figures=dict(event.figures),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,141 +160,3 @@ def road_known(known: float) -> str:
     if known >= 0.0:
         return f"{known:.1f} m of known path"
     return f"known path ended {-known:.1f} m behind the car"
-
-
-OF_DECISIONS: frozenset[EventKind] = frozenset({"path_lost", "stop", "distrust", "overridden"})
-"""Events in the decisions of a follower; the others are in true poses."""
-
-
-class EventLog:
-    """Events of a run in the order of detection; `collisions` counts those so far.
-
-    Figures of a continuing event still grow.
-    """
-
-    def __init__(
-        self,
-        seconds: Callable[[int], float],
-        seen_before: Callable[[Episode], int | None] = lambda _: None,
-    ) -> None:
-        """`seconds` converts an instant (ns) to seconds from the start of the run.
-
-        `seen_before` returns the instant (ns) before the hole in which an event began, if any.
-        """
-        self._seconds = seconds
-        self._seen_before = seen_before
-        self._episodes: list[Episode] = []
-        self._reported = 0
-        self.collisions = 0
-
-    def add(self, episode: Episode) -> None:
-        self._episodes.append(episode)
-        self.collisions += episode.kind == "collision"
-
-    def take_new(self) -> list[RunEvent]:
-        new = self._episodes[self._reported :]
-        self._reported = len(self._episodes)
-        return [self._event(episode) for episode in new]
-
-    def events(self) -> tuple[RunEvent, ...]:
-        """All events so far in order of time."""
-        events = [self._event(episode) for episode in self._episodes]
-        return tuple(sorted(events, key=lambda event: (event.at_s, event.kind, event.vehicles)))
-
-    def _event(self, episode: Episode) -> RunEvent:
-        seen_before = self._seen_before(episode)
-        return RunEvent(
-            kind=episode.kind,
-            name=episode.name,
-            at_s=self._seconds(episode.at_ns),
-            after_s=None if seen_before is None else self._seconds(seen_before),
-            vehicles=episode.vehicles,
-            figures=dict(episode.figures),
-        )
-
-
-# ---- Events and figures of the user's classes, from the true poses of each vehicle
-
-
-class OwnMeasures:
-    """Detectors and figures of all vehicles; one that fails is left out, with a line in `faults`.
-
-    A class that measures must not end a run.
-    """
-
-    def __init__(
-        self,
-        vehicles: Sequence[str],
-        events: Sequence[PlugInTable] = (),
-        figures: Sequence[PlugInTable] = (),
-    ) -> None:
-        self._detectors: dict[str, dict[str, EventDetector]] = {
-            name: {table.class_name: table.build() for table in events} for name in vehicles
-        }
-        self._figures: dict[str, dict[str, RunFigure]] = {
-            name: {table.class_name: table.build() for table in figures} for name in vehicles
-        }
-        self._has_any = bool(events or figures)
-        self._open: dict[tuple[str, str], Episode] = {}
-        self.faults: list[str] = []
-
-    @classmethod
-    def of(cls, scenario: Scenario) -> "OwnMeasures | None":
-        """Measures of a scenario whose classes are here; None without any."""
-        tables = scenario.tables
-        if not tables.event and not tables.figure:
-            return None
-        try:
-            return cls(scenario.vehicle_names, tables.event, tables.figure)
-        except PlugInError:  # of a recorded run
-            return None
-
-    def add(self, pose: TruePose) -> Iterable[Episode]:
-        """Take a true pose; returns the events that begin."""
-        return list(self._measured(pose)) if self._has_any else ()
-
-    def _measured(self, pose: TruePose) -> Iterator[Episode]:
-        vehicle, at = pose.vehicle, pose.true_at_ns
-        figures, detectors = self._figures[vehicle], self._detectors[vehicle]
-        for name, figure in list(figures.items()):
-            try:
-                figure.add(pose)
-            except PlugInError as error:
-                self._leave_out(figures, vehicle, name, error)
-        for name, detector in list(detectors.items()):
-            try:
-                holds = detector.holds(pose)
-            except PlugInError as error:
-                self._leave_out(detectors, vehicle, name, error)
-                continue
-            if not holds:
-                continue
-            episode = self._open.get((vehicle, name))
-            if episode is None or episode.is_over(at):
-                place = (pose.east_m, pose.north_m)
-                episode = Episode("own", (vehicle,), at, at, place=place, name=name)
-                self._open[vehicle, name] = episode
-                yield episode
-            episode.until_ns = at
-            episode.most("duration_s", (at - episode.at_ns) / SECOND)
-
-    def values(self, vehicle: str) -> dict[str, float | None]:
-        """Figures of a vehicle by the names of their classes, without those that failed."""
-        figures = self._figures.get(vehicle, {})
-        result: dict[str, float | None] = {}
-        for name, figure in list(figures.items()):
-            try:
-                result[name] = figure.value()
-            except PlugInError as error:
-                self._leave_out(figures, vehicle, name, error)
-        return result
-
-    def _leave_out(
-        self,
-        measures: dict[str, RunFigure] | dict[str, EventDetector],
-        vehicle: str,
-        name: str,
-        error: PlugInError,
-    ) -> None:
-        del measures[name]
-        self.faults.append(f"{vehicle}: {error}; left out from then on")

@@ -1,6 +1,6 @@
 """A recorded run: the messages of its log as tables, by vehicle and by link."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -11,36 +11,31 @@ from numpy.typing import NDArray
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.topology import usual_links
-from scenarios.results.account import CAUSE_WORDS, Link, MissingVerdict
-from scenarios.results.data_table import Array, Compute, DataTable, UnknownNameError, Values
-from scenarios.results.log_summary import METADATA_NAME, log_in, scenario_in, summary_of
-from scenarios.results.metrics import Metrics
+from scenarios.results.data_table import Array, DataTable, UnknownNameError, Values
+from scenarios.results.link_account import CAUSE_WORDS, Link, MissingVerdict, accounts
+from scenarios.results.log_summary import (
+    METADATA_NAME,
+    log_in,
+    scenario_in,
+    summary_of,
+    tables_in,
+)
 from scenarios.results.summary import RunSummary
-from scenarios.results.true_figures import TrueFigures, messages_of, true_figures
+from scenarios.results.tables import RunTables
+from scenarios.results.true_motion import at_instants, gaps, path_feet
 from transport.columns import Columns
 from transport.log.errors import LogError
 from transport.log.reader import LogReader
-from transport.topics import RUN_SENDER, TOPIC_OF, TOPICS
-from vehicles.messages import (
-    Change,
-    GpsPose,
-    Health,
-    LinkVerdict,
-    LogText,
-    Message,
-    RunStart,
-    Tracking,
-)
+from transport.topics import RUN_SENDER, TOPICS
 from vehicles.schedule import SECOND
 
+TRUE_FIGURES = ("error_m", "station_m", "gap_m")
+"""Columns that the table of true poses has in addition to the messages: the offset to the left of
+the lead's driven path and the straight before it, the place along it (0 at the lead's first pose),
+and the distance of the bodies of the vehicle and of the one ahead; NaN if unknown."""
+
+
 # ---- The outcome of each message of each link in a log
-
-
-ACCOUNTED: tuple[type[Message], ...] = (
-    *(RunStart, GpsPose, LinkVerdict),
-    *(Tracking, Health, Change, LogText),
-)
-"""Messages by which those without a verdict are accounted for."""
 
 
 class LinkOutcomes(NamedTuple):
@@ -57,23 +52,6 @@ class LinkOutcomes(NamedTuple):
     outcome: NDArray[np.object_]
     cause: NDArray[np.object_]
     delay_s: NDArray[np.float64]
-
-
-def missing_verdicts(
-    scenario: Scenario, columns_of: Callable[[str], Mapping[str, Columns]], last_at: int
-) -> Mapping[Link, Sequence[MissingVerdict]]:
-    """Messages of each link without a verdict, as the summary accounts for them.
-
-    `columns_of` returns the messages of a topic by vehicle; `last_at` (ns) is the end of the log.
-    """
-    metrics = Metrics.of(scenario)
-    for kind in ACCOUNTED:
-        for columns in columns_of(TOPIC_OF[kind].name).values():
-            messages = messages_of(columns, kind)
-            for at, message in zip(columns.logged_at_ns.tolist(), messages, strict=True):
-                metrics.listen(at, message)
-    ran_ns = max(last_at - (metrics.start_at or last_at), 0)
-    return {link: account.missing for link, account in metrics.accounts(ran_ns).items()}
 
 
 def link_outcomes(
@@ -350,27 +328,29 @@ class RunRecord:
         return times | {name: fields[name] for name in order if name in fields}
 
     @cached_property
-    def _true_figures(self) -> Mapping[str, TrueFigures]:
-        scenario = self.known_scenario
-        return {} if scenario is None else true_figures(scenario, self.columns_of("truth"))
+    def tables(self) -> RunTables:
+        """Messages of which metrics are made, and the functions' argument; raises LogError."""
+        return tables_in(self._reader, self.scenario)
 
     def true_table(self, vehicle: str) -> DataTable:
         """True poses of a vehicle with its error, station and gap."""
         columns = self._columns_of(vehicle, "truth")
-
-        def column(number: int) -> Compute:
-            unknown = TrueFigures.unknown(len(columns))
-            return lambda: self._true_figures.get(vehicle, unknown)[number]
-
-        figures = {name: column(number) for number, name in enumerate(TrueFigures._fields)}
+        figures = dict.fromkeys(TRUE_FIGURES, np.full(len(columns), np.nan))
+        if self.known_scenario is not None:
+            run = self.tables
+            columns = run.table(vehicle, "truth")
+            if vehicle != run.lead:
+                station, error = path_feet(run, vehicle)
+                apart = gaps(run, vehicle)
+                gap = at_instants(columns.at_ns, apart.at_ns, apart.distance)
+                figures = dict(zip(TRUE_FIGURES, (error, station, gap), strict=True))
         return DataTable({**self._with_times(columns), **figures})
 
     @cached_property
     def _missing_verdicts(self) -> Mapping[Link, Sequence[MissingVerdict]]:
-        scenario = self.known_scenario
-        if scenario is None:
+        if self.known_scenario is None:
             return {}
-        return missing_verdicts(scenario, self.columns_of, self._reader.last_at)
+        return {link: account.missing for link, account in accounts(self.tables).items()}
 
     def outcomes(self, link: Link) -> DataTable:
         """Outcomes of the messages of a link, see `LinkRecord.outcomes`."""

@@ -1,206 +1,30 @@
-"""String stability figures: gains of the errors from vehicle to vehicle, and from head to tail."""
+"""String stability metrics: gains of the errors from vehicle to vehicle, and from head to tail.
+
+Three signals: the lateral error of each follower at equal arc length along the lead's path, the
+spacing error of each follower over time, and the acceleration of each vehicle over time. Norms are
+over the same places and times for all vehicles, so that ratios of root mean squares are ratios of
+L2 norms, and ratios of largest magnitudes are ratios of L-infinity norms.
+"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from math import isnan, nan, sqrt
+from dataclasses import dataclass
+from math import sqrt
 from typing import Literal, NamedTuple
 
-from scenarios.definition.scenario import Scenario
-from vehicles.driver.controller import SpacingPolicy
-from vehicles.geometry.driven_path import CrossTrack
-from vehicles.messages import TruePose
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.results.tables import RunTables, common
+from scenarios.results.true_motion import Floats, path_feet
 from vehicles.schedule import SECOND
-
-# ---- String norms
-#
-# Norms of the errors along a string of vehicles, over the same places and times for all of them.
-#
-# Three signals: the lateral error of each follower at equal arc length along the lead's path, the
-# spacing error of each follower over time, and the acceleration of each vehicle over time.
-
 
 CELL_M = 2.0
 """Length of the parts of the path over which lateral errors are averaged; a step at 50 Hz and
 100 m/s."""
-MOST_CELLS = 10_000
-"""Parts of the path between the first and the last follower; then the oldest are dropped."""
-MOST_FRAMES = 3000
-"""Instants that wait for vehicles, 60 s at 50 Hz; then the oldest are dropped."""
 LEAST_COUNT = 20
 """Parts of the path (40 m) or instants (0.4 s at 50 Hz) below which a norm is not known."""
 LONGEST_STEP_NS = SECOND // 10
 """Longest time between two instants from which an acceleration is computed."""
-
-
-@dataclass(slots=True)
-class Norm:
-    """Largest magnitude and root mean square of a signal over a common support.
-
-    On a common support, ratios of root mean squares are ratios of L2 norms, and ratios of largest
-    magnitudes are ratios of L-infinity norms.
-    """
-
-    largest: float = 0.0
-    squares: float = 0.0
-    count: int = 0
-
-    def add(self, value: float) -> None:
-        self.add_mean(value * value, abs(value))
-
-    def add_mean(self, square: float, largest: float) -> None:
-        """Take the mean square and the largest magnitude of a part of the support."""
-        self.squares += square
-        self.count += 1
-        self.largest = max(self.largest, largest)
-
-    @property
-    def is_known(self) -> bool:
-        return self.count >= LEAST_COUNT
-
-    @property
-    def rms(self) -> float:
-        return sqrt(self.squares / self.count) if self.count else 0.0
-
-
-@dataclass(slots=True)
-class _Frame:
-    """Stations (m) and speeds (m/s) of all vehicles at an instant, and how many are missing."""
-
-    stations: list[float]
-    speeds: list[float]
-    missing: int
-
-
-@dataclass(slots=True)
-class _Cell:
-    """Squares, largest magnitudes and counts of the lateral errors in a part of the path."""
-
-    squares: list[float]
-    largest: list[float]
-    counts: list[int]
-
-
-@dataclass(slots=True)
-class VehicleNorms:
-    """Norms of one vehicle; those of a signal that it does not have are empty."""
-
-    lateral: Norm = field(default_factory=Norm)
-    spacing: Norm = field(default_factory=Norm)
-    acceleration: Norm = field(default_factory=Norm)
-
-
-class StringNorms:
-    """Gathers the norms of a run; its two methods take what the stream of figures passes.
-
-    The lateral error counts in the parts of the lead's path that all followers have driven, the
-    spacing error and the acceleration at the instants at which all vehicles are known. The spacing
-    error is arc length to the predecessor along the lead's path, minus standstill spacing and
-    headway times own speed: positive if the gap is too wide. Without `policies` there is none.
-    """
-
-    def __init__(self, names: Sequence[str], policies: Sequence[SpacingPolicy] = ()) -> None:
-        """Take the vehicles, lead first, and the spacing policy of each follower."""
-        self._place = {name: place for place, name in enumerate(names)}
-        self._count = len(names)
-        self._policies = policies
-        self._origin = nan
-        self._frames: dict[int, _Frame] = {}
-        self._before: _Frame | None = None
-        self._before_at = 0
-        self._cells: dict[int, _Cell] = {}
-        self._at_cells: list[int | None] = [None] * (self._count - 1)
-        self.norms = {name: VehicleNorms() for name in names}
-        self._rows = list(self.norms.values())
-
-    @classmethod
-    def of(cls, scenario: Scenario) -> "StringNorms":
-        names = scenario.vehicle_names
-        followers = range(1, len(names)) if scenario.tables.speed.followers == "gap" else ()
-        return cls(names, [scenario.spacing_policy(place) for place in followers])
-
-    def add_truth(self, pose: TruePose) -> None:
-        """Take the speed of a vehicle, and the station of the lead: its distance driven."""
-        place = self._place[pose.vehicle]
-        frame = self._frame(pose.true_at_ns)
-        frame.speeds[place] = pose.speed_mps
-        if not place:
-            if isnan(self._origin):
-                self._origin = pose.distance_m
-            frame.stations[0] = pose.distance_m - self._origin
-            frame.missing -= 1
-        self._took(frame, pose.true_at_ns)
-
-    def add_error(self, foot: CrossTrack) -> None:
-        """Take the station and the lateral error of a follower."""
-        place = self._place[foot.vehicle]
-        frame = self._frame(foot.at_ns)
-        frame.stations[place] = foot.station
-        self._took(frame, foot.at_ns)
-        if foot.station >= 0.0:
-            self._add_lateral(place - 1, foot.station, foot.lateral)
-
-    def _frame(self, at: int) -> _Frame:
-        frame = self._frames.get(at)
-        if frame is None:
-            if len(self._frames) >= MOST_FRAMES:
-                del self._frames[next(iter(self._frames))]
-            unknown = [nan] * self._count
-            frame = self._frames[at] = _Frame(unknown, unknown.copy(), 2 * self._count)
-        return frame
-
-    def _took(self, frame: _Frame, at: int) -> None:
-        frame.missing -= 1
-        if not frame.missing:
-            del self._frames[at]
-            self._add_frame(frame, at)
-
-    def _add_frame(self, frame: _Frame, at: int) -> None:
-        stations, speeds, before = frame.stations, frame.speeds, self._before
-        for place, policy in enumerate(self._policies, 1):
-            spacing = stations[place - 1] - stations[place]
-            self._rows[place].spacing.add(spacing - policy.desired(speeds[place]))
-        step = at - self._before_at
-        if before is not None and 0 < step <= LONGEST_STEP_NS:
-            for row, now, then in zip(self._rows, speeds, before.speeds, strict=True):
-                row.acceleration.add((now - then) * SECOND / step)
-        self._before, self._before_at = frame, at
-
-    def _add_lateral(self, place: int, station: float, error: float) -> None:
-        number = int(station // CELL_M)
-        cell = self._cells.get(number)
-        if cell is None:
-            if len(self._cells) >= MOST_CELLS:
-                del self._cells[next(iter(self._cells))]
-            empty = [0.0] * (self._count - 1)
-            cell = self._cells[number] = _Cell(empty, empty.copy(), [0] * len(empty))
-        cell.squares[place] += error * error
-        cell.counts[place] += 1
-        cell.largest[place] = max(cell.largest[place], abs(error))
-        before = self._at_cells[place]
-        if before is None or number > before:
-            self._at_cells[place] = number
-            self._close_passed()
-
-    def _close_passed(self) -> None:
-        """Take the parts of the path that all followers have passed, in their order."""
-        reached = [number for number in self._at_cells if number is not None]
-        if len(reached) < len(self._at_cells):
-            return
-        for number in sorted(number for number in self._cells if number < min(reached)):
-            self._add_cell(self._cells.pop(number))
-
-    def _add_cell(self, cell: _Cell) -> None:
-        if not all(cell.counts):
-            return
-        for row, square, largest, count in zip(
-            self._rows[1:], cell.squares, cell.largest, cell.counts, strict=True
-        ):
-            row.lateral.add_mean(square / count, largest)
-
-
-# ---- String figures
-
-
 LEAST_ERROR_M = 1e-3
 """Error below which there is no excitation, whatever the accuracy of the receivers."""
 SIGMAS = 3.0
@@ -309,67 +133,143 @@ ACCELERATION = StringSignal("acceleration", "acceleration", "mps2", "lead")
 STRING_SIGNALS = (LATERAL, SPACING, ACCELERATION)
 
 
-class Excitation(NamedTuple):
-    """A norm, and the noise below which it is no denominator of a gain.
+# ---- Norms over the support that all vehicles have in common
 
-    rms      least root mean square of the L2 gain
-    largest  least largest magnitude of the L-infinity gain
+
+class Norms(NamedTuple):
+    """Root mean squares and largest magnitudes of a signal, one of each vehicle of the chain."""
+
+    rms: Sequence[float]
+    largest: Sequence[float]
+
+
+def _norms(mean_squares: Floats, largest: Floats) -> Norms | None:
+    """Norms of a signal over its support; shapes (vehicles, N), None if the support is short."""
+    if mean_squares.shape[1] < LEAST_COUNT:
+        return None
+    return Norms(np.sqrt(mean_squares.mean(axis=1)).tolist(), largest.max(axis=1).tolist())
+
+
+def _norms_over_time(values: Floats) -> Norms | None:
+    return _norms(values * values, np.abs(values))
+
+
+class _Frames(NamedTuple):
+    """Stations (m) and speeds (m/s) of all vehicles, shapes (vehicles, N), at instants (ns)."""
+
+    at_ns: NDArray[np.int64]
+    stations: Floats
+    speeds: Floats
+
+
+def _frames(run: RunTables) -> _Frames:
+    """Instants at which all vehicles and the feet of all followers are known."""
+    truths = [run.table(name, "truth") for name in run.names]
+    stations = [path_feet(run, name).station for name in run.followers]
+    if len(truths[0]):
+        distance = truths[0]["distance_m"]
+        stations = [distance - distance[0], *stations]
+    else:
+        stations = [np.zeros(0), *stations]
+    known = [np.flatnonzero(~np.isnan(station)) for station in stations]
+    instants = [truth.at_ns[rows] for truth, rows in zip(truths, known, strict=True)]
+    at, places = common(*instants)
+    rows = [of[place] for of, place in zip(known, places, strict=True)]
+    return _Frames(
+        at,
+        np.array([station[row] for station, row in zip(stations, rows, strict=True)]),
+        np.array([truth["speed_mps"][row] for truth, row in zip(truths, rows, strict=True)]),
+    )
+
+
+def _acceleration_norms(frames: _Frames) -> Norms | None:
+    step = np.diff(frames.at_ns)
+    near = step <= LONGEST_STEP_NS
+    return _norms_over_time(np.diff(frames.speeds)[:, near] * SECOND / step[near])
+
+
+def _spacing_norms(run: RunTables, frames: _Frames) -> Norms | None:
+    """Norms of the spacing errors: positive if the gap is too wide.
+
+    The spacing is arc length to the predecessor along the lead's path, minus standstill spacing and
+    headway times own speed.
     """
+    if run.scenario.tables.speed.followers != "gap" or not run.followers:
+        return None
+    policies = [run.scenario.spacing_policy(place) for place in range(1, len(run.names))]
+    standstill = np.array([[policy.standstill] for policy in policies])
+    headway = np.array([[policy.headway] for policy in policies])
+    desired = standstill + headway * frames.speeds[1:]
+    return _norms_over_time(-np.diff(frames.stations, axis=0) - desired)
 
-    norm: Norm
-    rms: float
-    largest: float
+
+def _lateral_norms(run: RunTables) -> Norms | None:
+    """Norms of the lateral errors over the parts of the path that all followers have passed."""
+    cells, errors = [], []
+    for name in run.followers:
+        station, lateral = path_feet(run, name)
+        known = station >= 0.0
+        cells.append((station[known] // CELL_M).astype(int))
+        errors.append(lateral[known])
+    if not cells or not all(map(len, cells)):
+        return None
+    end = min(int(cell.max()) for cell in cells)
+    squares, largest, counts = (np.zeros((len(cells), end)) for _ in range(3))
+    for row, (cell, error) in enumerate(zip(cells, errors, strict=True)):
+        passed = cell < end
+        np.add.at(squares[row], cell[passed], error[passed] ** 2)
+        np.add.at(counts[row], cell[passed], 1.0)
+        np.maximum.at(largest[row], cell[passed], np.abs(error[passed]))
+    common_cells = (counts > 0.0).all(axis=0)
+    means = squares[:, common_cells] / counts[:, common_cells]
+    return _norms(means, largest[:, common_cells])
 
 
-def string_figures(
-    norms: Mapping[str, VehicleNorms], deviations_m: Mapping[str, float]
-) -> dict[str, StringFigures]:
-    """Compute the figures of all vehicles; `norms` has the lead first.
+# ---- Gains
+
+
+def string_figures(run: RunTables, deviations_m: Mapping[str, float]) -> dict[str, StringFigures]:
+    """Compute the metrics of all vehicles.
 
     `deviations_m` are standard deviations (m) of the vehicles' positions. Noise alone explains
     lateral errors with a root mean square of one and a largest value of three of them, and √2 times
     as much in the spacing, which has two positions.
     """
-    lateral, spacing, acceleration = [], [], []
-    for name, row in norms.items():
-        noise = max(deviations_m.get(name, 0.0), LEAST_ERROR_M)
-        lateral.append(Excitation(row.lateral, noise, SIGMAS * noise))
-        noise *= sqrt(2.0)
-        spacing.append(Excitation(row.spacing, noise, SIGMAS * noise))
-        least = LEAST_ACCELERATION_MPS2
-        acceleration.append(Excitation(row.acceleration, least, SIGMAS * least))
-    signals = {
-        **_values_of(LATERAL, lateral[1:]),
-        **_values_of(SPACING, spacing[1:]),
-    }
-    followers = _rows(signals, len(norms) - 1)
-    motions = _rows(_values_of(ACCELERATION, acceleration), len(norms))
-    rows = [motion | error for motion, error in zip(motions, [{}, *followers], strict=True)]
-    return {name: StringFigures(**row) for name, row in zip(norms, rows, strict=True)}
+    frames = _frames(run)
+    noise = [max(deviations_m[name], LEAST_ERROR_M) for name in run.followers]
+    of_followers = _values_of(LATERAL, _lateral_norms(run), noise) | _values_of(
+        SPACING, _spacing_norms(run, frames), [sqrt(2.0) * one for one in noise]
+    )
+    least = [LEAST_ACCELERATION_MPS2] * len(run.names)
+    of_all = _values_of(ACCELERATION, _acceleration_norms(frames), least)
+    figures = {}
+    for place, name in enumerate(run.names):
+        values = {key: column[place] for key, column in of_all.items()}
+        if place:
+            values |= {key: column[place - 1] for key, column in of_followers.items()}
+        figures[name] = StringFigures(**values)
+    return figures
 
 
 Values = Sequence[float | None]
 
 
-def _rows(signals: Mapping[str, Values], count: int) -> list[dict[str, float | None]]:
-    return [{name: values[place] for name, values in signals.items()} for place in range(count)]
-
-
-def _values_of(signal: StringSignal, chain: Sequence[Excitation]) -> dict[str, Values]:
-    """Return the figures of a signal by field, each with a value per vehicle of the chain."""
-    known = [one.norm if one.norm.is_known else None for one in chain]
-    rms = [None if norm is None else norm.rms for norm in known]
-    largest = [None if norm is None else norm.largest for norm in known]
-    of_rms = _gains(rms, [one.rms for one in chain])
-    of_largest = _gains(largest, [one.largest for one in chain])
+def _values_of(
+    signal: StringSignal, norms: Norms | None, noise: Sequence[float]
+) -> dict[str, Values]:
+    """Metrics of a signal by field, each with a value per vehicle of the chain."""
+    if norms is None:
+        return {}
+    of_rms = _gains(norms.rms, noise)
+    of_largest = _gains(norms.largest, [SIGMAS * one for one in noise])
     growth = [
         gain ** (1.0 / steps) if steps and gain is not None else None
         for steps, gain in enumerate(of_rms.from_head)
     ]
     name, unit, head = signal.name, signal.unit, signal.head
     return {
-        f"{name}_{unit}_rms": rms,
-        f"{name}_{unit}_max": largest,
+        f"{name}_{unit}_rms": norms.rms,
+        f"{name}_{unit}_max": norms.largest,
         f"{name}_gain_l2": of_rms.from_ahead,
         f"{name}_gain_linf": of_largest.from_ahead,
         f"{name}_gain_l2_from_{head}": of_rms.from_head,
@@ -379,27 +279,25 @@ def _values_of(signal: StringSignal, chain: Sequence[Excitation]) -> dict[str, V
 
 
 class SignalGains(NamedTuple):
-    """SignalGains of each vehicle from the vehicle ahead, and from the head of the chain."""
+    """Gains of each vehicle from the vehicle ahead, and from the head of the chain."""
 
     from_ahead: list[float | None]
     from_head: list[float | None]
 
 
-def _gains(values: Values, least: Sequence[float]) -> SignalGains:
+def _gains(values: Sequence[float], least: Sequence[float]) -> SignalGains:
     """Divide each value by the one before and by the first, where these are at least `least`."""
-    if not values:
-        return SignalGains([], [])
     excited = [
-        value if value is not None and value >= floor else None
-        for value, floor in zip(values, least, strict=True)
+        value if value >= floor else None for value, floor in zip(values, least, strict=True)
     ]
-    ahead = [None, *excited[:-1]]
-    head = [None, *[excited[0]] * (len(values) - 1)]
+    ahead, head = [None, *excited[:-1]], [None, *[excited[0]] * (len(values) - 1)]
     return SignalGains(
-        [_ratio(value, other) for value, other in zip(values, ahead, strict=True)],
-        [_ratio(value, other) for value, other in zip(values, head, strict=True)],
+        [
+            None if other is None else value / other
+            for value, other in zip(values, ahead, strict=True)
+        ],
+        [
+            None if other is None else value / other
+            for value, other in zip(values, head, strict=True)
+        ],
     )
-
-
-def _ratio(value: float | None, reference: float | None) -> float | None:
-    return value / reference if value is not None and reference is not None else None

@@ -6,7 +6,7 @@ the fields document them, see `documented_fields`.
 
 import ast
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import MISSING, dataclass, field, fields
 from inspect import getsource
@@ -22,14 +22,14 @@ from scenarios.definition.changes import LINK_CHANGES, change_from_json
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.plug_ins.table import RECORDED
-from scenarios.results.holes import RecordHole
-from scenarios.results.link_summary import LinkSummary
+from scenarios.results.links import LinkSummary
 from scenarios.results.reaction import ReactionSummary
+from scenarios.results.record import RecordHole
 from scenarios.results.run_event import RunEvent
 from scenarios.results.string_figures import StringFigures
+from scenarios.results.tables import RunTables
 from scenarios.results.vehicle_figures import VehicleSummary
 from scenarios.results.versions import current_stamp, installed_versions, plug_in_digests
-from vehicles.messages import Change
 
 # ---- Changes to a running convoy, scheduled or by hand, as the summary lists them
 
@@ -57,41 +57,47 @@ class RunChange:
     """Vehicles that carried the change out."""
 
 
-@dataclass(slots=True)
-class ChangeLog:
-    """Gathers changes; equal ones of several vehicles at one instant are one change."""
-
-    _by: dict[tuple[int, str], list[Change]] = field(default_factory=dict)
-
-    def add(self, change: Change) -> None:
-        key = change.effective_at_ns, change.table
-        if key in self._by or len(self._by) < MOST_CHANGES:
-            self._by.setdefault(key, []).append(change)
-
-    def changes(self, seconds: Callable[[int], float]) -> tuple[RunChange, ...]:
-        """List the changes in order of time; `seconds` converts an instant (ns)."""
-        return tuple(
-            _run_change(same, seconds(at))
-            for (at, _), same in sorted(self._by.items(), key=lambda entry: entry[0])
+def run_changes(run: RunTables) -> tuple[RunChange, ...]:
+    """List the changes in order of time; equal ones of several vehicles at an instant are one."""
+    by: dict[tuple[int, str], list[tuple[str, str, bool]]] = {}
+    rows = [
+        (order, at, table, (name, kind, by_hand))
+        for name in run.names
+        for changes in [run.table(name, "change")]
+        for order, at, table, kind, by_hand in zip(
+            changes.order.tolist(),
+            changes.at_ns.tolist(),
+            changes["table"],
+            changes["kind"],
+            changes["by_hand"].tolist(),
+            strict=True,
         )
+    ]
+    for _, at, table, change in sorted(rows):
+        if (at, table) in by or len(by) < MOST_CHANGES:
+            by.setdefault((at, table), []).append(change)
+    return tuple(
+        _run_change(table, same, run.seconds(at)) for (at, table), same in sorted(by.items())
+    )
 
 
-def _run_change(same: list[Change], at_s: float) -> RunChange:
-    first = same[0]
+def _run_change(table: str, same: Sequence[tuple[str, str, bool]], at_s: float) -> RunChange:
+    """Join equal changes, each of a vehicle, with its kind and whether it was made by hand."""
+    _, kind, by_hand = same[0]
     target, for_s = "", None
     with suppress(ScenarioError):  # of a later version
-        change = change_from_json(first.table)
+        change = change_from_json(table)
         for_s = getattr(change, "for_s", None)
         target = getattr(change, "vehicle", "")
         if isinstance(change, LINK_CHANGES):
             target = f"{change.sender} → {change.receiver}"
     return RunChange(
         at_s=at_s,
-        kind=first.kind,
+        kind=kind,
         target=target,
         for_s=for_s,
-        by_hand=first.by_hand,
-        vehicles=tuple(dict.fromkeys(change.vehicle for change in same)),
+        by_hand=by_hand,
+        vehicles=tuple(dict.fromkeys(name for name, _, _ in same)),
     )
 
 

@@ -5,9 +5,10 @@ virtual run in memory.
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, wraps
+from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,25 +47,35 @@ class RunTables:
     scenario: Scenario
     tables: Tables
     ran_ns: int = 0
+    results: dict[tuple[Any, ...], Any] = field(default_factory=dict, repr=False)
+    """Results of functions of this run, see `once`."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the vehicles, the lead first."""
         return tuple(self.scenario.vehicle_names)
 
-    @cached_property
-    def _cache(self) -> dict[tuple[str, str], Columns]:
-        return {}
+    @property
+    def lead(self) -> str:
+        return self.names[0]
+
+    @property
+    def followers(self) -> tuple[str, ...]:
+        return self.names[1:]
+
+    def ahead(self, follower: str) -> str:
+        """Vehicle ahead of a follower."""
+        return self.names[self.names.index(follower) - 1]
 
     def table(self, vehicle: str, topic: str) -> Columns:
         """Messages of a vehicle in the order of their numbers, each number once."""
         key = vehicle, topic
-        if key not in self._cache:
+        if key not in self.results:
             columns = self.tables.get(key)
-            self._cache[key] = (
+            self.results[key] = (
                 columns_from(topic, [], [], vehicle) if columns is None else in_order(columns)
             )
-        return self._cache[key]
+        return cast("Columns", self.results[key])
 
     @cached_property
     def start_at(self) -> int | None:
@@ -122,7 +133,13 @@ class Collector:
     def __init__(self, kinds: Iterable[type[Message]] = KINDS) -> None:
         self.kinds = frozenset(kinds)
         self._rows: list[tuple[int, Message]] = []
+        self._last_at = 0
         self._parts: defaultdict[tuple[str, str], list[Columns]] = defaultdict(list)
+
+    @property
+    def last_at(self) -> int:
+        """Instant (ns) of the last message; 0 without any."""
+        return self._last_at if not self._rows else self._rows[-1][0]
 
     def listen(self, at: int, message: Message) -> None:
         """Keep a message that was recorded at an instant (ns)."""
@@ -131,6 +148,7 @@ class Collector:
             self._convert()
 
     def _convert(self) -> None:
+        self._last_at = self.last_at
         by_kind: defaultdict[type[Message], list[tuple[int, Message]]] = defaultdict(list)
         for row in self._rows:
             by_kind[type(row[1])].append(row)
@@ -141,6 +159,12 @@ class Collector:
             names = np.array([message.vehicle for message in messages])
             for vehicle in dict.fromkeys(names.tolist()):
                 self._parts[vehicle, columns.topic].append(columns.of(names == vehicle))
+
+    def take(self) -> dict[tuple[str, str], Columns]:
+        """Tables of the messages since the last call, which are released."""
+        taken = self.tables()
+        self._parts.clear()
+        return taken
 
     def tables(self) -> dict[tuple[str, str], Columns]:
         """Tables of all messages so far."""
@@ -153,3 +177,25 @@ class Collector:
 
 TOPICS_OF_METRICS = tuple(row.name for row in TOPICS.values() if row.message in KINDS)
 """Topics of which metrics are made."""
+
+
+# ---- Functions of a run that others use: computed once for each run and arguments
+
+
+Result = TypeVar("Result")
+Arguments = ParamSpec("Arguments")
+
+
+def once(
+    function: Callable[Concatenate[RunTables, Arguments], Result],
+) -> Callable[Concatenate[RunTables, Arguments], Result]:
+    """Keep the results of a function of a run, which has only positional, hashable arguments."""
+
+    @wraps(function)
+    def known(run: RunTables, *args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+        key = (function.__qualname__, *args)
+        if key not in run.results:
+            run.results[key] = function(run, *args, **kwargs)
+        return cast("Result", run.results[key])
+
+    return cast("Callable[Concatenate[RunTables, Arguments], Result]", known)

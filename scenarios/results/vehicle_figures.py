@@ -1,37 +1,25 @@
-"""The figures of one vehicle: gathered and summarised.
+"""The metrics of each vehicle, as functions of the run's tables.
 
-A figure of vehicles is a field of `VehicleSummary`, a value that `VehicleFigures` keeps, and a line
-in its `summary`.
+A metric of vehicles is a field of `VehicleSummary` and a line in one of the functions below.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
-from math import inf, isfinite, isnan
+from math import inf
 from typing import Any, Literal, NamedTuple
 
-from scenarios.definition.check.held_braking import braking_held
-from scenarios.results.accumulators import Extremes, SelfEstimateErrors, TyreFigures
-from scenarios.results.encounters import TrueGap
-from scenarios.results.holes import (
-    RecordedSeries,
-    RecordHole,
-    UnseenSpan,
-    expected_poses,
-    holes_of,
-)
-from scenarios.results.reaction import NO_REACTION, Reaction, ReactionSummary
-from scenarios.results.string_figures import NO_STRING, StringFigures
-from vehicles.geometry.driven_path import CrossTrack
-from vehicles.messages import GpsPose, Health, Tracking, TruePose
-from vehicles.schedule import SECOND
+import numpy as np
 
-USUAL_RATE_HZ, USUAL_CONTROL_RATE_HZ = 20.0, 50.0
-LONGEST_STEP = 1.5
-"""Time, in control periods, between two recorded true poses without a hole."""
-SILENT_NS = SECOND
-"""A vehicle without records for this time before the end had left; messages in transit at a stop
-take less."""
+from scenarios.definition.check.held_braking import TYRES
+from scenarios.results.reaction import NO_REACTION, ReactionSummary, blind_distance, reaction
+from scenarios.results.record import missing_poses, silent_from_s
+from scenarios.results.string_figures import NO_STRING, StringFigures, string_figures
+from scenarios.results.tables import RunTables, common, once
+from scenarios.results.traffic import overrides
+from scenarios.results.true_motion import Floats, cross_track_error, gaps, road_error
+from transport.columns import Columns, Integers
+from vehicles.car.tyres import SLIDING_SHARE, linear_range
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,280 +126,238 @@ class VehicleSummary:
     """Whether the final counters of the vehicle were received."""
 
 
-class RunSpan(NamedTuple):
-    """Start of a run (ns, None if not recorded), its duration and planned duration."""
-
-    start_at: int | None
-    ran_ns: int
-    planned_ns: int
+# ---- Signals and their reductions
 
 
-class VehicleFigures:
-    """Gathers the figures of one vehicle."""
+class Extremes(NamedTuple):
+    """Largest magnitude of a signal, the row where it is first reached, and root mean square."""
 
-    def __init__(
-        self,
-        name: str,
-        *,
-        is_lead: bool,
-        rate_hz: float | None = USUAL_RATE_HZ,
-        control_rate_hz: float = USUAL_CONTROL_RATE_HZ,
-    ) -> None:
-        """`rate_hz` is that of its GPS poses, None without a schedule of sending."""
-        self.name = name
-        self.is_lead = is_lead
-        self.rate_hz = rate_hz
-        self._control_rate_hz = control_rate_hz
-        self.sent, self.truth = RecordedSeries(), RecordedSeries()
-        self.decisions = RecordedSeries()
-        self.ends_early = False
-        self._first_sent_at: int | None = None
-        self.last_at = 0
-        self.distance = self.speed = 0.0
-        self.mode = ""
-        self.modes: Counter[str] = Counter()
-        self.lateral_error, self.heading_error = Extremes(), Extremes()
-        self.cross_track_error, self.road_error = Extremes(), Extremes()
-        self.self_estimate = SelfEstimateErrors()
-        self.tyres = TyreFigures()
-        self.estimated_gap_min, self.estimated_gap_max = inf, -inf
-        self.held_braking_min = inf
-        self.lateral_deviation_max = -1.0
-        self._accuracy_max = 0.0
-        self.reaction = Reaction()
-        self.health: Health | None = None
-        self._memory_max = 0
-        self._cpu_sum, self._cpu_count = 0.0, 0
+    largest: float
+    row: int
+    rms: float
 
-    @property
-    def poses(self) -> int:
-        return self.sent.received
 
-    def add_truth(self, pose: TruePose) -> None:
-        self.distance, self.speed = pose.distance_m, pose.speed_mps
-        self.truth.add(pose.seq, pose.true_at_ns)
-        self.tyres.add(pose)
-        if not self.is_lead:
-            self.reaction.add_truth(pose)
+def extremes(values: Floats) -> Extremes | None:
+    """Extremes of the values that are known; None without any."""
+    (known,) = np.nonzero(~np.isnan(values))
+    if not len(known):
+        return None
+    sizes = np.abs(values[known])
+    row = int(np.argmax(sizes))
+    return Extremes(float(sizes[row]), int(known[row]), float(np.sqrt(np.mean(sizes * sizes))))
 
-    def add_error(self, foot: CrossTrack) -> None:
-        self.cross_track_error.add(foot.lateral, foot.at_ns)
-        self.self_estimate.add_true(foot.at_ns, foot.lateral)
 
-    def add_tracking(self, tracking: Tracking) -> None:
-        mode, error = tracking.mode, tracking.lateral_error_m
-        self.decisions.add(tracking.seq, tracking.decided_at_ns)
-        if mode not in {"path", "straight"}:  # without a trajectory there is no error
-            self.self_estimate.add_estimate(tracking.decided_at_ns, error)
-        if not self.is_lead:
-            self.reaction.add_tracking(tracking)
-        self.lateral_error.add(error)
-        self.heading_error.add(tracking.heading_error_rad)
-        self.mode = mode
-        self.modes[mode] += 1
-        gap = tracking.estimated_gap_m
-        if -inf < gap < self.estimated_gap_min:  # false for NaN: no gap
-            self.estimated_gap_min = gap
-        if self.estimated_gap_max < gap < inf:
-            self.estimated_gap_max = gap
-        if isnan(tracking.measured_gap_m):
-            held = braking_held(gap, tracking.predecessor_age_s)
-            if held < self.held_braking_min:  # noqa: PLR1730 - NaN
-                self.held_braking_min = held
-        if tracking.lateral_deviation_m > self.lateral_deviation_max:  # noqa: PLR1730 - NaN
-            self.lateral_deviation_max = tracking.lateral_deviation_m
+def largest(values: Floats) -> float | None:
+    """Largest magnitude of the values that are known; None without any."""
+    found = extremes(values)
+    return None if found is None else found.largest
 
-    def add_pose(self, pose: GpsPose) -> None:
-        self.sent.add(pose.seq, pose.sent_at_ns)
-        if pose.position_accuracy_m > self._accuracy_max:  # noqa: PLR1730 - NaN
-            self._accuracy_max = pose.position_accuracy_m
-        if self._first_sent_at is None:
-            self._first_sent_at = pose.sent_at_ns
 
-    @property
-    def position_deviation(self) -> float:
-        """Largest standard deviation (m) of its position: the receiver's, or its own estimate.
+class Signal(NamedTuple):
+    """Values of a vehicle at instants (ns), NaN where they are unknown; shapes (N)."""
 
-        Infinite if neither is recorded, as in an extract of true poses.
-        """
-        if not self.poses and self.lateral_deviation_max < 0.0:
-            return inf
-        return max(self._accuracy_max, self.lateral_deviation_max)
+    at_ns: Integers
+    values: Floats
 
-    def add_health(self, health: Health) -> None:
-        self.health = health
-        self._memory_max = max(self._memory_max, health.memory_bytes)
-        if health.seq and not health.final:  # those cover a second, first and last less
-            self._cpu_sum += health.cpu_ratio
-            self._cpu_count += 1
 
-    def holes(self, span: RunSpan) -> list[RecordHole]:
-        """Holes in the record of its poses, up to its end or that of the run.
+def true_errors(run: RunTables, name: str) -> Signal:
+    """Offset (m) from the lead's path."""
+    return Signal(run.table(name, "truth").at_ns, cross_track_error(run, name))
 
-        A vehicle that became silent without final counters may have failed: no hole. Without a
-        schedule of sending only gaps in the numbers are known.
-        """
-        if self.rate_hz is None:
-            return list(self.sent.unscheduled_holes(self.name, span.start_at or 0))
-        expected = self.scheduled_poses(span)
-        return list(holes_of(self.name, self.sent, self.rate_hz, expected))
 
-    def scheduled_poses(self, span: RunSpan, was_cut_off: bool = False) -> int:
-        """Count the poses due until its end or that of the run; 0 if that is unknown.
+def road_errors(run: RunTables, name: str) -> Signal:
+    """Offset (m) from the road."""
+    return Signal(run.table(name, "truth").at_ns, road_error(run, name))
 
-        A vehicle that was cut off sent until the end of the run.
-        """
-        if self.rate_hz is None:
-            return 0
-        if was_cut_off:
-            return expected_poses(span.ran_ns, self.rate_hz)
-        return self._scheduled(span, self.rate_hz)
 
-    def _scheduled(self, span: RunSpan, rate_hz: float) -> int:
-        until = self._ran_until(span)
-        return 0 if until is None else expected_poses(until, rate_hz)
+def true_gaps(run: RunTables, name: str) -> Signal:
+    """Distance (m) to the body ahead."""
+    if name == run.lead:
+        return Signal(np.zeros(0, np.int64), np.zeros(0))
+    return Signal(*gaps(run, name)[:2])
 
-    def _ran_until(self, span: RunSpan) -> int | None:
-        """Time (ns) up to which its messages are due, None if that is unknown.
 
-        A vehicle without final counters that was silent at the end of a complete run for a short
-        time was cut off or the last messages are missing; one that was silent for longer may have
-        failed.
-        """
-        if span.start_at is None or self.health is None or self.ends_early:
-            return None
-        if not self.health.final:
-            is_silent = self._silent_from_s(span) is not None
-            return None if is_silent or span.ran_ns < span.planned_ns else span.ran_ns
-        until = min(span.ran_ns, self.health.reported_at_ns - span.start_at)
-        if until < span.planned_ns:  # stopped early: its last poses were not sent
-            until -= SILENT_NS
-        return until
+def friction(run: RunTables, name: str) -> Signal:
+    """Share of the available friction that an axle uses."""
+    truth = run.table(name, "truth")
+    return Signal(truth.at_ns, truth["friction_ratio"])
 
-    def unseen(self, span: RunSpan) -> list[UnseenSpan]:
-        """Times in which nothing is known of it, up to its end or that of the run."""
-        start_at = span.start_at or 0
-        spans = [
-            *self.truth.unseen(self.name, "true pose", start_at),
-            *self.decisions.unseen(self.name, "decision", start_at),
-        ]
-        is_silent = self._silent_from_s(span) is not None
-        cut_off = is_silent and self.health is not None and not self.health.final
-        until = span.ran_ns if cut_off and not self.ends_early else self._ran_until(span)
-        last_s = ((self.truth.last_at or start_at) - start_at) / SECOND
-        if until is not None and until / SECOND - last_s > LONGEST_STEP / self._control_rate_hz:
-            missing_s = until / SECOND - last_s
-            spans.append(
-                UnseenSpan(
-                    vehicle=self.name,
-                    kind="true pose",
-                    from_s=last_s,
-                    to_s=until / SECOND,
-                    missing_s=missing_s,
-                )
-            )
-        return spans
 
-    def true_holes(self, holes: Sequence[RecordHole], span: RunSpan) -> Iterator[RecordHole]:
-        """Holes in the record of its true poses outside of `holes`."""
-        slack_s = 1.0 / (self.rate_hz or USUAL_RATE_HZ)
-        rate_hz = self._control_rate_hz
-        is_without_truths = bool(self.poses) and not self.truth.count  # as some logs
-        expected = 0 if is_without_truths else self._scheduled(span, rate_hz)
-        missing = holes_of(self.name, self.truth, rate_hz, expected, "true pose")
-        for hole in missing:
-            if not any(known.covers(hole, slack_s) for known in holes):
-                yield hole
+def blind_distances(run: RunTables, name: str) -> Signal:
+    """Distance (m) driven so far beyond the known path."""
+    return Signal(*blind_distance(run, name))
 
-    @property
-    def sent_for_s(self) -> float:
-        """Time (s) of sending: by the number of poses, or without a schedule from the first on."""
-        if self.rate_hz is not None:
-            return self.poses / self.rate_hz
-        return self._seconds_from(self._first_sent_at)
 
-    def recorded_for_s(self, start_at: int | None) -> float:
-        """Recorded time (s): by the number of poses, or without a schedule from the start (ns)."""
-        if self.rate_hz is not None:
-            return self.poses / self.rate_hz
-        return self._seconds_from(start_at)
+@once
+def self_estimate_errors(run: RunTables, follower: str) -> Signal:
+    """Difference (m) of estimated and true error, at decisions with a trajectory."""
+    tracking, truth = run.table(follower, "tracking"), run.table(follower, "truth")
+    mode = tracking["mode"]
+    rows = np.flatnonzero((mode != "path") & (mode != "straight"))
+    at, (estimates, trues) = common(tracking.at_ns[rows], truth.at_ns)
+    estimated = tracking["lateral_error_m"][rows][estimates]
+    return Signal(at, estimated - cross_track_error(run, follower)[trues])
 
-    def _seconds_from(self, begun: int | None) -> float:
-        return 0.0 if begun is None else max(self.last_at - begun, 0) / SECOND
 
-    def _silent_from_s(self, span: RunSpan) -> float | None:
-        """Time (s) after which nothing of it was recorded although the run went on."""
-        if span.start_at is None:
-            return None
-        if not self.last_at:  # nothing of it was ever recorded
-            return 0.0 if span.ran_ns >= span.planned_ns else None
-        until = max(self.last_at - span.start_at, 0)
-        return until / SECOND if span.ran_ns - until > SILENT_NS else None
+# ---- Metrics of one vehicle
 
-    def summary(
-        self, span: RunSpan, gap: TrueGap | None, seconds: Callable[[int], float]
-    ) -> VehicleSummary:
-        """List the figures so far.
 
-        `gap` is that to the predecessor; `seconds` converts an instant (ns) to seconds from the
-        start of the run.
-        """
-        health, true, tyres = self.health, self.cross_track_error, self.tyres
-        road = self.road_error
-        own, estimate = self.lateral_error, self.self_estimate.difference
-        if gap is not None and not isfinite(gap.min_m):
-            gap = None
-        return VehicleSummary(
-            name=self.name,
-            role="lead" if self.is_lead else "follower",
-            poses=self.poses,
-            missing_poses=sum([hole.poses for hole in self.holes(span)]),
-            silent_from_s=self._silent_from_s(span),
-            # Without data an error is None rather than 0.
-            lateral_error_m_max=own.largest if own.count else None,
-            lateral_error_m_rms=own.rms if own.count else None,
-            heading_error_rad_max=self.heading_error.largest if own.count else None,
-            cross_track_error_m_max=true.largest if true.count else None,
-            cross_track_error_m_rms=true.rms if true.count else None,
-            cross_track_error_max_at_s=seconds(true.largest_at) if true.count else None,
-            road_error_m_max=road.largest if road.count else None,
-            road_error_m_rms=road.rms if road.count else None,
-            road_error_max_at_s=seconds(road.largest_at) if road.count else None,
-            self_estimate_error_m_max=estimate.largest if estimate.count else None,
-            lateral_deviation_m_max=self.lateral_deviation_max
-            if self.lateral_deviation_max >= 0.0
-            else None,
-            true_gap_m_min=gap.min_m if gap else None,
-            true_gap_min_at_s=seconds(gap.min_at_ns) if gap else None,
-            true_gap_m_max=gap.max_m if gap else None,
-            true_gap_max_at_s=seconds(gap.max_at_ns) if gap else None,
-            estimated_gap_m_min=self.estimated_gap_min
-            if isfinite(self.estimated_gap_min)
-            else None,
-            estimated_gap_m_max=self.estimated_gap_max
-            if isfinite(self.estimated_gap_max)
-            else None,
-            held_braking_mps2_min=self.held_braking_min
-            if isfinite(self.held_braking_min)
-            else None,
-            distance_m=self.distance,
-            lateral_acceleration_mps2_max=tyres.lateral_acceleration if tyres.poses else None,
-            front_slip_rad_max=tyres.front_slip if tyres.poses else None,
-            rear_slip_rad_max=tyres.rear_slip if tyres.poses else None,
-            friction_ratio_max=tyres.friction if tyres.poses else None,
-            sliding_s=tyres.sliding / self._control_rate_hz if tyres.poses else None,
-            ticks_by_mode=dict(sorted(self.modes.items())),
-            reaction=self.reaction.summary,
-            ticks=health.ticks if health else 0,
-            late_ticks=health.late_ticks if health else 0,
-            late_ticks_at_start=health.late_ticks_at_start if health else 0,
-            late_ticks_by_network=health.late_ticks_by_network if health else 0,
-            lateness_ms_max=health.lateness_ms_max if health else 0.0,
-            rejected_messages=health.rejected_messages if health else 0,
-            memory_bytes_max=self._memory_max,
-            cpu_ratio=self._cpu_sum / self._cpu_count if self._cpu_count else 0.0,
-            finished=bool(health and health.final),
+def vehicle_summaries(
+    run: RunTables, own_figures: Mapping[str, Mapping[str, float | None]]
+) -> tuple[VehicleSummary, ...]:
+    """Summarise all vehicles; `own_figures` are those of the user's classes by vehicle."""
+    string = string_figures(run, {name: position_deviation(run, name) for name in run.names})
+    return tuple(
+        VehicleSummary(
+            name=name,
+            role="lead" if name == run.lead else "follower",
+            silent_from_s=silent_from_s(run, name),
+            string=string[name],
+            own_figures=own_figures.get(name, {}),
+            **_of_poses(run, name),
+            **_of_truth(run, name),
+            **_of_decisions(run, name),
+            **_of_process(run, name),
+            **_of_follower(run, name),
         )
+        for name in run.names
+    )
+
+
+def _of_poses(run: RunTables, name: str) -> dict[str, Any]:
+    return {
+        "poses": len(run.table(name, "gps")),
+        "missing_poses": missing_poses(run, name),
+    }
+
+
+def _of_truth(run: RunTables, name: str) -> dict[str, Any]:
+    truth = run.table(name, "truth")
+    tyres = {
+        "lateral_acceleration_mps2_max": largest(truth["lateral_acceleration_mps2"]),
+        "front_slip_rad_max": largest(truth["front_slip_rad"]),
+        "rear_slip_rad_max": largest(truth["rear_slip_rad"]),
+        "friction_ratio_max": largest(truth["friction_ratio"]),
+    }
+    sliding = np.count_nonzero(truth["friction_ratio"] >= SLIDING_SHARE)
+    road = extremes(road_error(run, name))
+    return tyres | {
+        "distance_m": float(truth["distance_m"][-1]) if len(truth) else 0.0,
+        "sliding_s": sliding / run.scenario.control_rate_hz if len(truth) else None,
+        "road_error_m_max": road.largest if road else None,
+        "road_error_m_rms": road.rms if road else None,
+        "road_error_max_at_s": run.seconds(truth.at_ns[road.row]) if road else None,
+    }
+
+
+def _of_decisions(run: RunTables, name: str) -> dict[str, Any]:
+    tracking = run.table(name, "tracking")
+    own = extremes(tracking["lateral_error_m"])
+    gap = tracking["estimated_gap_m"]
+    known = gap[np.isfinite(gap)]
+    deviation = lateral_deviation(tracking)
+    return {
+        "lateral_error_m_max": own.largest if own else None,
+        "lateral_error_m_rms": own.rms if own else None,
+        "heading_error_rad_max": largest(tracking["heading_error_rad"]),
+        "lateral_deviation_m_max": deviation if deviation >= 0.0 else None,
+        "estimated_gap_m_min": float(known.min()) if len(known) else None,
+        "estimated_gap_m_max": float(known.max()) if len(known) else None,
+        "held_braking_mps2_min": held_braking(tracking),
+        "ticks_by_mode": dict(sorted(Counter(tracking["mode"].tolist()).items())),
+    }
+
+
+def lateral_deviation(tracking: Columns) -> float:
+    """Largest standard deviation (m) that a vehicle estimates of its own offset; -1 if unknown."""
+    return float(np.nanmax(tracking["lateral_deviation_m"], initial=-1.0))
+
+
+def position_deviation(run: RunTables, name: str) -> float:
+    """Largest standard deviation (m) of a vehicle's position: the receiver's, or its own estimate.
+
+    Infinite if neither is recorded, as in an extract of true poses.
+    """
+    poses, own = run.table(name, "gps"), lateral_deviation(run.table(name, "tracking"))
+    if not len(poses) and own < 0.0:
+        return inf
+    return max(float(np.nanmax(poses["position_accuracy_m"], initial=0.0)), own)
+
+
+def held_braking(tracking: Columns) -> float | None:
+    """Smallest braking (m/s²) of the vehicle ahead that a follower without a gap sensor held.
+
+    See `scenarios.definition.check.held_braking.braking_held`.
+    """
+    rows = np.isnan(tracking["measured_gap_m"])
+    gap, unknown = tracking["estimated_gap_m"][rows], tracking["predecessor_age_s"][rows]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        held = np.where(gap <= 0.0, 0.0, gap * TYRES / (gap + 0.5 * TYRES * unknown * unknown))
+    known = held[np.isfinite(held)]
+    return float(known.min()) if len(known) else None
+
+
+def _of_process(run: RunTables, name: str) -> dict[str, Any]:
+    health = run.table(name, "health")
+    counters = ("ticks", "late_ticks", "late_ticks_at_start", "late_ticks_by_network")
+    last: dict[str, Any] = {
+        key: health[key][-1].item() if len(health) else 0
+        for key in (*counters, "lateness_ms_max", "rejected_messages")
+    }
+    whole = (health["seq"] > 0) & ~health["final"]  # those cover a second, first and last less
+    cpu = health["cpu_ratio"][whole]
+    return last | {
+        "memory_bytes_max": int(health["memory_bytes"].max(initial=0)),
+        "cpu_ratio": float(cpu.mean()) if len(cpu) else 0.0,
+        "finished": bool(len(health) and health["final"][-1]),
+    }
+
+
+def _of_follower(run: RunTables, name: str) -> dict[str, Any]:
+    if name == run.lead:
+        nothing = ("cross_track_error_m_max", "cross_track_error_m_rms")
+        return dict.fromkeys(nothing)
+    true, errors = extremes(cross_track_error(run, name)), self_estimate_errors(run, name)
+    at, gap = true_gaps(run, name)
+    override = overrides(run, name)
+    result: dict[str, Any] = {
+        "cross_track_error_m_max": true.largest if true else None,
+        "cross_track_error_m_rms": true.rms if true else None,
+        "cross_track_error_max_at_s": run.seconds(run.table(name, "truth").at_ns[true.row])
+        if true
+        else None,
+        "self_estimate_error_m_max": largest(errors.values),
+        "reaction": reaction(run, name),
+        "overridden_ratio": override.ratio,
+        "overrides": override.ratios,
+    }
+    if len(gap):
+        low, high = int(np.argmin(gap)), int(np.argmax(gap))
+        result |= {
+            "true_gap_m_min": float(gap[low]),
+            "true_gap_min_at_s": run.seconds(at[low]),
+            "true_gap_m_max": float(gap[high]),
+            "true_gap_max_at_s": run.seconds(at[high]),
+        }
+    return result
+
+
+def tyre_warnings(run: RunTables) -> dict[str, tuple[int, str]]:
+    """Vehicles whose tyres left their linear range, in order of time: the instant (ns), a line."""
+    found = {}
+    for name in run.names:
+        front, rear = linear_range(run.scenario.vehicle(name).parameters)
+        truth = run.table(name, "truth")
+        beyond = np.abs(truth["front_slip_rad"]) > front
+        (rows,) = np.nonzero(beyond | (np.abs(truth["rear_slip_rad"]) > rear))
+        if len(rows):
+            at = int(truth.at_ns[rows[0]])
+            found[name] = (
+                at,
+                f"{name}: tyres beyond their linear range of {front:.4f} rad of slip in front, "
+                f"{rear:.4f} rad at the rear, from {run.seconds(at):.2f} s after the start",
+            )
+    return dict(sorted(found.items(), key=lambda entry: entry[1][0]))
 
 
 # ---- Errors along the string as a table: a row per follower

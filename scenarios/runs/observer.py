@@ -1,25 +1,24 @@
 """Observers of a run: each receives the messages of the kinds that it wants, with their instants.
 
-The log, the figures, the picture, the progress table and the limits of a run are observers.
+The log, and the tables of which metrics are made, are observers. Watchers show the metrics of a
+running convoy after each evaluation.
 """
 
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import inf, isfinite
-from typing import Protocol, runtime_checkable
+from math import isnan
+from typing import Protocol
 
-from scenarios.results.metrics import Metrics
-from transport.topics import TOPIC_OF, counts_as_loss
-from vehicles.messages import Change, LogText, Message, RunEnd, RunStart, TruePose
-from vehicles.schedule import SECOND
+from scenarios.definition.scenario import Scenario
+from scenarios.results.live import LiveRun
+from transport.topics import TOPIC_OF
+from vehicles.messages import LogText, Message
 
 Kinds = frozenset[type[Message]]
 Listen = Callable[[int, Message], None]
 """Takes the instant (ns) at which a message was sent or recorded, and the message."""
 ALL_KINDS: Kinds = frozenset(TOPIC_OF)
-ALWAYS = (Change, LogText, RunEnd, RunStart)
-"""Few messages, needed to understand the others."""
 
 
 class Observer(Protocol):
@@ -54,56 +53,12 @@ def kinds_of(observers: Sequence[Observer]) -> Kinds:
     return frozenset[type[Message]]().union(*(observer.kinds for observer in observers))
 
 
-@runtime_checkable
-class ShowsBacklog(Protocol):
-    """Observer that shows how far the log is behind, instead of the messages that it misses."""
+class Watcher(Protocol):
+    """Shows the metrics of a running convoy."""
 
-    def show_backlog(self, at: int, waiting: int, /) -> None:
-        """Take the instant (ns) of the latest recorded message and the number of waiting ones."""
+    def update(self, live: LiveRun, /) -> None:
+        """Take the metrics after an evaluation."""
         ...
-
-
-class ThrottledObservers:
-    """Observer that passes messages to others, but only a few while the log is behind.
-
-    So a slow picture loses messages; the log never does.
-    """
-
-    def __init__(
-        self, observers: Sequence[Observer], waiting: Callable[[], int], most_waiting: int
-    ) -> None:
-        """`waiting` counts messages to be recorded; beyond `most_waiting` the log is behind."""
-        self._listeners = listeners_by_kind(observers)
-        self.kinds = kinds_of(observers)
-        """Messages that at least one observer wants."""
-        self._waiting, self._most_waiting = waiting, most_waiting
-        self._shows_backlog = [
-            observer for observer in observers if isinstance(observer, ShowsBacklog)
-        ]
-        self.skipped = 0
-        """Number of messages not passed on."""
-
-    def listen(self, at: int, message: Message) -> None:
-        listeners = self._listeners[type(message)]
-        if not listeners:
-            return
-        waiting = self._waiting()
-        if waiting > self._most_waiting and not isinstance(message, ALWAYS):
-            self.skipped += 1
-            for observer in self._shows_backlog:
-                observer.show_backlog(at, waiting)
-            return
-        for listener in listeners:
-            listener(at, message)
-
-    def skipped_line(self) -> str:
-        """Report the number of skipped messages; empty without any."""
-        if not self.skipped:
-            return ""
-        return (
-            f"picture and progress skipped {self.skipped} messages while the log was behind; "
-            "the log holds them"
-        )
 
 
 # ---- The progress of a run as a line of text every few seconds
@@ -113,84 +68,52 @@ LINE_EVERY_S = 5.0
 
 
 class ProgressLines:
-    """Reports the time, the worst figures and the messages of a run, and the texts of the recorder.
+    """Reports the time, the worst metrics and the messages of a run, and texts of the recorder."""
 
-    The figures are those of `metrics`, which takes each message first.
-    """
+    kinds: frozenset[type[Message]] = frozenset({LogText})
 
-    kinds: frozenset[type[Message]] = frozenset({LogText, RunStart, TruePose})
-
-    def __init__(
-        self, metrics: Metrics, duration_s: float, report: Callable[[str], object]
-    ) -> None:
+    def __init__(self, scenario: Scenario, report: Callable[[str], object]) -> None:
         """Report to `report`, such as `print`."""
-        self._metrics = metrics
-        self._duration_s = duration_s
+        self._names = scenario.vehicle_names
+        self._duration_s = scenario.duration_s
         self._report = report
         self._every_s = LINE_EVERY_S
-        self._start_at: int | None = None
-        self._now = 0
-        self._backlog = 0
         self._drawn = 0.0
 
-    def listen(self, _at: int, message: Message) -> None:
-        known = message.vehicle in self._metrics.vehicles
-        match message:
-            case RunStart():
-                self._start_at = message.start_at_ns
-            case LogText() if message.level == "debug":
-                pass  # for the log only
-            case LogText() if message.level in {"error", "alert", "fatal"} or not known:
-                self._report(f"{message.vehicle}: {message.text}")
-            case TruePose() if known:
-                self._now = max(self._now, message.true_at_ns)
-        self._backlog = 0
-        self._refresh()
-
-    def show_backlog(self, at: int, waiting: int) -> None:
-        """Take the instant (ns) of the latest recorded message, and the number of waiting ones."""
-        self._now, self._backlog = max(self._now, at), waiting
-        self._refresh()
-
-    def _refresh(self) -> None:
-        if self._start_at is None:
+    def listen(self, _at: int, text: Message) -> None:
+        if not isinstance(text, LogText) or text.level == "debug":  # debug: for the log only
             return
+        if text.level in {"error", "alert", "fatal"} or text.vehicle not in self._names:
+            self._report(f"{text.vehicle}: {text.text}")
+
+    def update(self, live: LiveRun) -> None:
         now = time.monotonic()
-        if now - self._drawn < self._every_s:
-            return
-        self._drawn = now
-        self._show()
+        if now - self._drawn >= self._every_s:
+            self._drawn = now
+            self._show(live)
 
-    def _show(self) -> None:
-        self._report(f"{self._title()} · {self._of_all()}")
+    def _show(self, live: LiveRun) -> None:
+        self._report(f"{self._title(live)} · {self._of_all(live)}")
 
-    def _of_all(self) -> str:
-        """Format the worst figures of all vehicles, and the sums of their messages."""
-        figures = self._metrics.vehicles.values()
-        worst = max(abs(vehicle.cross_track_error.latest) for vehicle in figures)
-        largest = max(vehicle.cross_track_error.largest for vehicle in figures)
-        gap = min([gap.min_m for gap in self._metrics.stream.gaps.values()], default=inf)
-        min_gap = f" · min gap {gap:.1f} m" if isfinite(gap) else ""
-        counts = map(self._messages, self._metrics.vehicles)
-        delivered, dropped, late = map(sum, zip(*counts, strict=True))
+    def _of_all(self, live: LiveRun) -> str:
+        """Format the worst metrics of all vehicles, and the sums of their messages."""
+        values = list(live.values.values())
+        now, largest = (
+            max([metres for metres in column if not isnan(metres)], default=0.0)
+            for column in (
+                [row.error_m for row in values],
+                [row.error_m_max for row in values],
+            )
+        )
+        gap = min([row.gap_m_min for row in values if not isnan(row.gap_m_min)], default=None)
+        min_gap = "" if gap is None else f" · min gap {gap:.1f} m"
+        delivered, dropped, late = (
+            sum([getattr(row, name) for row in values]) for name in ("delivered", "dropped", "late")
+        )
         return (
-            f"largest true error now {worst * 100:.1f} cm, so far {largest * 100:.1f} cm{min_gap}"
+            f"largest true error now {now * 100:.1f} cm, so far {largest * 100:.1f} cm{min_gap}"
             f" · delivered {delivered} · dropped {dropped} · late {late}"
         )
 
-    def _messages(self, name: str) -> tuple[int, int, int]:
-        """Count delivered, dropped and late messages of a vehicle; late ticks count as late."""
-        links = [link for (_, receiver), link in self._metrics.links.items() if receiver == name]
-        health = self._metrics.vehicles[name].health
-        return (
-            sum(link.delivered for link in links),
-            sum(n for link in links for word, n in link.dropped.items() if counts_as_loss(word)),
-            sum(link.late for link in links) + (health.late_ticks if health else 0),
-        )
-
-    def _seconds(self) -> float:
-        return max(self._now - (self._start_at or 0), 0) / SECOND
-
-    def _title(self) -> str:
-        backlog = f", log behind by {self._backlog} messages" if self._backlog else ""
-        return f"{self._seconds():.1f} of {self._duration_s:.1f} s{backlog}"
+    def _title(self, live: LiveRun) -> str:
+        return f"{live.seconds:.1f} of {self._duration_s:.1f} s"

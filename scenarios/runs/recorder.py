@@ -1,11 +1,9 @@
-"""Writes every message of a run into the log, the figures and the picture."""
+"""Writes every message of a run into the log and passes it to observers."""
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from typing import cast
 
-from scenarios.results.metrics import Metrics
-from scenarios.results.stream import Deviations
 from scenarios.runs.observer import Observer, listeners_by_kind
 from transport.codec import (
     MAX_RANGES,
@@ -55,7 +53,7 @@ class Recorder:
         vehicles: Mapping[str, float],
         plane: LocalPlane,
         writer: LogWriter,
-        metrics: Metrics,
+        control_rate_hz: float,
         observers: Sequence[Observer] = (),
         clock_errors_ns: Mapping[str, int] | None = None,
     ) -> None:
@@ -73,9 +71,8 @@ class Recorder:
         self._clock_errors_ns = clock_errors_ns or {}
         self._plane = plane
         self._writer = writer
-        self._metrics = metrics
-        self._deviations = Deviations.of(metrics.stream)
-        self._listeners = listeners_by_kind([metrics, *observers])
+        self._control_rate_hz = control_rate_hz
+        self._listeners = listeners_by_kind(observers)
         self._seen: defaultdict[str, MessageNumbers] = defaultdict(
             lambda: MessageNumbers(MAX_RANGES)
         )
@@ -84,7 +81,8 @@ class Recorder:
         self._misdated = TimestampRefusals()
         self._repeatable: dict[str, set[bytes]] = {}
         self._gates: dict[str, PoseGate] = {}
-        self.recorded = 0
+        self.recorded = self.accepted = 0
+        """Messages in the log, and those of them that vehicles sent."""
         self.last_at = 0
         self.rejected: Counter[str] = Counter()
 
@@ -132,6 +130,7 @@ class Recorder:
             self._repeatable[key_expression] = {data}
         elif isinstance(message, Change):
             self._repeatable.setdefault(key_expression, set()).add(data)
+        self.accepted += 1
         self.record(at, message, escaped_bytes(data, message))
         return True
 
@@ -164,7 +163,7 @@ class Recorder:
                 raise RefusedMessageError("early", f"valid at {valid}")
             if valid > at + HORIZON_NS:
                 raise RefusedMessageError("future", f"valid at {valid}")
-            steps = (valid - self._start_at) * self._metrics.control_rate_hz / SECOND
+            steps = (valid - self._start_at) * self._control_rate_hz / SECOND
             if type(message) in ONCE_PER_STEP and message.seq > steps + ROUNDING:
                 raise RefusedMessageError("sequence", f"number {message.seq} is ahead of schedule")
         seen = self._seen[key_expression]
@@ -172,8 +171,9 @@ class Recorder:
             raise RefusedMessageError("duplicate", f"number {message.seq} came before")
         return message, seen
 
-    def log(self, at: int, text: str, level: Level = "info") -> None:
-        self._put(LogText, at, logged_at_ns=at, level=level, text=text)
+    def log(self, at: int, text: str, level: Level = "info", valid_at: int | None = None) -> None:
+        """Log a line at instant `at` (ns), about an earlier instant `valid_at`."""
+        self._put(LogText, at, logged_at_ns=valid_at or at, level=level, text=text)
 
     def report_health(self, at: int, *, final: bool = False) -> None:
         self._put(
@@ -213,16 +213,3 @@ class Recorder:
         self.recorded += 1
         for listen in self._listeners[kind]:
             listen(at, message)
-        if kind is TruePose:
-            for deviation in self._deviations.take_new():
-                self._writer.write_deviation(at, *deviation)
-        if kind is TruePose or kind is Tracking:
-            self.log_news(at)
-
-    def log_news(self, at: int) -> None:
-        """Log new events on the road and new warnings."""
-        if self._metrics.out_of_linear:
-            for line in self._metrics.take_new():
-                self.log(at, line, "warning")
-        for event in self._metrics.events.take_new():
-            self.log(at, event.line, event.level)

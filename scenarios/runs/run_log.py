@@ -3,25 +3,30 @@
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import NamedTuple
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.schema.limit_tables import LimitsTable
+from scenarios.results.events import Event
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME, write_whole
-from scenarios.results.holes import hole_lines
-from scenarios.results.limits import broken_limits, collision_ends_run, failure_reason
-from scenarios.results.link_summary import describe_link
-from scenarios.results.log_summary import METADATA_NAME, silent_links, summarise, write_summary
-from scenarios.results.metrics import Metrics
-from scenarios.results.stream import sizes_of
+from scenarios.results.limits import collision_ends_run, failure_reason, limit_figures
+from scenarios.results.link_account import accounts
+from scenarios.results.links import describe_link, link_summaries, silent_links
+from scenarios.results.live import LiveRun, deviations
+from scenarios.results.log_summary import METADATA_NAME, summarise, tables_in, write_summary
+from scenarios.results.record import hole_lines, record_holes
+from scenarios.results.run_event import events, run_events
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary, to_json
+from scenarios.results.tables import RunTables
+from scenarios.results.true_motion import sizes_of
+from scenarios.results.vehicle_figures import tyre_warnings
 from scenarios.runs.observer import Observer
 from scenarios.runs.recorder import Recorder
 from transport.log.errors import LogError
 from transport.log.foxglove import Scene, foxglove_layout
+from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
 from vehicles.geometry.geodesy import LocalPlane
-from vehicles.messages import Message, TruePose
 from vehicles.schedule import nanoseconds
 
 # ---- The layout with which Foxglove shows the log of a run without this project
@@ -38,39 +43,6 @@ def write_foxglove_layout(folder: Path, scenario: Scenario) -> None:
     with suppress(OSError):
         layout = foxglove_layout(scenario.vehicle_names)
         write_whole(folder / FOXGLOVE_NAME, layout.encode(), new=True)
-
-
-# ---- The observer that ends a run early, when a limit requires that
-
-
-class LimitWatch:
-    """Observer that ends a run early after collisions that break a limit.
-
-    `metrics` must receive each message first. `reason` is empty until the run has to end.
-    """
-
-    kinds: frozenset[type[Message]] = frozenset({TruePose})  # nothing else brings collisions
-
-    def __init__(self, limits: LimitsTable, metrics: Metrics) -> None:
-        self._limits = limits
-        self._metrics = metrics
-        self.reason = ""
-
-    def listen(self, at: int, _pose: Message) -> None:
-        collisions = self._metrics.events.collisions
-        if collisions and not self.reason and collision_ends_run(self._limits, collisions):
-            ran_ns = max(at - (self._metrics.start_at or 0), 0)
-            self.reason = failure_reason("", self.broken(ran_ns))
-
-    def broken(self, ran_ns: int) -> list[str]:
-        """List the limits broken after `ran_ns`, a line each."""
-        return broken_limits(
-            self._limits,
-            self._metrics.events.events(),
-            self._metrics.vehicle_summaries(ran_ns),
-            self._metrics.deadlines.figures(ran_ns),
-            self._metrics.unseen(ran_ns),
-        )
 
 
 # ---- Run log
@@ -90,7 +62,10 @@ def scene_of(scenario: Scenario) -> Scene:
 
 
 class RunLog:
-    """Log and figures of one run, from its first message to its summary."""
+    """Log and metrics of one run, from its first message to its summary.
+
+    The metrics are computed from the rows that the log holds.
+    """
 
     def __init__(
         self,
@@ -99,28 +74,29 @@ class RunLog:
         *,
         clock: ClockName,
         run_id: str,
-        metrics: Metrics | None = None,
+        live: LiveRun,
         observers: Sequence[Observer] = (),
         replayed: frozenset[str] = frozenset(),
     ) -> None:
         """Create `folder` and begin the log in it, with the scenario and the versions.
 
-        Each message goes to `metrics`, the figures of the run, and then to the `observers`.
-        `replayed` vehicles receive nothing.
+        Each message goes to the `observers`, among them `live` if it is in use. `replayed` vehicles
+        receive nothing.
         """
         self._scenario = scenario
         self._folder = folder
         self._replayed = replayed
+        self._live = live
+        self._writes_live = clock == "wall"  # a virtual run has the same log without `live`
         self._identity = RunIdentity.here(scenario, clock, run_id)
         folder.mkdir(parents=True, exist_ok=True)
+        self._log = folder / LOG_NAME
         self._writer = LogWriter(
-            folder / LOG_NAME, scene=scene_of(scenario), rates_hz=scenario.tables.log.rates_hz
+            self._log, scene=scene_of(scenario), rates_hz=scenario.tables.log.rates_hz
         )
         write_foxglove_layout(folder, scenario)
         self._writer.metadata(METADATA_NAME, self._identity.metadata())
         self._writer.attach(ATTACHED_AS, "application/toml", scenario.text.encode())
-        self.metrics = metrics or Metrics.of(scenario)
-        self._limits = LimitWatch(scenario.tables.limits, self.metrics)
         self.recorder = Recorder(
             vehicles={
                 name: setup.highest_rate_hz
@@ -129,13 +105,20 @@ class RunLog:
             },
             plane=LocalPlane(scenario.origin),
             writer=self._writer,
-            metrics=self.metrics,
-            observers=[*observers, self._limits],
+            control_rate_hz=scenario.control_rate_hz,
+            observers=observers,
             clock_errors_ns={
                 name: scenario.clock_error_ns(name) for name in scenario.vehicle_names
             },
         )
+        self._start_at: int | None = None
         self._end_at = 0
+        self._logged_events: set[tuple[object, ...]] = set()
+        self._deviations_until = 0
+        self._tables: RunTables | None = None
+        self._recorded_at_end = 0
+        self.early_end: EarlyEnd | None = None
+        """Broken limit that ends the run now, if any."""
         self.reason = ""
         """Why the run has failed, once it is over; empty if as planned."""
 
@@ -144,43 +127,77 @@ class RunLog:
 
     def start(self, at: int, start_at: int) -> bytes:
         """Log the start (ns); returns the announcement for the bus."""
+        self._start_at = self._deviations_until = start_at
         return self.recorder.begin(at, start_at, self._identity.run_id)
+
+    def update(self, at: int) -> bool:
+        """Evaluate the last seconds at instant `at` (ns); returns whether there is news."""
+        if not self._live.update():
+            return False
+        self.early_end = self.early_end or early_end_of(self._live)
+        if self._writes_live:
+            self._log_events(at, self._live.window, self._live.events)
+            self._write_deviations(at, self._live.window, self._live.evaluated_until)
+        return True
+
+    def _log_events(self, at: int, run: RunTables, found: Sequence[Event]) -> None:
+        """Log those of the events that are not in the log."""
+        for event in found:
+            if event.key not in self._logged_events:
+                self._logged_events.add(event.key)
+                (listed,) = run_events(run, [event])
+                self.recorder.log(at, listed.line, listed.level, valid_at=event.at_ns)
+
+    def _write_deviations(self, at: int, run: RunTables, until: int) -> None:
+        """Write true errors and gaps up to an instant, for plots without this project."""
+        for row in deviations(run, self._deviations_until, until):
+            self._writer.write_deviation(at, *row)
+        self._deviations_until = until
 
     def end(self, at: int, reason: str) -> bytes:
         """Log that the run is over; an empty `reason` means as planned.
 
         Returns the announcement for the bus; messages can be recorded until `close`. A failed log
-        and a link without loss that delivered nothing are reasons too.
+        and a link without loss that delivered nothing are reasons too. A run that a limit ends is
+        over at the instant of the event.
         """
-        self._end_at = at
+        self._end_at = self.early_end.at_ns if self.early_end else at
+        early = self.early_end.reason if self.early_end else ""
         try:
-            self.metrics.finish()
-            self.recorder.log_news(at)
-            for line in hole_lines(self.metrics.holes(self._ran_ns), MOST_HOLE_LINES):
+            run = self._read()
+            for beyond_at, line in tyre_warnings(run).values():
+                self.recorder.log(at, line, "warning", valid_at=beyond_at)
+            self._log_events(at, run, events(run))
+            self._write_deviations(at, run, self._end_at)
+            for line in hole_lines(record_holes(run), MOST_HOLE_LINES):
                 self.recorder.log(at, line, "warning")
-            for row in self.metrics.link_summaries(self._ran_ns)[:MOST_LINK_LINES]:
+            counted = accounts(run)
+            for row in link_summaries(run, counted)[:MOST_LINK_LINES]:
                 if row.judged:
                     self.recorder.log(at, describe_link(row), "debug")  # for the log only
-            silent = silent_links(self.metrics, self._replayed, self._scenario.off_links)
-            broken = self._limits.broken(self._ran_ns)
-            wrong = [*broken, *self.metrics.contradictions(self._ran_ns)]
-            self.reason = failure_reason(reason or self.early_end_reason or silent, wrong)
-            return self.recorder.end(at, self.reason, self._identity.run_id)
+            silent = silent_links(run, counted, self._replayed)
+            self.reason = self._summary(reason or early or silent).reason
         except LogError as error:
-            self.reason = failure_reason(reason or self.early_end_reason, [str(error)])
-            return self.recorder.end(at, self.reason, self._identity.run_id)
+            self.reason = failure_reason(reason or early, [str(error)])
+        return self.recorder.end(self._end_at, self.reason, self._identity.run_id)
 
-    @property
-    def early_end_reason(self) -> str:
-        """The broken limit that ends the run now, or empty."""
-        return self._limits.reason
+    def _read(self) -> RunTables:
+        """Tables of the log as far as it is written, up to the end of the run."""
+        if self._tables is not None and self._recorded_at_end == self.recorder.accepted:
+            return self._tables
+        self._writer.flush()
+        try:
+            run = tables_in(LogReader(self._log), self._scenario, self._ran_ns)
+        except LogError:  # nothing was recorded, or the file is gone
+            run = RunTables(self._scenario, {}, self._ran_ns)
+        self._recorded_at_end = self.recorder.accepted
+        self._tables = run.until(self._end_at) if self.early_end else run
+        return self._tables
 
     @property
     def _ran_ns(self) -> int:
-        if self.metrics.start_at is None:
-            return 0
         planned = nanoseconds(self._scenario.duration_s)
-        return min(max(self._end_at - self.metrics.start_at, 0), planned)
+        return 0 if self._start_at is None else min(max(self._end_at - self._start_at, 0), planned)
 
     def close(self, at: int) -> RunSummary:
         """Complete the log at instant `at` (ns), write the summary and return it.
@@ -188,28 +205,48 @@ class RunLog:
         If either cannot be written the run has failed: the summary has the reason, the log keeps
         what it holds, and the summary is written if there is room.
         """
+        summary = None
         with suppress(LogError):  # the writer has the reason
             self.recorder.report_health(at, final=True)
-            summary = self._summary()
+            summary = self._summary(self.reason)
             self._writer.attach(SUMMARY_NAME, "application/json", to_json(summary).encode())
             self._writer.close()
-        if self._writer.broken:
+        if summary is None or self._writer.broken:
             self.reason = failure_reason(self.reason, [self._writer.failure])
-            summary = self._summary()
+            summary = self._summary(self.reason)
         try:
             write_summary(self._folder, summary)
         except LogError as error:  # no other summary than that in the log is written
             if not self._writer.broken:
                 self.reason = failure_reason(self.reason, [str(error)])
-            summary = self._summary()
+            summary = self._summary(self.reason)
         return summary
 
-    def _summary(self) -> RunSummary:
-        return summarise(
-            self._identity,
-            self._scenario,
-            self.metrics,
-            ran_ns=self._ran_ns,
-            reason=self.reason,
-            rejected=self.recorder.rejected,
-        )
+    def _summary(self, reason: str) -> RunSummary:
+        rejected = self.recorder.rejected
+        return summarise(self._identity, self._read(), reason=reason, rejected=rejected)
+
+
+class EarlyEnd(NamedTuple):
+    """Instant (ns) of the event that ends a run, and the limit that it breaks."""
+
+    at_ns: int
+    reason: str
+
+
+def may_end_early(scenario: Scenario) -> bool:
+    """Whether the limits of a scenario end its runs after a number of collisions."""
+    limits = scenario.tables.limits
+    return collision_ends_run(limits, 1 + (limits.collisions_max or 0))
+
+
+def early_end_of(live: LiveRun) -> EarlyEnd | None:
+    """Return the collision that ends a run, None unless a limit requires that."""
+    limits = live.scenario.tables.limits
+    collisions = [event for event in live.events if event.kind == "collision"]
+    if not collision_ends_run(limits, len(collisions)):
+        return None
+    last = collisions[limits.collisions_max or 0]
+    counted = limit_figures(limits, run_events(live.window, collisions), ())
+    reason = failure_reason("", [figure.message for figure in counted if figure.message])
+    return EarlyEnd(last.at_ns, reason)

@@ -1,25 +1,23 @@
 """The status of a running convoy, as its recorder reports it on request."""
 
 import json
-from collections import defaultdict, deque
 from dataclasses import asdict, dataclass, field
 from math import isfinite
 from typing import Any
 
+import numpy as np
+
+from scenarios.definition.changes import changed_links
 from scenarios.definition.scenario import Scenario
-from scenarios.results.metrics import Metrics
+from scenarios.results.live import LiveRun
 from transport.bus.bus import Bus
+from transport.columns import Columns
 from transport.topics import RUN_SENDER, control_key, counts_as_loss
-from vehicles.messages import LinkVerdict, Message, RunStart, SourceStatus, Tracking, TruePose
-from vehicles.schedule import SECOND, Timer
+from vehicles.messages import SourceStatus, statuses_in
+from vehicles.schedule import SECOND
 
 RECENT_NS = 3 * SECOND
 """Time over which the loss of a link is computed: long enough for tens of messages."""
-MOST_VERDICTS = 4096
-OFTEN_NS = 5 * SECOND
-"""How long after a request the status is updated at every call."""
-RARELY_NS = SECOND
-"""Largest age of the answer to a first request."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,108 +102,77 @@ class RunStatus:
 
 
 class StatusBoard:
-    """Observer that keeps the latest messages and answers requests for the status.
+    """Answers requests for the status of a run; only the answer runs on another thread."""
 
-    Only the answer runs on another thread than the recorder's.
-    """
-
-    kinds: frozenset[type[Message]] = frozenset({LinkVerdict, RunStart, Tracking, TruePose})
-
-    def __init__(self, scenario: Scenario, run: str, metrics: Metrics) -> None:
+    def __init__(self, scenario: Scenario, run: str) -> None:
         self._scenario = scenario
         self._run = run
-        self._metrics = metrics
-        self._start_at: int | None = None
-        self._now = 0
-        self._tracking: dict[str, Tracking] = {}
-        self._verdicts: defaultdict[tuple[str, str], deque[tuple[int, bool]]] = defaultdict(
-            lambda: deque(maxlen=MOST_VERDICTS)
-        )
         self._answer = b""
-        self._requests = 0
-        self._known_requests = 0
-        self._updated_often_until = 0
-        self._rare_update = Timer(RARELY_NS)
+        self._changed: set[tuple[str, str]] = set()
 
     def serve(self, bus: Bus) -> None:
         """Answer requests; the answer is empty before the start."""
+        bus.answer(control_key(RUN_SENDER), lambda _: self._answer)
 
-        def answer(_: bytes) -> bytes:
-            self._requests += 1
-            return self._answer
+    def update(self, live: LiveRun) -> None:
+        self._answer = self.status(live).text.encode()
 
-        bus.answer(control_key(RUN_SENDER), answer)
-
-    def listen(self, _at: int, message: Message) -> None:
-        match message:
-            case TruePose():
-                self._now = max(self._now, message.true_at_ns)
-            case Tracking():
-                self._tracking[message.vehicle] = message
-            case LinkVerdict():
-                lost = message.outcome == "dropped" and counts_as_loss(message.reason)
-                row = self._verdicts[message.sender, message.vehicle]
-                row.append((message.received_at_ns, lost))
-            case RunStart():
-                self._start_at = message.start_at_ns
-
-    def update(self, now: int) -> None:
-        """Update the answer at instant `now` (ns): rarely, or at every call while requests come.
-
-        An update takes milliseconds for a long convoy.
-        """
-        if self._requests != self._known_requests:
-            self._known_requests, self._updated_often_until = self._requests, now + OFTEN_NS
-        is_due = self._rare_update.is_due(now) or now < self._updated_often_until
-        if self._start_at is not None and is_due:
-            self._answer = self.status(self._start_at).text.encode()
-
-    def status(self, start_at: int) -> RunStatus:
+    def status(self, live: LiveRun) -> RunStatus:
+        for name in live.values:
+            for table in _rows_of(live.new_rows.get((name, "change")), "table"):
+                links = changed_links(table, self._scenario.vehicle_names, self._scenario.links)
+                self._changed |= {link for link in links if link[1] == name}
         return RunStatus(
             run=self._run,
             scenario=self._scenario.name,
-            at_s=max(self._now - start_at, 0) / SECOND,
+            at_s=live.seconds,
             duration_s=self._scenario.duration_s,
-            vehicles=tuple(map(self._vehicle, self._scenario.vehicle_names)),
-            links=tuple(self._link(*pair) for pair in self._scenario.links),
+            vehicles=tuple(_vehicle(live, name) for name in self._scenario.vehicle_names),
+            links=tuple(self._link(live, *pair) for pair in self._scenario.links),
         )
 
-    def _vehicle(self, name: str) -> VehicleStatus:
-        figures, tracking = self._metrics.vehicles[name], self._tracking.get(name)
-        gap = self._metrics.stream.gaps.get(name)
-        true = figures.cross_track_error
-        follows = tracking is not None and name != self._scenario.lead
-        return VehicleStatus(
-            name=name,
-            mode=figures.mode,
-            hazard=tracking.hazard if tracking else False,
-            reason=tracking.reason if tracking else "",
-            speed_mps=figures.speed,
-            true_error_m=true.latest if true.count else None,
-            true_gap_m=_finite_or_none(gap.now_m) if gap else None,
-            known_m=_finite_or_none(tracking.known_m) if tracking else None,
-            lead=_source(tracking, "lead") if tracking and follows else None,
-            predecessor=_source(tracking, "predecessor") if tracking and follows else None,
-            others=_others(tracking) if tracking else {},
-        )
-
-    def _link(self, sender: str, receiver: str) -> LinkStatus:
-        row = self._verdicts[sender, receiver]
-        while row and row[0][0] < self._now - RECENT_NS:
-            row.popleft()
-        lost = sum(lost for _, lost in row)
+    def _link(self, live: LiveRun, sender: str, receiver: str) -> LinkStatus:
+        verdicts = live.window.table(receiver, "verdict")
+        recent = verdicts.at_ns >= live.evaluated_until - RECENT_NS
+        rows = verdicts.of(recent & (verdicts["sender"] == sender))
+        reasons = rows["reason"][rows["outcome"] == "dropped"]
+        lost = sum(map(counts_as_loss, reasons.tolist()))
         return LinkStatus(
             sender=sender,
             receiver=receiver,
-            judged=len(row),
-            loss_ratio=lost / len(row) if row else None,
-            changed=self._metrics.links[sender, receiver].changed,
+            judged=len(rows),
+            loss_ratio=lost / len(rows) if len(rows) else None,
+            changed=(sender, receiver) in self._changed,
         )
 
 
-def _source(tracking: Tracking, source: str) -> ReportedSource:
-    figures = ("status", "age_s", "received_ratio", "known_m")
-    return _state(*(getattr(tracking, f"{source}_{figure}") for figure in figures))
+def _rows_of(columns: Columns | None, field: str) -> list[Any]:
+    return [] if columns is None else columns[field].tolist()
+
+
+def _vehicle(live: LiveRun, name: str) -> VehicleStatus:
+    values, tracking = live.values[name], live.window.table(name, "tracking")
+    decision = tracking.of(np.arange(len(tracking))[-1:])
+    has_any = bool(len(decision))
+    follows = has_any and name != live.window.lead
+    return VehicleStatus(
+        name=name,
+        mode=values.mode,
+        hazard=bool(decision["hazard"][0]) if has_any else False,
+        reason=str(decision["reason"][0]) if has_any else "",
+        speed_mps=values.speed_mps if isfinite(values.speed_mps) else 0.0,
+        true_error_m=_finite_or_none(values.error_m),
+        true_gap_m=_finite_or_none(values.gap_m),
+        known_m=_finite_or_none(decision["known_m"][0]) if has_any else None,
+        lead=_source(decision, "lead") if follows else None,
+        predecessor=_source(decision, "predecessor") if follows else None,
+        others=_others(decision) if has_any else {},
+    )
+
+
+def _source(decision: Columns, source: str) -> ReportedSource:
+    names = ("status", "age_s", "received_ratio", "known_m")
+    return _state(*(decision[f"{source}_{name}"][0] for name in names))
 
 
 def _state(
@@ -219,14 +186,18 @@ def _state(
     )
 
 
-def _others(tracking: Tracking) -> dict[str, ReportedSource]:
-    figures = (tracking.other_age_s, tracking.other_received_ratio, tracking.other_known_m)
+def _others(decision: Columns) -> dict[str, ReportedSource]:
+    columns = [
+        decision.lists[name].values.tolist()
+        for name in ("other_age_s", "other_received_ratio", "other_known_m")
+    ]
+    statuses = statuses_in(decision["other_sources"][0])
     return {
         name: _state(status, *row)
-        for (name, status), *row in zip(tracking.statuses().items(), *figures, strict=True)
+        for (name, status), *row in zip(statuses.items(), *columns, strict=True)
     }
 
 
 def _finite_or_none(value: float) -> float | None:
     """Return None for values that JSON does not know."""
-    return value if isfinite(value) else None
+    return float(value) if isfinite(value) else None

@@ -18,20 +18,31 @@ from scenarios.runs.node.sink import Sink
 from scenarios.runs.node.vehicle_builder import VehicleBuilder
 from transport.bus.bus import MemoryBus
 from transport.clock import Tick, VirtualClock
-from vehicles.schedule import SECOND
+from vehicles.schedule import SECOND, Timer
 
 if TYPE_CHECKING:  # only runs with replayed vehicles read logs
     from scenarios.runs.node.recorded_vehicle import Replay
 from pathlib import Path
 
-from scenarios.results.drives import DriveRecorder, Trial
-from scenarios.results.log_summary import silent_links, summarise
-from scenarios.results.metrics import Metrics
-from scenarios.results.stream import FigureStream
+from scenarios.results.drives import TRIAL_KINDS, Trial, trial_of
+from scenarios.results.files import LOG_NAME
+from scenarios.results.link_account import accounts
+from scenarios.results.links import silent_links
+from scenarios.results.live import LiveRun
+from scenarios.results.log_summary import summarise, tables_of
 from scenarios.results.summary import RunIdentity, RunSummary
+from scenarios.results.tables import KINDS, Collector, RunTables
 from scenarios.runs.node.sink import BusSink
-from scenarios.runs.observer import ALL_KINDS, Kinds, Listen, Observer, OnMessage, listeners_by_kind
-from scenarios.runs.run_log import LimitWatch, RunLog
+from scenarios.runs.observer import (
+    ALL_KINDS,
+    Kinds,
+    Listen,
+    Observer,
+    OnMessage,
+    Watcher,
+    listeners_by_kind,
+)
+from scenarios.runs.run_log import RunLog, early_end_of, may_end_early
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from transport.bus.bus import Bus
 from transport.log.errors import LogError
@@ -253,32 +264,68 @@ def drive(
     return DriveOutcome(now(), fault)
 
 
-# ---- Virtual runs without a log: the summary that a logged run would have, or the drives
+# ---- Virtual runs without a log: their tables, and the summary that a logged run would have
+
+
+STAGE_NS = 2 * SECOND
+"""Run time between two evaluations of a running simulation."""
+
+
+def run_tables(
+    scenario: Scenario,
+    *,
+    kinds: Kinds = KINDS,
+    replays: "Sequence[Replay]" = (),
+    is_over: Callable[[RunTables], bool] | None = None,
+) -> tuple[RunTables, DriveOutcome]:
+    """Run `scenario` in virtual time; returns its tables of messages of some `kinds`.
+
+    The run ends early once `is_over` of the tables so far, which is evaluated every STAGE_NS.
+    """
+    collector, timer = Collector(kinds), Timer(STAGE_NS)
+
+    def ends() -> bool:
+        if is_over is None or not timer.is_due(collector.last_at):
+            return False
+        so_far = collector.last_at - scenario.start_at_ns
+        return is_over(RunTables(scenario, collector.tables(), so_far))
+
+    outcome = drive(scenario, [collector], until=ends, replays=replays)
+    ran_ns = outcome.at - scenario.start_at_ns
+    return RunTables(scenario, collector.tables(), ran_ns), outcome
 
 
 def run_unlogged(scenario: Scenario, observers: Sequence[Observer] = ()) -> RunSummary:
     """Run `scenario` in virtual time; returns the summary that a logged run would have."""
-    metrics = Metrics.of(scenario)
-    limits = LimitWatch(scenario.tables.limits, metrics)
-    outcome = drive(scenario, [metrics, limits, *observers], until=lambda: bool(limits.reason))
+    collector, live, timer = Collector(), LiveRun(scenario), Timer(STAGE_NS)
+    watched: list[Observer] = [collector, *observers]
+    if may_end_early(scenario):
+        watched.append(live)
+
+    def ends() -> bool:
+        return timer.is_due(collector.last_at) and live.update() and bool(early_end_of(live))
+
+    outcome = drive(scenario, watched, until=ends if live in watched else never)
+    run = RunTables(scenario, collector.tables(), outcome.at - scenario.start_at_ns)
+    if live in watched:
+        live.update()
+    early = early_end_of(live)
+    if early is not None:
+        run = run.until(early.at_ns)
+    ended = early.reason if early else silent_links(run, accounts(run))
     return summarise(
         RunIdentity.here(scenario, "virtual", scenario.virtual_run_id),
-        scenario,
-        metrics,
-        ran_ns=outcome.at - scenario.start_at_ns,
-        reason=str(outcome.fault or "")
-        or limits.reason
-        or silent_links(metrics, off=scenario.off_links),
+        run,
+        reason=str(outcome.fault or "") or ended,
         rejected={},
     )
 
 
 def drive_trial(scenario: Scenario, replays: "Sequence[Replay]" = ()) -> Trial:
     """Run `scenario` in virtual time and keep its drives; raises VehicleFaultError."""
-    stream = FigureStream.of(scenario)
-    drives = DriveRecorder(scenario, stream)
-    drive(scenario, [stream, drives], replays=replays).raise_fault()
-    return drives.trial()
+    run, outcome = run_tables(scenario, kinds=TRIAL_KINDS, replays=replays)
+    outcome.raise_fault()
+    return trial_of(run)
 
 
 # ---- `--clock virtual`: a virtual run that writes a log and a summary
@@ -289,7 +336,7 @@ def run_virtual(
     folder: Path,
     stop: Stop,
     *,
-    metrics: Metrics | None = None,
+    watchers: Sequence[Watcher] = (),
     observers: Sequence[Observer] = (),
     replays: "Sequence[Replay]" = (),
 ) -> RunSummary:
@@ -301,20 +348,51 @@ def run_virtual(
         scenario: What to simulate.
         folder: Where the files go.
         stop: Ends the run early; a failed run requests a stop with its reason.
-        metrics: Figures that the `observers` show; made here otherwise.
-        observers: Called for every recorded message, after log and figures.
+        watchers: Called after each evaluation of the last seconds.
+        observers: Called for every recorded message, after the log.
         replays: Vehicles that send what was recorded, while the others are live.
 
     """
+    live = LiveRun(scenario)
+    is_evaluated = bool(watchers) or may_end_early(scenario)
     run = RunLog(
         scenario,
         folder,
         clock="virtual",
         run_id=scenario.virtual_run_id,
-        metrics=metrics,
-        observers=observers,
+        live=live,
+        observers=[*([live] if is_evaluated else []), *observers],
         replayed=frozenset(replay.vehicle for replay in replays),
     )
+    timer = Timer(STAGE_NS)
+
+    def ends(*, is_last: bool = False) -> bool:
+        at = run.recorder.last_at
+        if is_evaluated and (is_last or timer.is_due(at)) and run.update(at):
+            for watcher in watchers:
+                watcher.update(live)
+        return stop.requested or run.early_end is not None
+
+    try:
+        outcome = _simulated(scenario, run, ends, replays)
+        at = outcome.at
+        ends(is_last=True)
+        if outcome.fault is not None:
+            stop.request(str(outcome.fault), EXIT_FAILED)
+    except LogError as error:  # the disk is full, or the log was removed
+        at = run.recorder.last_at or scenario.start_at_ns
+        stop.request(str(error), EXIT_FAILED)
+    run.end(at, stop.reason)
+    summary = run.close(at)
+    if summary.reason:  # also of a run that broke a limit and went on to its end
+        stop.request(summary.reason, EXIT_FAILED)
+    return summary
+
+
+def _simulated(
+    scenario: Scenario, run: RunLog, ends: Callable[[], bool], replays: "Sequence[Replay]"
+) -> DriveOutcome:
+    """Simulate a scenario into the log of a run; raises LogError."""
 
     def begin(at: int, start: Message) -> None:
         if isinstance(start, RunStart):
@@ -329,26 +407,7 @@ def run_virtual(
         OnMessage(begin, frozenset({RunStart})),
         OnMessage(run.recorder.record, ALL_KINDS - {RunStart}),
     )
-    at = scenario.start_at_ns
-    try:
-        outcome = drive(
-            scenario,
-            log,
-            until=lambda: stop.requested or bool(run.early_end_reason),
-            replays=replays,
-            on_left=log_departure,
-        )
-        at = outcome.at
-        if outcome.fault is not None:
-            stop.request(str(outcome.fault), EXIT_FAILED)
-    except LogError as error:  # the disk is full, or the log was removed
-        at = run.recorder.last_at
-        stop.request(str(error), EXIT_FAILED)
-    run.end(at, stop.reason)
-    summary = run.close(at)
-    if summary.reason:  # also of a run that broke a limit and went on to its end
-        stop.request(summary.reason, EXIT_FAILED)
-    return summary
+    return drive(scenario, log, until=ends, replays=replays, on_left=log_departure)
 
 
 def record_trial(
@@ -358,16 +417,7 @@ def record_trial(
     observers: Sequence[Observer] = (),
 ) -> Trial:
     """Run `scenario` as `run_virtual` does and keep its drives; raises LogError if it fails."""
-    metrics = Metrics.of(scenario)
-    drives = DriveRecorder(scenario, metrics.stream)
-    summary = run_virtual(
-        scenario,
-        folder,
-        Stop(),
-        metrics=metrics,
-        observers=(drives, *observers),
-        replays=replays,
-    )
+    summary = run_virtual(scenario, folder, Stop(), replays=replays, observers=observers)
     if summary.reason:
         raise LogError(summary.reason)
-    return drives.trial()
+    return trial_of(tables_of(folder / LOG_NAME))

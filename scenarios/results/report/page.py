@@ -6,8 +6,8 @@ from importlib.resources import files
 from pathlib import Path
 
 from scenarios.results.files import write_whole
-from scenarios.results.holes import hole_lines
 from scenarios.results.outcome import with_outcome_line
+from scenarios.results.record import hole_lines
 from scenarios.results.report.plots import ReportDetail, RunPlots, TimeMark, colour_code
 from scenarios.results.report.tables import (
     MOST_EVENTS,

@@ -5,7 +5,7 @@ from html import escape
 from math import isfinite
 from typing import Any
 
-from scenarios.results.link_summary import LinkSummary
+from scenarios.results.links import LinkSummary
 from scenarios.results.run_event import RunEvent
 from scenarios.results.string_figures import STRING_SIGNALS, StringFigures, StringSignal
 from scenarios.results.summary import RunSummary

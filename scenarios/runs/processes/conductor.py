@@ -7,7 +7,7 @@ from enum import Enum, auto
 from pydantic import ValidationError
 
 from scenarios.definition.schema.change_tables import CrashTable
-from scenarios.results.account import CUT_OFF_AFTER_NS
+from scenarios.results.record import CUT_OFF_AFTER_NS
 from scenarios.runs.processes.membership import RouterWatch
 from vehicles.messages import Change, Health, LogText, Message
 from vehicles.schedule import SECOND, nanoseconds

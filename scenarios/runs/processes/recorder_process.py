@@ -5,11 +5,11 @@ from contextlib import suppress
 from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.metrics import Metrics
+from scenarios.results.live import LiveRun
 from scenarios.results.summary import RunSummary
 from scenarios.runs.end_confirmation import EndConfirmations
 from scenarios.runs.node.sink import BATCH_NS
-from scenarios.runs.observer import Observer, ThrottledObservers
+from scenarios.runs.observer import Observer, Watcher
 from scenarios.runs.processes.arrivals import Arrival, Arrivals, SendingOrder
 from scenarios.runs.processes.conductor import RETURN_NS, Conductor, Phase
 from scenarios.runs.processes.membership import (
@@ -43,7 +43,9 @@ MOST_AT_ONCE = 200
 BEHIND_NS = SECOND
 """A recorder further behind at the end of the run logs a warning."""
 SHOW_NS = SECOND // 5
-"""Between two updates of the status."""
+"""Between two looks for warnings about members."""
+UPDATE_NS = SECOND // 2
+"""Between two evaluations of the last seconds."""
 ANNOUNCE_NS = SECOND // 4
 """Between two announcements of the start, for vehicles that subscribe late."""
 EVERYTHING = "convoy/**"
@@ -72,9 +74,9 @@ class RecorderProcess:
         stop: Stop,
         membership: Membership,
         *,
-        metrics: Metrics | None = None,
         gather_s: float = GATHER_S,
         observers: Sequence[Observer] = (),
+        watchers: Sequence[Watcher] = (),
         system: SystemTime = SYSTEM_TIME,
     ) -> None:
         """Prepare to record; the name of the member is the identifier of the run."""
@@ -98,19 +100,20 @@ class RecorderProcess:
             continues_without_failed=scenario.continues_without_failed,
             gather_until=self._clock.now() + round(gather_s * SECOND),
         )
-        metrics = metrics or Metrics.of(scenario)
-        self._watchers = ThrottledObservers(observers, lambda: len(self._arrivals), MOST_WAITING)
-        self._board = StatusBoard(scenario, membership.run, metrics)
+        self._live = LiveRun(scenario)
+        self._board = StatusBoard(scenario, membership.run)
+        self._watchers = [self._board, *watchers]
         self._run = RunLog(
             scenario,
             folder,
             clock="wall",
             run_id=run_id,
-            metrics=metrics,
-            observers=(self._conductor, self._board, self._watchers),
+            live=self._live,
+            observers=(self._conductor, self._live, *observers),
         )
         self._announcing, self._reporting = Timer(ANNOUNCE_NS), Timer(SECOND)
         self._flushing, self._showing = Timer(FLUSH_NS), Timer(SHOW_NS)
+        self._updating = Timer(UPDATE_NS)
         self._own: list[tuple[str, bytes]] = []
         batches = {
             records_key(name): {topic.name: key(name, topic) for topic in TOPICS.values()}
@@ -136,8 +139,6 @@ class RecorderProcess:
                 self._conductor.stop(str(error))
         with suppress(LogError):  # the run has a reason to end already
             self._record_arrivals()
-        if skipped_line := self._watchers.skipped_line():
-            self._run.recorder.log(self._clock.now(), skipped_line, "warning")
         end = self._run.end(self._clock.now(), self._conductor.reason)
         self._own_message("end", end)
         self._is_completed = not self._run.reason
@@ -324,9 +325,16 @@ class RecorderProcess:
         if self._showing.is_due(now):
             for line in self._membership.new_warnings():
                 self._run.recorder.log(now, line, "warning")
-            self._board.update(now)
         if self._flushing.is_due(now):
             self._run.flush()
+        if self._updating.is_due(now):
+            self._update(now)
+
+    def _update(self, now: int) -> None:
+        """Evaluate the last seconds; while the log is behind, nothing is shown."""
+        if len(self._arrivals) <= MOST_WAITING and self._run.update(now):
+            for watcher in self._watchers:
+                watcher.update(self._live)
 
     def _warn_if_behind(self, now: int, behind: int) -> None:
         """Warn once that a run whose time is up still records."""
@@ -338,5 +346,5 @@ class RecorderProcess:
     def _note_requests(self) -> None:
         if self._stop.requested:
             self._conductor.stop(self._stop.reason)
-        elif reason := self._run.early_end_reason:
-            self._conductor.stop(reason)
+        elif early := self._run.early_end:
+            self._conductor.stop(early.reason)

@@ -5,7 +5,7 @@ from itertools import dropwhile
 from math import ceil
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.account import LAST_LOOK_NS
+from scenarios.results.link_account import LAST_LOOK_NS
 from scenarios.runs.end_confirmation import confirm_end
 from scenarios.runs.live_control import LiveControl
 from scenarios.runs.node.node import AnyNode, VehicleFaultError, step_with_faults

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from scenarios.definition.channel.build import ExpectedChannel, expected_channel
 from scenarios.definition.check.link_forecast import SampledChannel, StraightDrive
-from scenarios.results.link_summary import CONFIDENCE, bursts, inflation, mean_length, share
+from scenarios.results.links import CONFIDENCE, bursts, inflation, mean_length, share
 from transport.links.laws.link_law import Effect, LossStates
 from vehicles.schedule import MILLISECOND
 

@@ -11,7 +11,7 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from scenarios.results.link_summary import CONFIDENCE, bursts, inflation, share
+from scenarios.results.links import CONFIDENCE, bursts, inflation, share
 from scenarios.results.log_summary import PARTIAL
 from scenarios.studies.channel.fit_delay import fit_delay
 from scenarios.studies.channel.fit_radio import FittedKeys, fit_radio

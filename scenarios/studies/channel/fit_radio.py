@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.results.link_summary import CONFIDENCE, share
+from scenarios.results.links import CONFIDENCE, share
 from scenarios.studies.channel.recorded import Estimate, RecordedLink
 
 Floats = NDArray[np.float64]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.results.link_summary import CONFIDENCE, quantile_of_normal
+from scenarios.results.links import CONFIDENCE, quantile_of_normal
 from scenarios.results.log_summary import scenario_in
 from transport.log.reader import LogReader
 from vehicles.messages import GpsPose, LinkVerdict, RunStart, TruePose

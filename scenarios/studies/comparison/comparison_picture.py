@@ -5,9 +5,8 @@ from zlib import crc32
 
 import numpy as np
 
-from scenarios.results.encounters import BodySize
 from scenarios.results.run_drawing import widest_spacing
-from scenarios.results.stream import sizes_of
+from scenarios.results.true_motion import BodySize, sizes_of
 from scenarios.studies.comparison.run_comparison import (
     ComparedRun,
     OffsetDifference,

@@ -12,7 +12,7 @@ from typing import Any, get_args
 from scenarios.definition.errors import require
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.schema.limit_rows import OWN_FIGURES
-from scenarios.results.encounters import EventKind
+from scenarios.results.events import EventKind
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import METADATA_NAME, log_in, summary_of
 from scenarios.results.summary import RunIdentity, RunSummary

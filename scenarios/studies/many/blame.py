@@ -225,7 +225,7 @@ def blame(
     """
     run = read_run(log)
     criteria = RerunCriteria(figure=figure, limit=limit)
-    recorded = result_of(run.scenario, criteria, run.start_at, run.messages)
+    recorded = result_of(run.tables, criteria, whole=True)
     if not recorded.vehicle:
         raise LogError(f"{log}: has no true {figure} of a follower")
     breach_at = recorded.broken_at or 0

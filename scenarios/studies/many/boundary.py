@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.overrides import OverrideError, parsed, value_at
 from scenarios.definition.run_limits import Limit
-from scenarios.results.link_summary import CONFIDENCE
+from scenarios.results.links import CONFIDENCE
 from scenarios.studies.engine import Engine
 from scenarios.studies.job import Job
 from scenarios.studies.many.variant import Variant, identity_of

@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from scenarios.definition.changes import LINK_CHANGES, links_of
@@ -11,11 +11,12 @@ from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
 from scenarios.results.log_info import session_of
+from scenarios.results.log_summary import tables_in
+from scenarios.results.tables import TOPICS_OF_METRICS, RunTables
 from transport.links.laws.recorded_losses import EarlierRun, Listed, NumberSet
 from transport.log.errors import LogError
 from transport.log.reader import LogReader
 from transport.topics import counts_as_loss
-from vehicles.messages import GpsPose, LinkVerdict, Message, RunStart, Tracking, TruePose
 from vehicles.schedule import SECOND
 
 LinkEnds = tuple[str, str]
@@ -49,23 +50,23 @@ class Fate:
     is_lost: bool
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class RecordedRun:
     """A run from its log, with instants in ns after its start.
 
-    `fates` are by link and message number, `sent` are sending times by sender and number. `truth`
-    are the true poses (east, north, m) by vehicle and instant. `messages` are the input of the
-    figures, in the order of the log.
+    `fates` are by link and message number, `late` counts late messages. `truth` are the true poses
+    (east, north, m) by vehicle and instant.
     """
 
     log: Path
-    scenario: Scenario
-    start_at: int = 0
-    late: int = 0
-    fates: dict[LinkEnds, dict[int, Fate]] = field(default_factory=lambda: defaultdict(dict))
-    sent: dict[str, dict[int, int]] = field(default_factory=lambda: defaultdict(dict))
-    truth: dict[tuple[str, int], tuple[float, float]] = field(default_factory=dict)
-    messages: list[Message] = field(default_factory=list)
+    tables: RunTables
+    fates: Mapping[LinkEnds, Mapping[int, Fate]]
+    late: int
+    truth: Mapping[tuple[str, int], tuple[float, float]]
+
+    @property
+    def scenario(self) -> Scenario:
+        return self.tables.scenario
 
     def lost(self, until: int) -> tuple[LostMessage, ...]:
         """Return the lost messages that would have arrived by an instant, in order of time."""
@@ -78,37 +79,6 @@ class RecordedRun:
             )
         )
 
-    def _can_be_restored(self, link: LinkEnds, reason: str) -> bool:
-        content = self.scenario.links[link].content
-        if reason == "corrupted" and content is not None and not content.frame_check:
-            return False
-        return bool(reason) and counts_as_loss(reason)
-
-    def add(self, message: Message) -> None:
-        match message:
-            case RunStart():
-                self.start_at = message.start_at_ns
-            case LinkVerdict():
-                link = message.sender, message.vehicle
-                self.late += message.late
-                self.fates[link][message.pose_seq] = Fate(
-                    sent_at=message.sent_at_ns - self.start_at,
-                    delay=message.visible_at_ns - message.sent_at_ns,
-                    reason=message.reason,
-                    is_lost=self._can_be_restored(link, message.reason),
-                )
-            case GpsPose():
-                self.sent[message.vehicle][message.seq] = message.sent_at_ns - self.start_at
-            case TruePose():
-                at = message.true_at_ns - self.start_at
-                self.truth[message.vehicle, at] = message.east_m, message.north_m
-                self.messages.append(message)
-            case Tracking():
-                self.messages.append(message)
-
-
-READ_TOPICS = ("start", "gps", "verdict", "truth", "tracking")
-
 
 def read_run(log: Path) -> RecordedRun:
     """Read poses and their fates from a log.
@@ -119,21 +89,60 @@ def read_run(log: Path) -> RecordedRun:
     if reader.damage:
         raise LogError(reader.damage)
     reader.require_all("verdict", "tracking", "truth")
-    if any(topic in READ_TOPICS for _, topic in reader.missing):
+    if any(topic in TOPICS_OF_METRICS for _, topic in reader.missing):
         raise LogError(f"{reader.faults}; blame needs a log without holes")
     if reader.truncated:
         raise LogError(f"{log}: truncated; blame needs the log of a complete run")
-    run = RecordedRun(log, session_of(log))
+    run = tables_in(reader, session_of(log))
     if run.scenario.replays:
         names = ", ".join(run.scenario.replays)
         raise LogError(f"{log}: {names} replayed a recorded drive; blame needs simulated vehicles")
-    for _, _, message in reader.messages(READ_TOPICS):
-        run.add(message)
-    if not run.start_at:
+    if run.start_at is None:
         raise LogError(f"{log}: has no start of the run")
-    if not any(fate.is_lost for fates in run.fates.values() for fate in fates.values()):
+    fates = {name: _fates(run, name) for name in run.names}
+    recorded = RecordedRun(
+        log,
+        run,
+        {link: row for of_receiver in fates.values() for link, row in of_receiver.items()},
+        sum([int(run.table(name, "verdict")["late"].sum()) for name in run.names]),
+        dict(_places(run, run.start_at)),
+    )
+    if not any(fate.is_lost for row in recorded.fates.values() for fate in row.values()):
         raise LogError(f"{log}: no message was lost")
-    return run
+    return recorded
+
+
+def _fates(run: RunTables, receiver: str) -> dict[LinkEnds, dict[int, Fate]]:
+    """Fates of the messages that a vehicle received, by link and number."""
+    fates: defaultdict[LinkEnds, dict[int, Fate]] = defaultdict(dict)
+    verdicts = run.table(receiver, "verdict")
+    names = ("sender", "pose_seq", "sent_at_ns", "visible_at_ns", "reason")
+    columns = [verdicts[name].tolist() for name in names]
+    for sender, number, sent_at, visible_at, reason in zip(*columns, strict=True):
+        link = sender, receiver
+        fates[link][number] = Fate(
+            sent_at=sent_at - run.beginning,
+            delay=visible_at - sent_at,
+            reason=reason,
+            is_lost=_can_be_restored(run.scenario, link, reason),
+        )
+    return fates
+
+
+def _can_be_restored(scenario: Scenario, link: LinkEnds, reason: str) -> bool:
+    content = scenario.links[link].content
+    if reason == "corrupted" and content is not None and not content.frame_check:
+        return False
+    return bool(reason) and counts_as_loss(reason)
+
+
+def _places(run: RunTables, start_at: int) -> Iterator[tuple[tuple[str, int], tuple[float, float]]]:
+    """Yield true poses (east, north, m) by vehicle and instant."""
+    for name in run.names:
+        truth = run.table(name, "truth")
+        columns = ((truth.at_ns - start_at).tolist(), truth["east_m"], truth["north_m"])
+        for at, east, north in zip(*columns, strict=True):
+            yield (name, at), (float(east), float(north))
 
 
 # ---- Bursts and overlaps
@@ -298,8 +307,10 @@ def _recorded(run: RecordedRun, pair: LinkEnds, table: LinkTable) -> LinkEntry:
 
     Messages still in transit at the end of the run become visible one second later.
     """
-    fates, ends_at = run.fates[pair], round(run.scenario.duration_s * SECOND)
-    sent = run.sent[pair[0]]
+    fates, ends_at = run.fates.get(pair, {}), round(run.scenario.duration_s * SECOND)
+    poses = run.tables.table(pair[0], "gps")
+    sent_at = (poses.at_ns - run.tables.beginning).tolist()
+    sent = dict(zip(poses["seq"].tolist(), sent_at, strict=True))
     delays = [
         fates[number].delay
         if number in fates

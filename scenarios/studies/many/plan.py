@@ -27,9 +27,9 @@ from scenarios.definition.run_limits import Limit, parsed_limit
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.limit_rows import OWN_FIGURES
 from scenarios.definition.topology import usual_links
-from scenarios.results.encounters import EventKind
+from scenarios.results.events import EventKind
 from scenarios.results.limits import broken_by
-from scenarios.results.link_summary import SAFE_AGES_MS, LinkSummary
+from scenarios.results.links import SAFE_AGES_MS, LinkSummary
 from scenarios.results.summary import RunSummary
 from scenarios.results.vehicle_figures import VehicleSummary
 from scenarios.studies.job import Job

@@ -5,20 +5,21 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from hashlib import blake2b
 from math import inf
+from operator import itemgetter
 from typing import Any, Literal
+
+import numpy as np
 
 from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.results.drives import KINDS
-from scenarios.results.encounters import TrueGap
-from scenarios.results.limits import LiveLimit
-from scenarios.results.stream import FigureStream
+from scenarios.results.limits import first_breach
+from scenarios.results.tables import RunTables
+from scenarios.results.vehicle_figures import true_errors, true_gaps
 from scenarios.runs.observer import OnMessage
-from scenarios.runs.virtual import drive
+from scenarios.runs.virtual import drive, run_tables
 from scenarios.studies.engine import Engine
 from scenarios.studies.job import Job
 from scenarios.studies.many.losses import Burst, Losses, LossFreeScenario, overlaps_of
-from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import Message, TruePose
 from vehicles.schedule import SECOND
 
@@ -61,68 +62,30 @@ class RerunResult:
         return abs(self.badness_m)
 
 
-class RerunObserver:
-    def __init__(self, scenario: Scenario, criteria: RerunCriteria, start_at: int) -> None:
-        self.criteria = criteria
-        self._start_at = start_at
-        self._stream = FigureStream.of(scenario)
-        if criteria.figure == "error":
-            self._stream.on_error(self._record_error)
-        else:
-            self._stream.on_gap(self._record_gap)
-        self._live = LiveLimit(criteria.limit, self._stream, scenario.vehicle_names)
-        self.kinds: frozenset[type[Message]] = KINDS | self._stream.kinds
-        self._series: dict[str, list[list[float]]] = {
-            name: [] for name in scenario.vehicle_names[1:]
-        }
-        self._worst = (-inf, "", 0)
-        self.broken_at: int | None = None
-        self.now = 0
-
-    def listen(self, at: int, message: Message) -> None:
-        """Process a message; ignored after `criteria.until`."""
-        if isinstance(message, TruePose):
-            self.now = message.true_at_ns - self._start_at
-        if self.now <= self.criteria.until:
-            self._stream.listen(at, message)
-            self._note_breach()
-
-    def _record_error(self, foot: CrossTrack) -> None:
-        self._note(foot.vehicle, foot.at_ns, abs(foot.lateral))
-
-    def _record_gap(self, gap: TrueGap) -> None:
-        self._note(gap.vehicle, gap.now_at_ns, -gap.now_m)
-
-    def _note(self, vehicle: str, at: int, badness: float) -> None:
-        after = at - self._start_at
-        self._series[vehicle].append([after / SECOND, abs(badness)])
-        if badness > self._worst[0]:
-            self._worst = badness, vehicle, after
-
-    def _note_breach(self) -> None:
-        if self._live.broken and self.broken_at is None:
-            self.broken_at = self.now
-
-    def result(self, *, whole: bool = False) -> RerunResult:
-        self._stream.finish()
-        self._note_breach()
-        badness, vehicle, at = self._worst
-        return RerunResult(
-            badness_m=badness if vehicle else 0.0,
-            vehicle=vehicle,
-            worst_at=at,
-            broken_at=self.broken_at,
-            series=self._series if whole else {},
-        )
-
-
-def result_of(
-    scenario: Scenario, criteria: RerunCriteria, start_at: int, messages: Iterable[Message]
-) -> RerunResult:
-    observer = RerunObserver(scenario, criteria, start_at)
-    for message in messages:
-        observer.listen(start_at, message)
-    return observer.result(whole=True)
+def result_of(run: RunTables, criteria: RerunCriteria, *, whole: bool = False) -> RerunResult:
+    """Evaluate a run up to `criteria.until`; `whole`: with series."""
+    start_at = run.beginning
+    if criteria.until < run.ran_ns:
+        run = run.until(start_at + criteria.until)
+    worst, series = (-inf, "", 0), dict[str, list[list[float]]]()
+    for name in run.followers:
+        at, values = (true_errors if criteria.figure == "error" else true_gaps)(run, name)
+        known = ~np.isnan(values)
+        after, sizes = at[known] - start_at, np.abs(values[known])
+        series[name] = np.column_stack((after / SECOND, sizes)).tolist()
+        if len(sizes):
+            badness = sizes if criteria.figure == "error" else -sizes
+            row = int(np.argmax(badness))
+            worst = max(worst, (float(badness[row]), name, int(after[row])), key=itemgetter(0))
+    badness_m, vehicle, at_worst = worst
+    broken_at = first_breach(run, criteria.limit)
+    return RerunResult(
+        badness_m=badness_m if vehicle else 0.0,
+        vehicle=vehicle,
+        worst_at=at_worst,
+        broken_at=None if broken_at is None else broken_at - start_at,
+        series=series if whole else {},
+    )
 
 
 def rerun(
@@ -136,14 +99,13 @@ def rerun(
 
     A failed vehicle ends the run.
     """
-    observer = RerunObserver(scenario, criteria, scenario.start_at_ns)
 
-    def is_over() -> bool:
-        broken = ends_when_broken and observer.broken_at is not None
-        return broken or observer.now > criteria.until
+    def is_over(run: RunTables) -> bool:
+        is_broken = ends_when_broken and first_breach(run, criteria.limit) is not None
+        return is_broken or run.ran_ns > criteria.until
 
-    drive(scenario, [observer], until=is_over)
-    return observer.result(whole=whole)
+    run, _ = run_tables(scenario, is_over=is_over)
+    return result_of(run, criteria, whole=whole)
 
 
 def first_difference(scenario: Scenario, truth: Truth) -> tuple[str, int] | None:

@@ -10,13 +10,13 @@ from typing import Any
 
 from scenarios.definition.run_limits import Limit, parsed_limit
 from scenarios.definition.scenario import Scenario, scenario_from_text, scenario_text
-from scenarios.results.encounters import Episode
-from scenarios.results.limits import LiveLimit, broken_by, collision_ends_run
-from scenarios.results.link_summary import CONFIDENCE, quantile_of_normal
-from scenarios.results.stream import FigureStream
+from scenarios.results.limits import SIGNALS, broken_by, first_breach
+from scenarios.results.links import CONFIDENCE, quantile_of_normal
 from scenarios.results.summary import RunSummary
+from scenarios.results.tables import RunTables
 from scenarios.results.versions import current_stamp, plug_in_digests
-from scenarios.runs.virtual import drive, run_unlogged
+from scenarios.runs.run_log import may_end_early
+from scenarios.runs.virtual import run_tables, run_unlogged
 
 # ---- Confidence intervals of shares and means
 
@@ -119,21 +119,19 @@ class Variant:
         PlugInError if the limit is on a figure of the user's class that fails.
         """
         scenario = self.scenario
-        if limit.row.live == "end":
+        if limit.row.live not in SIGNALS and not limit.row.event:
             return broken_by(limit, run_unlogged(scenario))
-        stream, collisions = FigureStream.of(scenario), list[Episode]()
-        live = LiveLimit(limit, stream, scenario.vehicle_names)
         limits = scenario.tables.limits
-        if collision_ends_run(limits, 1 + (limits.collisions_max or 0)):
-            stream.on_event(collisions.append, ("collision",))
 
-        def is_over() -> bool:
-            return live.broken or collision_ends_run(limits, len(collisions))
+        def breach(run: RunTables) -> int | None:
+            """Instant of the breach, if no collision ended the run before."""
+            at = first_breach(run, limit)
+            end = first_breach(run, Limit("collisions_max", limits.collisions_max or 0))
+            is_ended = may_end_early(scenario) and end is not None and at is not None and end < at
+            return None if is_ended else at
 
-        drive(scenario, [stream], until=is_over)
-        stream.finish()
-        live.finish()
-        return live.broken
+        run, _ = run_tables(scenario, is_over=lambda run: breach(run) is not None)
+        return breach(run) is not None
 
 
 def variant_of(name: str, overrides: Sequence[str] = (), seed: int = 1) -> Variant:

@@ -1,0 +1,243 @@
+"""Metrics of a running convoy: the same functions over the last seconds of its tables."""
+
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.definition.scenario import Scenario
+from scenarios.results.events import (
+    QUIET_NS,
+    Event,
+    distrusts,
+    encounters,
+    in_time_order,
+    lane_departures,
+    slides,
+    stops,
+)
+from scenarios.results.tables import Collector, RunTables
+from scenarios.results.true_motion import (
+    Floats,
+    at_instants,
+    cross_track_error,
+    gaps,
+    path_feet,
+)
+from transport.columns import Columns, joined
+from transport.topics import counts_as_loss
+from vehicles.messages import (
+    Change,
+    Health,
+    LinkVerdict,
+    Message,
+    RunStart,
+    Tracking,
+    TruePose,
+)
+from vehicles.schedule import MILLISECOND, SECOND
+
+LIVE_KINDS: frozenset[type[Message]] = frozenset(
+    {Change, Health, LinkVerdict, RunStart, Tracking, TruePose}
+)
+WINDOW_NS = 5 * SECOND
+"""Time of which messages are kept, besides the lead's path and the first pose of each vehicle."""
+PATIENCE_NS = SECOND
+"""A vehicle whose poses are further behind the newest ones is not waited for."""
+DEVIATION_PERIOD_NS = 100 * MILLISECOND
+
+
+@dataclass(frozen=True, slots=True)
+class LiveValues:
+    """Current metrics of one vehicle, NaN where unknown, and its worst ones so far (m, m/s).
+
+    `delivered`, `dropped` and `late` count the messages that it received; late ticks count as late.
+    """
+
+    error_m: float = np.nan
+    error_m_max: float = np.nan
+    gap_m: float = np.nan
+    gap_m_min: float = np.nan
+    estimated_error_m: float = np.nan
+    speed_mps: float = np.nan
+    mode: str = ""
+    delivered: int = 0
+    dropped: int = 0
+    late: int = 0
+
+
+class LiveRun:
+    """Observer that keeps the last seconds of a run as tables, and its metrics up to now.
+
+    `update` evaluates the rows up to an instant that every vehicle has passed. Of the whole run it
+    keeps only the lead's path.
+    """
+
+    kinds = LIVE_KINDS
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self.values = {name: LiveValues() for name in scenario.vehicle_names}
+        self.events: list[Event] = []
+        """Events so far that are certain at once; the summary has all kinds."""
+        self.new_rows: Mapping[tuple[str, str], Columns] = {}
+        """Rows of the last update."""
+        self.window = RunTables(scenario, {})
+        """Tables of the last seconds, and of the lead's whole path."""
+        self.evaluated_until = 0
+        self._collector = Collector(self.kinds)
+        self._parts: defaultdict[tuple[str, str], list[Columns]] = defaultdict(list)
+        self._passed = dict.fromkeys(scenario.vehicle_names, 0)
+        self._known: dict[tuple[str, ...], int] = {}
+
+    def listen(self, at: int, message: Message) -> None:
+        if type(message) is TruePose and message.vehicle in self._passed:
+            self._passed[message.vehicle] = message.true_at_ns
+        self._collector.listen(at, message)
+
+    @property
+    def now(self) -> int:
+        """Newest instant (ns) that every vehicle has passed."""
+        newest = max(self._passed.values())
+        return min(at for at in self._passed.values() if at >= newest - PATIENCE_NS)
+
+    @property
+    def start_at(self) -> int | None:
+        return self.window.start_at
+
+    @property
+    def seconds(self) -> float:
+        """Time (s) of the run so far."""
+        return max(self.evaluated_until - self.window.beginning, 0) / SECOND
+
+    def update(self) -> bool:
+        """Evaluate the rows since the last update; returns whether there are any."""
+        now = self.now
+        if now <= self.evaluated_until and self.window.tables:
+            return False
+        since, self.evaluated_until = self.evaluated_until, now
+        self.new_rows = self._collector.take()
+        for key, columns in self.new_rows.items():
+            self._parts[key].append(columns)
+        tables = {key: self._kept(key) for key in self._parts}
+        beginning = RunTables(self.scenario, tables).beginning
+        self.window = RunTables(self.scenario, tables, max(now - beginning, 0))
+        for name in self.values:
+            self.values[name] = self._values(name)
+        self._find_events(since)
+        return True
+
+    def _kept(self, key: tuple[str, str]) -> Columns:
+        """Join the rows to keep: the window, the lead's poses, and the first row of each table."""
+        columns = joined(self._parts[key])
+        is_path = key == (self.scenario.lead, "truth")
+        if not is_path and key[1] != "change" and len(columns):
+            keep = columns.at_ns >= self.evaluated_until - WINDOW_NS
+            keep[0] = True
+            columns = columns.of(keep)
+        self._parts[key] = [columns]
+        return columns
+
+    def _values(self, name: str) -> LiveValues:
+        run, before = self.window, self.values[name]
+        truth, tracking = run.table(name, "truth"), run.table(name, "tracking")
+        error, worst = np.nan, before.error_m_max
+        gap, least = np.nan, before.gap_m_min
+        if name != run.lead:
+            error, worst = _latest_and(np.fmax, np.abs(cross_track_error(run, name)), worst)
+            gap, least = _latest_and(np.fmin, gaps(run, name).distance, least)
+        verdicts, health = self.new_rows.get((name, "verdict")), run.table(name, "health")
+        is_delivered = _rows(verdicts, "outcome") == "delivered"
+        reasons = _rows(verdicts, "reason")[~is_delivered]
+        late_ticks = int(health["late_ticks"][-1]) if len(health) else 0
+        known_late = before.late + int(_rows(verdicts, "late", bool).sum())
+        return LiveValues(
+            error_m=error,
+            error_m_max=worst,
+            gap_m=gap,
+            gap_m_min=least,
+            estimated_error_m=_last(tracking, "lateral_error_m", np.nan),
+            speed_mps=_last(truth, "speed_mps", np.nan),
+            mode=_last(tracking, "mode", ""),
+            delivered=before.delivered + int(is_delivered.sum()),
+            dropped=before.dropped + sum(map(counts_as_loss, reasons.tolist())),
+            late=known_late + late_ticks - self._late_ticks(name, late_ticks),
+        )
+
+    def _late_ticks(self, name: str, now: int) -> int:
+        """Late ticks that the last update counted."""
+        key = ("late_ticks", name)
+        before, self._known[key] = self._known.get(key, 0), now
+        return before
+
+    def _find_events(self, since: int) -> None:
+        """Add new events; near misses once they have ended without a collision."""
+        run = self.window
+        found = [*encounters(run)]
+        for name in run.names:
+            found += [*slides(run, name), *stops(run, name)]
+        for name in run.followers:
+            found += [*lane_departures(run, name), *distrusts(run, name)]
+        begin = self.evaluated_until - WINDOW_NS + QUIET_NS if since else 0
+        for event in in_time_order(found):
+            key = (event.kind, *event.vehicles)
+            if event.at_ns < begin:  # it may have begun before the window
+                continue
+            if event.kind == "near_miss" and self._may_continue(event):
+                continue
+            if event.at_ns > self._known.get(key, -1):
+                self._known[key] = event.at_ns
+                self.events.append(event)
+
+    def _may_continue(self, event: Event) -> bool:
+        apart = gaps(self.window, event.vehicles[1])
+        near = self.scenario.tables.events.near_miss_gap_m
+        recent = apart.at_ns > self.evaluated_until - QUIET_NS
+        return bool((apart.distance[recent] < near).any())
+
+
+class Deviation(NamedTuple):
+    """True error and gap (m, NaN if unknown) of a follower at an instant (ns)."""
+
+    vehicle: str
+    at_ns: int
+    error_m: float
+    gap_m: float
+
+
+def deviations(run: RunTables, since: int, until: int) -> list[Deviation]:
+    """True errors and gaps of the followers ten times a second, in the order of time.
+
+    Those after `since` and up to `until` (ns), at the first true pose in each period.
+    """
+    found = []
+    for name in run.followers:
+        at = run.table(name, "truth").at_ns
+        is_first = np.diff(at // DEVIATION_PERIOD_NS, prepend=-1) != 0
+        (rows,) = np.nonzero((at > since) & (at <= until) & is_first)
+        apart = gaps(run, name)
+        gap = at_instants(at[rows], apart.at_ns, apart.distance)
+        error = path_feet(run, name).lateral[rows]
+        columns = (at[rows].tolist(), error.tolist(), gap.tolist())
+        found += [Deviation(name, *row) for row in zip(*columns, strict=True)]
+    return sorted(found, key=attrgetter("at_ns"))
+
+
+def _rows(columns: Columns | None, field: str, kind: type = object) -> NDArray[Any]:
+    return np.zeros(0, kind) if columns is None else columns[field]
+
+
+def _last(columns: Columns, field: str, unknown: Any) -> Any:
+    return columns[field][-1] if len(columns) else unknown
+
+
+def _latest_and(worst: np.ufunc, values: Floats, before: float) -> tuple[float, float]:
+    """Latest known value, and the worst one so far."""
+    known = values[~np.isnan(values)]
+    if not len(known):
+        return np.nan, before
+    return float(known[-1]), float(worst(before, worst.reduce(known)))
