@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import tomli_w
-
-from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.encounters import Episode
 from scenarios.results.stream import FigureStream
+
+from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.runs.virtual import drive
 from vehicles.driver.settings import Braking
 from vehicles.driver.situation import stopping_distance

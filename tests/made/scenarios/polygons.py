@@ -2,19 +2,24 @@
 
 from itertools import pairwise
 
-from scenarios.results.encounters import CarBody, corners
+from scenarios.results.true_motion import Bodies, corners
 
 Point = tuple[float, float]
 
 
-def common_area(first: CarBody, second: CarBody) -> float:
+def common_area(first: Bodies, second: Bodies) -> float:
     """Area (m²) of the intersection of two bodies, by Sutherland-Hodgman clipping."""
-    shape = list(corners(first))
-    for start, end in pairwise([*corners(second), corners(second)[0]]):
+    shape, window = ring(first), ring(second)
+    for start, end in pairwise([*window, window[0]]):
         shape = _left_of(shape, start, end)
     return 0.5 * sum(
         shape[k - 1][0] * shape[k][1] - shape[k][0] * shape[k - 1][1] for k in range(len(shape))
     )
+
+
+def ring(body: Bodies) -> list[Point]:
+    """Corners of one body, counter-clockwise."""
+    return [(float(east[0]), float(north[0])) for east, north in corners(body)]
 
 
 def _left_of(shape: list[Point], start: Point, end: Point) -> list[Point]:

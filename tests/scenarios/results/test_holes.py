@@ -6,8 +6,6 @@ from math import cos, sin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.holes import (
     RecordedSeries,
     RecordHole,
@@ -15,6 +13,8 @@ from scenarios.results.holes import (
     hole_lines,
 )
 from scenarios.results.metrics import Metrics
+
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.vehicle_figures import VehicleSummary
 from tests.made.scenarios.messages import START, gps, health, start, truth
 from vehicles.messages import GpsPose, Message

@@ -8,21 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.accumulators import Extremes
-from scenarios.results.link_summary import LinkSummary
-from scenarios.results.metrics import Metrics
-from scenarios.results.vehicle_figures import VehicleSummary
+from scenarios.results.link_account import accounts
+from scenarios.results.links import LinkSummary, link_summaries
+from scenarios.results.vehicle_figures import VehicleSummary, extremes, vehicle_summaries
 from tests.made.examples import examples
 from tests.made.scenarios.messages import gps, health, tracking, truth, verdict
+from tests.made.scenarios.tables import run_of
 from vehicles.messages import Message, TruePose
 
-CONVOY = ("v1", "v2", "v3")
-ASKED = {
-    ("v2", "v3"): LinkTable(latency_ms=30.0, loss_ratio=0.5),
-    ("v1", "v3"): LinkTable(),
-    ("v1", "v2"): LinkTable(),
-}
+LINKS = ['link=[{sender="v2", receiver="v3", latency_ms=30.0, loss_ratio=0.5}]']
 
 
 class Figures(NamedTuple):
@@ -31,10 +25,8 @@ class Figures(NamedTuple):
 
 
 def figures_of(*messages: Message) -> Figures:
-    metrics = Metrics(CONVOY, ASKED)
-    for message in messages:
-        metrics.listen(0, message)
-    return Figures(metrics.vehicle_summaries(), metrics.link_summaries())
+    run = run_of(*messages, overrides=LINKS)
+    return Figures(vehicle_summaries(run, {}), link_summaries(run, accounts(run)))
 
 
 def vehicle(name: str, *messages: Message) -> VehicleSummary:
@@ -52,13 +44,13 @@ def link(sender: str, receiver: str, *messages: Message) -> LinkSummary:
 @given(values=st.lists(st.floats(-1e3, 1e3), max_size=30))
 @examples(8, 50)
 def test_extremes_are_those_of_the_values(values: list[float]) -> None:
-    extremes = Extremes()
-    for value in values:
-        extremes.add(value)
-    assert extremes.count == len(values)
-    assert extremes.largest == max(map(abs, values), default=0.0)
-    squares = np.square(values)
-    assert extremes.rms == pytest.approx(math.sqrt(squares.mean()) if values else 0.0)
+    found = extremes(np.array(values))
+    if not values:
+        assert found is None
+        return
+    assert found is not None
+    assert found.largest == abs(values[found.row]) == max(map(abs, values))
+    assert found.rms == pytest.approx(math.sqrt(np.square(values).mean()))
 
 
 def cornering(seq: int, across: float, front: float, rear: float, share: float) -> TruePose:
@@ -132,26 +124,19 @@ def test_true_cross_track_error_is_the_distance_from_the_lead_s_path() -> None:
         assert row.distance_m == pytest.approx(59.4)
 
 
-def askew(yaw: float, distance: float = 0.0, road_yaw: float | None = None) -> VehicleSummary:
-    """What v2 did behind a lead that first faces `yaw` (rad), with `distance` (m) behind it.
-
-    The road goes eastward there; at its start it goes in direction `road_yaw` (rad), if known.
-    """
-    metrics = Metrics(CONVOY, ASKED, road_yaw)
+@pytest.mark.parametrize("yaw", [0.1, -0.5])
+@pytest.mark.parametrize("distance", [0.0, 10.0])
+def test_errors_begin_where_the_lead_started(yaw: float, distance: float) -> None:
+    """On the stretch before, v2 is beside a straight that depends on where the lead faced."""
+    poses = []
     for message in lead_and_follower(0.25):
         assert isinstance(message, TruePose)
-        first_of_lead = message.vehicle == "v1" and message.seq == 0
+        is_first = message.vehicle == "v1" and message.seq == 0
         whole = replace(message, distance_m=message.distance_m + distance)
-        metrics.listen(0, replace(whole, yaw_rad=yaw) if first_of_lead else whole)
-    return metrics.vehicle_summaries()[1]
-
-
-@pytest.mark.parametrize("yaw", [0.1, -0.5])
-def test_errors_begin_where_the_lead_started(yaw: float) -> None:
-    """On the stretch before, v2 is beside a straight that depends on where the lead faced."""
-    for row in (askew(yaw, road_yaw=0.0), askew(yaw)):
-        assert row.cross_track_error_m_max == pytest.approx(0.25)
-        assert row.cross_track_error_m_rms == pytest.approx(0.25)
+        poses.append(replace(whole, yaw_rad=yaw) if is_first else whole)
+    row = vehicle("v2", *poses)
+    assert row.cross_track_error_m_max == pytest.approx(0.25)
+    assert row.cross_track_error_m_rms == pytest.approx(0.25)
 
 
 @pytest.mark.parametrize(
@@ -204,7 +189,7 @@ def test_figures_of_a_link_follow_from_its_verdicts() -> None:
         verdict("v1", "v3", 4, latency_ms=500.0),
         verdict("v1", "v2", 4, dropped="loss"),
     )
-    assert row.requested == ASKED["v2", "v3"]
+    assert row.requested.loss_ratio == 0.5
     assert (row.sent, row.judged, row.delivered, row.late) == (6, 5, 3, 1)
     assert row.dropped == {"loss": 2}
     assert row.not_arrived == {"unknown": 1}

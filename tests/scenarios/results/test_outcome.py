@@ -5,6 +5,7 @@ from typing import Any
 
 from scenarios.results.holes import RecordHole
 from scenarios.results.metrics import Metrics
+
 from scenarios.results.outcome import with_outcome_line
 from scenarios.results.reaction import ReactionSummary
 from scenarios.results.run_event import RunEvent

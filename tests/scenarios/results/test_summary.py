@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
+from scenarios.results.encounters import EventKind
+from scenarios.results.metrics import Metrics
 
 from scenarios.cli.summary_tables import FIGURES
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.encounters import EventKind
 from scenarios.results.files import LOG_NAME
 from scenarios.results.log_summary import late_lines, scenario_in, summary_of
-from scenarios.results.metrics import Metrics
 from scenarios.results.summary import (
     ENTRIES,
     SCHEMA,

@@ -4,16 +4,16 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import pytest
+from scenarios.results.link_summary import LinkSummary, request_deviations
+from scenarios.results.link_tally import LinkTally
+from scenarios.results.metrics import Metrics
 
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import drills, library
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.link_summary import LinkSummary, request_deviations
-from scenarios.results.link_tally import LinkTally
 from scenarios.results.log_summary import late_lines, transport_lines
-from scenarios.results.metrics import Metrics
 from scenarios.runs.observer import listeners_by_kind
 from scenarios.runs.virtual import ObservedSink, VirtualConvoy
 from tests.made.scenarios.messages import MS, STRAIGHT, at, gps, health, start, tracking, verdict

@@ -7,8 +7,6 @@ from random import Random
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.account import LinkAccount
 from scenarios.results.link_summary import (
     LinkSummary,
@@ -17,6 +15,8 @@ from scenarios.results.link_summary import (
     request_deviations,
 )
 from scenarios.results.link_tally import LinkTally
+
+from scenarios.definition.schema.link_tables import LinkTable
 from tests.made.scenarios.messages import verdict
 from vehicles.messages import LinkVerdict
 

@@ -2,6 +2,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from scenarios.results.metrics import Metrics
 
 from scenarios.definition.schema.limit_tables import LimitsTable
 from scenarios.definition.schema.link_tables import LinkTable
@@ -12,7 +13,6 @@ from scenarios.results.limits import (
     failure_reason,
     limit_figures,
 )
-from scenarios.results.metrics import Metrics
 from scenarios.results.reaction import ReactionSummary
 from scenarios.results.run_event import RunEvent
 from scenarios.results.summary import LimitFigure

@@ -3,10 +3,10 @@
 from collections.abc import Callable, Iterator
 
 import pytest
+from scenarios.results.metrics import Metrics
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.log_summary import summarise
-from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunIdentity, RunSummary, from_json, to_json
 from scenarios.runs.run_log import LimitWatch
 from tests.made.scenarios.messages import STRAIGHT, gps, health, start, tracking, truth

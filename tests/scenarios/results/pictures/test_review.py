@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 from mcap.reader import make_reader
-
-from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.encounters import BodySize
 from scenarios.results.metrics import Metrics
+
+from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.review import Excerpt, review
 from scenarios.results.run_drawing import open_drawing
 from scenarios.results.summary import RunSummary

@@ -2,39 +2,50 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 from math import nan
+from random import Random
 from typing import Any
 
+import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
-from scenarios.definition.schema.scenario_tables import EventsTable
-from scenarios.results.encounters import PARTED_M, QUIET_NS, BodySize, body_of, separation
-from scenarios.results.run_event import EventLog, RunEvent
-from scenarios.results.stream import ALL_EVENTS, OF_TRAFFIC, FigureStream
+from scenarios.results.events import PARTED_M, QUIET_NS
+from scenarios.results.run_event import RunEvent, run_events
+from scenarios.results.traffic import FIGURE_OF
+from scenarios.results.true_motion import (
+    Bodies,
+    BodySize,
+    bodies,
+    corners,
+    gaps,
+    overlap,
+    separation,
+)
 from tests.made.examples import examples
-from tests.made.scenarios.messages import start, tracking, truth
+from tests.made.scenarios.messages import tracking, truth
+from tests.made.scenarios.polygons import common_area
+from tests.made.scenarios.tables import CONVOY, body_size, run_of
+from transport.columns import columns_from
+from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.messages import Message, Tracking, TruePose
 from vehicles.schedule import SECOND
 
-SIZE = BodySize(5.0, 2.0, 0.0)
-CONVOY = ("v1", "v2", "v3")
+OF_TRAFFIC = {*FIGURE_OF, "stranded"}
 
 
-def detected(
-    *messages: Message, names: tuple[str, ...] = CONVOY, **table: float
-) -> tuple[RunEvent, ...]:
-    stream = FigureStream(dict.fromkeys(names, SIZE), EventsTable(**table), 0.0)
-    log = EventLog(stream.seconds)
-    stream.on_event(log.add, [kind for kind in ALL_EVENTS if kind not in OF_TRAFFIC])
-    stream.listen(0, start())
-    for message in messages:
-        stream.listen(0, message)
-    stream.finish()
-    results = log.take_new()
-    assert sorted(one.line for one in results) == sorted(one.line for one in log.events())
-    return log.events()
+def detected(*messages: Message, **table: float) -> tuple[RunEvent, ...]:
+    """Events of v1, v2 and v3 but those of the traffic; `table` overrides [events]."""
+    overrides = [f"events.{key}={value}" for key, value in table.items()]
+    found = run_events(run_of(*messages, overrides=overrides))
+    return tuple(event for event in found if event.kind not in OF_TRAFFIC)
+
+
+def body_of(pose: TruePose, size: BodySize) -> Bodies:
+    return bodies(columns_from("truth", [pose], [pose.true_at_ns], pose.vehicle), size)
 
 
 def of_kind(kind: str, events: tuple[RunEvent, ...]) -> tuple[RunEvent, ...]:
@@ -138,7 +149,8 @@ def test_the_heading_of_the_body_counts_too() -> None:
     """At the centre nothing is wrong, but a corner sticks out."""
     yaw = 0.4
     (event,) = detected(*aside([0.0] * 20, yaw))
-    out = 2.5 * math.sin(yaw) + 1.0 * math.cos(yaw) - 1.75
+    front = 2.5 + body_size().forward
+    out = front * math.sin(yaw) + 1.0 * math.cos(yaw) - 1.75
     assert event.figures["excess_m_max"] == pytest.approx(out)
 
 
@@ -246,7 +258,7 @@ def test_no_overlap_passes_unseen_and_none_is_invented(
     for one, other in ((0, 1), (0, 2), (1, 2)):
         touching = False
         for here, there in zip(poses[one], poses[other], strict=True):
-            distance = separation(body_of(here, SIZE), body_of(there, SIZE)).distance
+            distance = distance_of(here, there)
             if distance == 0.0 and not touching:
                 expected.append((here.seq / 50, (CONVOY[one], CONVOY[other])))
             touching = distance == 0.0 or (touching and distance <= PARTED_M)
@@ -255,23 +267,131 @@ def test_no_overlap_passes_unseen_and_none_is_invented(
     assert collisions == sorted(expected)
 
 
+def distance_of(pose: TruePose, other: TruePose) -> float:
+    (distance,) = separation(body_of(pose, body_size()), body_of(other, body_size())).distance
+    return float(distance)
+
+
 @given(st.lists(st.tuples(st.floats(5.5, 12.0), st.floats(-1.0, 1.0)), min_size=1, max_size=30))
-def test_the_smallest_gap_is_that_of_all_instants_and_the_last_is_the_last(
+@settings(deadline=None)
+def test_a_gap_is_the_distance_of_the_bodies_at_each_instant(
     places: list[tuple[float, float]],
 ) -> None:
-    sizes = {"v1": SIZE, "v2": SIZE}
-    stream = FigureStream(sizes)
-    latest: list[float] = []
-    stream.on_gap(lambda gap: latest.append(gap.now_m))
-    apart = []
-    for seq, (behind, yaw) in enumerate(places):
-        ahead, follower = truth("v1", seq, 0.0, 0.0), truth("v2", seq, -behind, 0.0, yaw=yaw)
-        stream.listen(0, ahead)
-        stream.listen(0, follower)
-        apart.append(separation(body_of(ahead, SIZE), body_of(follower, SIZE)))
-        assert latest[-1] == apart[-1].distance
-    least = min(range(len(apart)), key=lambda seq: apart[seq].distance)
-    assert len(latest) == len(places)
-    gap = stream.gaps["v2"]
-    assert gap.min_m == apart[least].distance
-    assert gap.min_at_ns == truth("v2", least, 0.0, 0.0).true_at_ns
+    pairs = [
+        (truth("v1", seq, 0.0, 0.0), truth("v2", seq, -behind, 0.0, yaw=yaw))
+        for seq, (behind, yaw) in enumerate(places)
+    ]
+    found = gaps(run_of(*(pose for pair in pairs for pose in pair)), "v2")
+    assert found.distance.tolist() == pytest.approx([distance_of(*pair) for pair in pairs])
+    assert found.at_ns.tolist() == [pose.true_at_ns for pose, _ in pairs]
+
+
+def test_rows_out_of_order_late_doubled_or_missing_invent_nothing() -> None:
+    """The poses of one vehicle come up to 0.3 s out of order, some of them twice."""
+    lead = [pose("v1", seq, 0.6 * seq, speed=30.0) for seq in range(400)]
+    behind = [pose("v2", seq, 0.6 * seq - 15.0, 0.04, speed=30.0) for seq in range(400)]
+    random = Random(5)
+    mixed = sorted(behind, key=lambda one: one.seq + random.uniform(0.0, 15.0))
+    mixed = [one for one in (*mixed, *mixed[100:120]) if one.seq % 17]
+    assert detected(*lead, *mixed) == ()
+
+
+# ---- Bodies against brute force: by sampling their edges, and by cutting one with another
+
+
+def placed(
+    east: float, north: float, yaw: float, length: float = 4.93, width: float = 1.86
+) -> Bodies:
+    return body_of(truth("v1", 0, east, north, yaw=yaw), BodySize(length, width, 0.0))
+
+
+any_body = st.builds(
+    placed,
+    st.floats(-6, 6),
+    st.floats(-6, 6),
+    st.floats(-math.pi, math.pi),
+    st.floats(0.5, 12),
+    st.floats(0.3, 3),
+)
+
+
+def edge(body: Bodies, steps: int = 60) -> NDArray[np.float64]:
+    ring = [np.ravel(corner) for corner in corners(body)]
+    ring = [*ring, ring[0]]
+    return np.concatenate([np.linspace(a, b, steps) for a, b in pairwise(ring)])
+
+
+@given(one=any_body, other=any_body)
+@examples(44, 400)
+def test_bodies_overlap_where_they_share_an_area(one: Bodies, other: Bodies) -> None:
+    area = common_area(one, other)
+    assume(not 0.0 < area < 1e-9)
+    assert overlap(one, other) == overlap(other, one) == (area > 0.0)
+
+
+@given(one=any_body, other=any_body)
+@examples(16, 100)
+def test_the_distance_is_that_of_the_nearest_points_of_their_edges(
+    one: Bodies, other: Bodies
+) -> None:
+    found = separation(one, other)
+    assert found.distance == pytest.approx(separation(other, one).distance)
+    if overlap(one, other):
+        assert found.distance == 0.0
+        return
+    apart = edge(one)[:, None, :] - edge(other)[None, :, :]
+    nearest = float(np.hypot(apart[..., 0], apart[..., 1]).min())
+    assert found.distance <= nearest + 1e-9
+    assert found.distance == pytest.approx(nearest, abs=0.2)  # samples lie up to 0.2 m apart
+
+
+@given(one=any_body, other=any_body, speeds=st.tuples(*[st.floats(-20, 20)] * 4))
+@examples(16, 100)
+def test_the_closing_speed_is_the_rate_of_the_distance(
+    one: Bodies, other: Bodies, speeds: tuple[float, float, float, float]
+) -> None:
+    step = 1e-6
+    one = one._replace(speed_east=np.array(speeds[:1]), speed_north=np.array(speeds[1:2]))
+    other = other._replace(speed_east=np.array(speeds[2:3]), speed_north=np.array(speeds[3:]))
+
+    def after(body: Bodies, span: float) -> Bodies:
+        return body._replace(
+            east=body.east + span * body.speed_east,
+            north=body.north + span * body.speed_north,
+        )
+
+    before, now, then = (
+        separation(after(one, span), after(other, span)) for span in (-step, 0.0, step)
+    )
+    assume(before.distance > 1e-3 and then.distance > 1e-3)
+    ways = [(now.distance - before.distance) / step, (then.distance - now.distance) / step]
+    assume(abs(ways[0] - ways[1]) < 1e-2)  # else another corner becomes the nearest
+    assert now.closing == pytest.approx(-ways[1], abs=2e-2)
+
+
+def test_the_body_reaches_as_far_beyond_either_axle() -> None:
+    """The pose is that of the centre of mass, which lies ahead of the middle of this car."""
+    pose = truth("v1", 0, 100.0, 50.0, yaw=math.pi / 2)
+    size = BodySize.of(LINCOLN_MKZ)
+    norths = [float(north[0]) for _, north in corners(body_of(pose, size))]
+    front, rear = max(norths), min(norths)
+    assert front - rear == pytest.approx(4.93)
+    overhang = front - (50.0 + LINCOLN_MKZ.front_axle_distance)
+    assert overhang == pytest.approx((50.0 - LINCOLN_MKZ.rear_axle_distance) - rear)
+    assert overhang > 0.9
+
+
+def test_a_body_moves_as_its_centre_does() -> None:
+    """Sideways and with the yaw rate at the distance from the centre of mass."""
+    size = BodySize(5.0, 2.0, 2.0)
+    pose = replace(truth("v1", 0, 0.0, 0.0, yaw=0.3), lateral_speed_mps=0.5, yaw_rate_radps=0.2)
+    span = 1e-6
+    moved = replace(
+        pose,
+        east_m=(20.0 * math.cos(0.3) - 0.5 * math.sin(0.3)) * span,
+        north_m=(20.0 * math.sin(0.3) + 0.5 * math.cos(0.3)) * span,
+        yaw_rad=0.3 + 0.2 * span,
+    )
+    now, then = body_of(pose, size), body_of(moved, size)
+    assert (then.east - now.east) / span == pytest.approx(now.speed_east, abs=1e-4)
+    assert (then.north - now.north) / span == pytest.approx(now.speed_north, abs=1e-4)

@@ -7,17 +7,17 @@ from random import Random
 import pytest
 
 from scenarios.definition.scenario import load_scenario
-from scenarios.results.encounters import BodySize
-from scenarios.results.metrics import Metrics
-from scenarios.results.run_event import EventLog, RunEvent
-from scenarios.results.stream import OF_TRAFFIC, FigureStream
+from scenarios.results.run_event import RunEvent, run_events
 from scenarios.results.summary import from_json, to_json
+from scenarios.results.traffic import FIGURE_OF
+from scenarios.results.vehicle_figures import vehicle_summaries
 from scenarios.runs.virtual import run_unlogged
-from tests.made.scenarios.messages import at, command, start, truth
+from tests.made.scenarios.messages import at, command, truth
+from tests.made.scenarios.tables import LENGTH, run_of
 from vehicles.driver.controller import SpacingPolicy
 from vehicles.messages import Change, Command, Message, TruePose
 
-SIZE = BodySize(5.0, 2.0, 0.0)
+OF_TRAFFIC = {*FIGURE_OF, "stranded"}
 Speed = Callable[[float], float]
 """Speed (m/s) over time (s)."""
 COLUMN_GAP = 10.0
@@ -36,7 +36,7 @@ def convoy(speeds: Sequence[Speed], seconds: float, gap: float = COLUMN_GAP) -> 
     """Poses at 50 Hz of vehicles on a straight road, at first `gap` m apart."""
     poses = []
     for place, speed in enumerate(speeds):
-        east = -place * (SIZE.length + gap)
+        east = -place * (LENGTH + gap)
         for seq in range(round(50 * seconds)):
             now = speed(seq / 50)
             poses.append(replace(truth(f"v{place + 1}", seq, east, 0.0), speed_mps=now))
@@ -45,19 +45,22 @@ def convoy(speeds: Sequence[Speed], seconds: float, gap: float = COLUMN_GAP) -> 
 
 
 def detected(
-    messages: Sequence[Message],
-    policies: dict[str, SpacingPolicy] | None = None,
-    away: Sequence[str] = (),
+    messages: Sequence[Message], policy: SpacingPolicy | None = None, joins: str = ""
 ) -> tuple[RunEvent, ...]:
-    names = sorted({message.vehicle for message in messages})
-    stream = FigureStream(dict.fromkeys(names, SIZE), policies=policies, away=away)
-    log = EventLog(stream.seconds)
-    stream.on_event(log.add, [*OF_TRAFFIC, "overridden"])
-    stream.listen(0, start())
-    for message in messages:
-        stream.listen(0, message)
-    stream.finish()
-    return log.events()
+    """Events of the traffic, of followers with a spacing policy or with the lead's speed.
+
+    The vehicle that `joins` is not in the convoy before its change.
+    """
+    overrides = []
+    if policy is not None:
+        keys = {"followers": "'gap'", "gap.standstill_m": policy.standstill}
+        keys["gap.headway_s"] = policy.headway
+        overrides += [f"speed.{key}={value}" for key, value in keys.items()]
+    if joins:
+        overrides.append(f'change=[{{kind="join", at_s=10.0, vehicle="{joins}"}}]')
+    count = len({message.vehicle for message in messages})
+    found = run_events(run_of(*messages, count=count, overrides=overrides))
+    return tuple(event for event in found if event.kind in OF_TRAFFIC)
 
 
 def change(vehicle: str, kind: str, seconds: float, table: str = "") -> Change:
@@ -79,14 +82,12 @@ def test_a_gap_beyond_law_and_age_falls_behind() -> None:
     assert event.figures["gap_excess_m_max"] == pytest.approx(4.0 * 19.0 - 34.0, abs=0.5)
     assert event.figures["duration_s"] == pytest.approx(10.4, abs=0.2)
     assert event.level == "warning"
-    wide = {"v2": SpacingPolicy(2.0, 6.0)}
+    wide = SpacingPolicy(2.0, 6.0)
     assert "falls_behind" not in {one.kind for one in detected(convoy([steady, slow], 20.0), wide)}
 
 
 def test_a_follower_far_behind_from_the_start_has_not_fallen_behind() -> None:
-    assert (
-        detected(convoy([steady, steady], 10.0, gap=200.0), {"v2": SpacingPolicy(2.0, 0.5)}) == ()
-    )
+    assert detected(convoy([steady, steady], 10.0, gap=200.0), SpacingPolicy(2.0, 0.5)) == ()
 
 
 def test_behind_a_vehicle_that_has_left_the_gap_is_that_to_the_next_one() -> None:
@@ -98,8 +99,8 @@ def test_behind_a_vehicle_that_has_left_the_gap_is_that_to_the_next_one() -> Non
 
 def test_a_vehicle_that_joins_later_is_judged_from_then_on() -> None:
     poses = convoy([steady, braking(1.0, 4.0, 0.0)], 20.0)
-    assert detected(poses, away=["v2"]) == ()
-    joined = detected([change("v2", "join", 10.0), *poses], away=["v2"])
+    assert detected(poses, joins="v2") == ()
+    joined = detected([change("v2", "join", 10.0), *poses], joins="v2")
     assert "hard_braking" not in {one.kind for one in joined}  # before
 
 
@@ -155,7 +156,7 @@ def test_a_follower_as_fast_as_the_lead_was_there_is_none() -> None:
     """The lead stops at 2 m/s²; 15 s later the last one still drives at 20 m/s."""
     found = detected(
         convoy([braking(1.0, 1.4, 0.0), braking(16.0, 1.4, 0.0)], 18.0, gap=400.0),
-        {"v2": SpacingPolicy(2.0, 20.0)},
+        SpacingPolicy(2.0, 20.0),
     )
     assert found == ()
 
@@ -221,11 +222,8 @@ def test_overrides_count_after_two_seconds_and_are_an_event_above_a_fifth() -> N
 
 
 def test_the_share_of_overrides_is_in_the_summary_by_reason() -> None:
-    metrics = Metrics(["v1", "v2", "v3"], {})
-    metrics.listen(0, start())
-    for row in commands("v1", [False] * 200) + commands("v2", [seq % 4 == 0 for seq in range(500)]):
-        metrics.listen(0, row)
-    lead, second, third = metrics.vehicle_summaries()
+    rows = [*commands("v1", [False] * 200), *commands("v2", [seq % 4 == 0 for seq in range(500)])]
+    lead, second, third = vehicle_summaries(run_of(*rows), {})
     assert lead.overridden_ratio is None
     assert second.overridden_ratio == pytest.approx(0.25)
     assert second.overrides == pytest.approx({"alone": 0.25})
