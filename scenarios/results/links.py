@@ -1,0 +1,712 @@
+"""The figures of directed links, requested and achieved."""
+
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from math import sqrt
+from statistics import NormalDist
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.definition.changes import changed_links
+from scenarios.definition.channel.build import ExpectedChannel, expected_channel
+from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.results.link_account import (
+    CAUSE_WORDS,
+    LONGEST_NS,
+    RESOLUTION_NS,
+    TRANSPORT_CAUSES,
+    Flags,
+    Link,
+    LinkAccount,
+    absence_lines,
+    away_lines,
+    is_delivered,
+    latencies,
+    transport_delays,
+    verdicts_by_sender,
+)
+from scenarios.results.record import last_report, pose_rate_hz, poses_of
+from scenarios.results.tables import RunTables
+from transport.columns import Array, Columns, Integers
+from transport.topics import counts_as_loss
+from vehicles.messages import statuses_in
+from vehicles.schedule import MILLISECOND, SECOND
+
+# ---- Estimates with their intervals: a share of dependent events, the length of bursts, quantiles
+
+
+CONFIDENCE = 0.95
+"""Confidence of reported intervals."""
+CERTAINTY = 0.9999
+"""Confidence beyond which a figure deviates from its request."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConfidenceInterval:
+    value: float
+    low: float
+    high: float
+
+
+def quantile_of_normal(confidence: float) -> float:
+    """Half-width, in standard deviations, of the central interval of a normal law."""
+    return NormalDist().inv_cdf(0.5 + 0.5 * confidence)
+
+
+def share(count: float, of: float, confidence: float, inflation: float = 1.0) -> ConfidenceInterval:
+    """Wilson's interval of a share (E. B. Wilson, JASA 22, 1927) of `of` events.
+
+    `inflation` divides the number of independent events: for a chain with the lag-one correlation r
+    it is (1 + r) / (1 - r). Without events the interval is [0, 1].
+    """
+    if of <= 0.0:
+        return ConfidenceInterval(0.0, 0.0, 1.0)
+    ratio, n, z = count / of, max(of / inflation, 1.0), quantile_of_normal(confidence)
+    centre = (ratio + z * z / (2.0 * n)) / (1.0 + z * z / n)
+    half = z / (1.0 + z * z / n) * sqrt(ratio * (1.0 - ratio) / n + z * z / (4.0 * n * n))
+    return ConfidenceInterval(ratio, max(0.0, centre - half), min(1.0, centre + half))
+
+
+def inflation(loss_ratio: float, burst: float) -> float:
+    """Variance of a loss share with bursts, relative to that of independent losses; at least 1.
+
+    In the two-state chain (Gilbert) with this share and mean burst length the lag-one correlation
+    is r = 1 - 1/burst - loss/(burst (1 - loss)), and the factor is (1 + r) / (1 - r).
+    """
+    if not 0.0 < loss_ratio < 1.0 or burst <= 1.0:
+        return 1.0
+    correlation = 1.0 - 1.0 / burst - loss_ratio / (burst * (1.0 - loss_ratio))
+    return max(1.0, (1.0 + correlation) / (1.0 - correlation)) if correlation < 1.0 else 1.0
+
+
+def bursts(lost: NDArray[np.bool_]) -> NDArray[np.int_]:
+    """Lengths of the runs of losses, in the order of message numbers."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], lost, [False])).astype(np.int8)))
+    lengths: NDArray[np.int_] = edges[1::2] - edges[::2]
+    return lengths
+
+
+def mean_length(lengths: NDArray[np.int_], confidence: float) -> ConfidenceInterval | None:
+    """Mean of lengths with its interval, None without any; a single one has no upper bound.
+
+    The standard error of the mean b of m geometric lengths is sqrt(b (b - 1) / m), or that of the
+    sample where it is larger.
+    """
+    count = len(lengths)
+    if not count:
+        return None
+    each = lengths.tolist()
+    first, second = sum(each), sum(length * length for length in each)
+    mean = first / count
+    scatter = (count * second - first * first) / (count * (count - 1)) if count > 1 else 0.0
+    spread = sqrt(max(scatter, mean * (mean - 1.0))) / sqrt(count)
+    half = quantile_of_normal(confidence) * spread
+    return ConfidenceInterval(
+        mean, max(1.0, mean - half), mean + half if count > 1 else float("inf")
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    mean: float
+    deviation: float
+    p95: float
+    largest: float
+    count: int
+
+
+def spread(times_ns: Integers) -> Spread | None:
+    """Figures (ms) of times (ns), each rounded down to 10 µs; None without any.
+
+    The quantile is the smallest value that at least 95 % do not exceed.
+    """
+    if not len(times_ns):
+        return None
+    # In whole numbers, so that the figures are the same on every machine.
+    values, counts = np.unique(times_ns // RESOLUTION_NS, return_counts=True)
+    pairs, total = list(zip(values.tolist(), counts.tolist(), strict=True)), len(times_ns)
+    first = sum(count * value for value, count in pairs)
+    second = sum(count * value * value for value, count in pairs)
+    p95 = values[np.argmax(np.cumsum(counts) >= 0.95 * total)]
+    unit = RESOLUTION_NS / MILLISECOND
+    return Spread(
+        first / total * unit,
+        sqrt((total * second - first * first) / (total * total)) * unit,
+        int(p95) * unit,
+        int(values[-1]) * unit,
+        total,
+    )
+
+
+# ---- Link summary
+
+
+SAFE_AGES_MS = tuple(range(100, 1001, 100))
+"""Ages up to which data may count as fresh."""
+OLDEST_S = 86_400.0
+"""Largest plausible age."""
+LEAST_MESSAGES = 100
+"""Fewest messages of which the loss is compared with the requested one ..."""
+LEAST_INDEPENDENT = 50
+"""... and fewest independent ones, by the inflation of bursts."""
+ROUNDING_MS = 0.01
+"""Delays are whole nanoseconds, and counted to 10 µs."""
+OF_VEHICLES = {"transmitter_off", "receiver_off"}
+"""Reasons of a vehicle rather than of the link."""
+MOST_WORDS, OTHER_WORD = 50, "other"
+"""Number of distinct reasons counted; further ones share OTHER_WORD."""
+SILENT_LINK_S = 1.0
+"""A link without loss that delivers nothing for this time is reported."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlarmSummary:
+    """False alarms of a link; `counted` is None if the receiver reports no status of the source."""
+
+    counted: int | None = None
+
+
+NO_ALARMS = AlarmSummary()
+"""For a link without reported false alarms."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkSummary:
+    """Figures of one directed link, requested and achieved; None where they are unknown.
+
+    Intervals are of 95 %; those of the loss allow for its bursts.
+    """
+
+    sender: str
+    """Vehicle that sends; each link has a direction."""
+    receiver: str
+    """Receiving vehicle, which applies the link's settings."""
+    requested: LinkTable
+    """Requested settings, by the keys of [links] in a scenario (null: not requested)."""
+    requested_loss_ratio: float | None = None
+    """Requested loss of all laws together; null where no number is known, such as for a loss that
+    depends on the distance."""
+    requested_burst_messages: float | None = None
+    """Requested mean number of messages lost in a row."""
+    requested_latency_ms_mean: float | None = None
+    """Requested mean time from sending to reception of delivered messages."""
+    requested_latency_ms_deviation: float | None = None
+    """Standard deviation of the same."""
+    sent: int
+    """Messages sent over the link: delivered, dropped, not arrived, in flight and unrecorded."""
+    judged: int
+    """Messages that reached the link's receiver."""
+    delivered: int
+    """Messages delivered."""
+    dropped: Mapping[str, int]
+    """Messages dropped, by reason."""
+    not_arrived: Mapping[str, int] = field(default_factory=dict)
+    """Messages that did not reach the receiver, by cause: receiver_down (its software did not run),
+    late_start (sent before the transport was ready), cut_off (one of the vehicles was out of reach
+    of the recorder), router_away (all vehicles were), or unknown."""
+    in_flight: int = 0
+    """Messages without a verdict at the end: those that had arrived and were not due, which is
+    exact, and a bound: those sent so late that they may have arrived after the receiver's last look
+    (0.1 s after its end), by the largest delay on this link."""
+    unrecorded: int = 0
+    """Messages whose fate is missing in the log; they are not part of the loss."""
+    copies: int = 0
+    """Duplicates that the channel added."""
+    false: Mapping[str, int]
+    """Delivered messages whose content the channel changed, by kind."""
+    reordered: int = 0
+    """Messages delivered after one with a greater number."""
+    late: int
+    """Messages received after the tick that needed them."""
+    transport_ms_mean: float | None = None
+    """Mean time that messages took on the real transport up to the receiver's process, from the
+    instant at which they were due; null in virtual time."""
+    transport_ms_p95: float | None = None
+    """95th percentile of the same."""
+    transport_ms_max: float | None = None
+    """Largest of the same."""
+    transport_above_floor_ratio: float | None = None
+    """Share of these messages that took longer than the link's smallest latency, so that the
+    receiver may have got them late."""
+    loss_ratio: float
+    """Achieved loss, of the messages that the link carries: dropped ones and those that the real
+    transport lost (late_start, cut_off, router_away, unknown)."""
+    loss_ratio_low: float = 0.0
+    """Lower end of its 95 % interval, which allows for bursts."""
+    loss_ratio_high: float = 1.0
+    """Upper end of the same."""
+    burst_messages_mean: float | None = None
+    """Mean number of messages lost in a row."""
+    burst_messages_low: float | None = None
+    """Lower end of its 95 % interval."""
+    burst_messages_high: float | None = None
+    """Upper end of the same; null where a single burst does not determine it."""
+    burst_messages_max: int = 0
+    """Largest number of messages lost in a row."""
+    latency_ms_mean: float | None
+    """Achieved mean latency of delivered messages; null if none was delivered."""
+    latency_ms_low: float | None = None
+    """Lower end of its 95 % interval, as if the delays were independent."""
+    latency_ms_high: float | None = None
+    """Upper end of the same."""
+    latency_ms_deviation: float | None = None
+    """Standard deviation of the achieved latency."""
+    latency_ms_p95: float | None = None
+    """95th percentile of the same."""
+    latency_ms_max: float | None
+    """Largest achieved latency; null if no message was delivered."""
+    arrival_gap_ms_mean: float | None = None
+    """Mean time between two instants with a delivery."""
+    arrival_gap_ms_p95: float | None = None
+    """95th percentile of the same."""
+    arrival_gap_ms_max: float | None = None
+    """Largest of the same."""
+    age_ms_mean: float | None = None
+    """Mean age of the newest data of the sender at the receiver's steering commands."""
+    age_ms_p95: float | None = None
+    """95th percentile of the same."""
+    age_ms_max: float | None = None
+    """Largest of the same."""
+    false_alarms: AlarmSummary = NO_ALARMS
+    """False alarms, at which the receiver considered the sender lost although it sent. `counted` is
+    their number (null if the receiver does not report it)."""
+    safe_time_ratio: Mapping[str, float]
+    """Share of the steering commands whose data is no older than KEY milliseconds."""
+
+
+def lost_in_transport(row: LinkSummary) -> int:
+    """Count the messages that the real transport lost."""
+    return sum([count for cause, count in row.not_arrived.items() if cause in TRANSPORT_CAUSES])
+
+
+# ---- Figures of a link from the verdicts, poses and decisions of a run
+
+
+class SourceAges(NamedTuple):
+    """Age (s) and status of a source at each command of a follower, at instants (ns)."""
+
+    age_s: Array
+    status: Array
+    at_ns: Integers
+
+
+def source_ages(run: RunTables, receiver: str) -> dict[str, SourceAges]:
+    """Ages of the sources of a follower; none of the lead."""
+    if receiver == run.names[0]:
+        return {}
+    tracking, ahead = run.table(receiver, "tracking"), run.names[run.names.index(receiver) - 1]
+    at, ages = tracking.at_ns, _other_ages(tracking)
+    if ahead != run.names[0]:
+        ages[ahead] = SourceAges(tracking["predecessor_age_s"], tracking["predecessor_status"], at)
+    ages[run.names[0]] = SourceAges(tracking["lead_age_s"], tracking["lead_status"], at)
+    return ages
+
+
+def _other_ages(tracking: Columns) -> dict[str, SourceAges]:
+    """Ages of the sources that are neither lead nor predecessor."""
+    lengths, ages = np.diff(tracking.lists["other_age_s"].offsets), tracking.lists["other_age_s"]
+    rows: dict[str, list[tuple[int, int, str]]] = {}
+    listed = {text: list(statuses_in(text).items()) for text in set(tracking["other_sources"])}
+    for row, (text, length) in enumerate(
+        zip(tracking["other_sources"].tolist(), lengths.tolist(), strict=True)
+    ):
+        for place, (name, status) in enumerate(listed[text][:length]):
+            rows.setdefault(name, []).append((row, ages.offsets[row] + place, status))
+    result = {}
+    for name, found in rows.items():
+        numbers, places, statuses = zip(*found, strict=True)
+        at = tracking.at_ns[list(numbers)]
+        result[name] = SourceAges(ages.values[list(places)], np.array(statuses, object), at)
+    return result
+
+
+def false_alarms(ages: SourceAges, until: int) -> int | None:
+    """Count how often a source was newly lost up to an instant (ns) at which it still sent.
+
+    None if the follower reports no status of it.
+    """
+    if (ages.status == "unheard").all():
+        return None
+    is_lost = ages.status == "lost"
+    begins = is_lost & ~np.append(False, is_lost[:-1])
+    return int((begins & (ages.at_ns <= until)).sum())
+
+
+def carried_losses(verdicts: Columns, absent: Collection[int] = ()) -> Flags:
+    """Whether each message that a link carried was lost, in the order of numbers.
+
+    `absent` are the numbers that the real transport lost. Other messages without a verdict and
+    those held back by the link's rate are left out.
+    """
+    reasons = verdicts["reason"].tolist()
+    losses = {reason: counts_as_loss(reason) for reason in set(reasons)}
+    delivered = is_delivered(verdicts)
+    lost = ~delivered & np.array([losses[reason] for reason in reasons], bool)
+    carried = delivered | lost
+    numbers = np.append(verdicts["pose_seq"][carried], np.array([*absent], np.int64))
+    is_lost = np.append(lost[carried], np.ones(len(absent), bool))
+    _, first = np.unique(numbers, return_index=True)
+    in_order: Flags = is_lost[first]
+    return in_order
+
+
+def changed_during(run: RunTables) -> frozenset[Link]:
+    """Links whose settings were changed during the run, by what their receivers report."""
+    requested, changed = run.scenario.links, set[Link]()
+    for name in run.names:
+        for table in run.table(name, "change")["table"].tolist():
+            changed |= {
+                link for link in changed_links(table, run.names, requested) if link[1] == name
+            }
+    return frozenset(changed)
+
+
+def expected(requested: LinkTable, verdicts: Columns, *, is_changed: bool) -> ExpectedChannel:
+    """Expected behaviour; no loss is expected where a vehicle's own radio was off.
+
+    Nothing is expected of a link that was changed during the run.
+    """
+    channel = expected_channel(requested)
+    if is_changed:
+        return replace(
+            channel,
+            loss_ratio=None,
+            burst_messages=None,
+            latency_ms_mean=None,
+            latency_ms_deviation=None,
+            settles=False,
+        )
+    if not OF_VEHICLES.isdisjoint(verdicts["reason"][~is_delivered(verdicts)]):
+        return replace(channel, loss_ratio=None, burst_messages=None)
+    return channel
+
+
+def link_summaries(run: RunTables, counted: Mapping[Link, LinkAccount]) -> tuple[LinkSummary, ...]:
+    """Figures of each link, by receiver and then sender from the lead on.
+
+    `counted` are the accounts of the links.
+    """
+    changed, result = changed_during(run), []
+    ages = {name: source_ages(run, name) for name in run.names}
+    verdicts = {name: verdicts_by_sender(run, name) for name in run.names}
+    for link in counted:
+        sender, receiver = link
+        result.append(
+            _summary(
+                run,
+                link,
+                counted[link],
+                verdicts[receiver][sender],
+                ages[receiver].get(sender),
+                is_changed=link in changed,
+            )
+        )
+    return tuple(result)
+
+
+def _summary(
+    run: RunTables,
+    link: Link,
+    account: LinkAccount,
+    verdicts: Columns,
+    ages: SourceAges | None,
+    *,
+    is_changed: bool,
+) -> LinkSummary:
+    requested, (sender, receiver) = run.scenario.links[link], link
+    channel = expected(requested, verdicts, is_changed=is_changed)
+    absent = [message.number for message in account.absent]
+    loss, burst, longest = _losses(carried_losses(verdicts, absent), CONFIDENCE)
+    delivered = verdicts.of(is_delivered(verdicts))
+    delays, numbers = latencies(verdicts), delivered["pose_seq"]
+    latency, mean = spread(delays), _mean_ms(delays)
+    half = _half_of_mean(latency, channel)
+    between = np.diff(delivered["received_at_ns"])
+    gap, age = spread(between[between > 0]), spread(_plausible_ns(ages))
+    transport = transport_delays(verdicts)
+    if not len(transport):
+        transport = _recorder_delays(run, sender)
+    real = spread(transport)
+    return LinkSummary(
+        sender=sender,
+        receiver=receiver,
+        requested=requested,
+        requested_loss_ratio=channel.loss_ratio,
+        requested_burst_messages=channel.burst_messages,
+        requested_latency_ms_mean=channel.latency_ms_mean,
+        requested_latency_ms_deviation=channel.latency_ms_deviation,
+        sent=account.sent,
+        judged=len(verdicts),
+        delivered=account.delivered,
+        dropped=_counts(verdicts["reason"][~is_delivered(verdicts)]),
+        not_arrived=dict(account.not_arrived),
+        in_flight=account.in_flight,
+        unrecorded=account.unrecorded,
+        copies=int(delivered["copies"].sum()),
+        false=_counts(delivered["content"][delivered["content"] != ""]),
+        reordered=int((numbers < np.maximum.accumulate(numbers)).sum()),
+        late=int(delivered["late"].sum()),
+        transport_ms_mean=real.mean if real else None,
+        transport_ms_p95=real.p95 if real else None,
+        transport_ms_max=real.largest if real else None,
+        transport_above_floor_ratio=_above_floor(transport, requested) if real else None,
+        loss_ratio=loss.value,
+        loss_ratio_low=loss.low,
+        loss_ratio_high=loss.high,
+        burst_messages_mean=burst.value if burst else None,
+        burst_messages_low=burst.low if burst else None,
+        burst_messages_high=burst.high if burst else None,
+        burst_messages_max=longest,
+        latency_ms_mean=mean,
+        latency_ms_low=None if mean is None else mean - half,
+        latency_ms_high=None if mean is None else mean + half,
+        latency_ms_deviation=latency.deviation if latency else None,
+        latency_ms_p95=latency.p95 if latency else None,
+        latency_ms_max=max(int(delays.max()), 0) / MILLISECOND if latency else None,
+        arrival_gap_ms_mean=gap.mean if gap else None,
+        arrival_gap_ms_p95=gap.p95 if gap else None,
+        arrival_gap_ms_max=gap.largest if gap else None,
+        age_ms_mean=age.mean if age else None,
+        age_ms_p95=age.p95 if age else None,
+        age_ms_max=age.largest if age else None,
+        false_alarms=AlarmSummary(counted=false_alarms(ages, run.last_at[sender]))
+        if ages
+        else NO_ALARMS,
+        safe_time_ratio=_safe_time(ages) if ages else {},
+    )
+
+
+def _counts(words: Array) -> dict[str, int]:
+    """Count words in alphabetical order; rare ones beyond MOST_WORDS share OTHER_WORD."""
+    counts = Counter[str](words.tolist())
+    frequent = dict(counts.most_common(MOST_WORDS))
+    if len(counts) > MOST_WORDS:
+        frequent[OTHER_WORD] = counts.total() - sum(frequent.values())
+    return dict(sorted(frequent.items()))
+
+
+def _mean_ms(times_ns: Integers) -> float | None:
+    return int(times_ns.sum()) / len(times_ns) / MILLISECOND if len(times_ns) else None
+
+
+def _recorder_delays(run: RunTables, sender: str) -> Integers:
+    """Times (ns) that the poses of a vehicle took to the recorder, none in virtual time."""
+    poses = poses_of(run, sender)
+    delays = poses.logged_at_ns - poses.at_ns
+    plausible: Integers = delays[(delays != 0) & (np.abs(delays) < LONGEST_NS)]
+    return plausible
+
+
+def _losses(
+    lost: Flags, confidence: float
+) -> tuple[ConfidenceInterval, ConfidenceInterval | None, int]:
+    """Loss and mean burst length with their intervals, and the longest burst."""
+    lengths = bursts(lost)
+    burst = mean_length(lengths, confidence)
+    count, of = int(lost.sum()), len(lost)
+    spread_by = inflation(count / of, burst.value) if burst else 1.0
+    return share(count, of, confidence, spread_by), burst, int(lengths.max(initial=0))
+
+
+def _half_of_mean(latency: Spread | None, channel: ExpectedChannel) -> float:
+    """Half the width (ms) of the interval of a mean delay with the requested correlation."""
+    if latency is None:
+        return 0.0
+    error = latency.deviation * sqrt(channel.latency_inflation / latency.count)
+    return quantile_of_normal(CONFIDENCE) * error
+
+
+def _above_floor(delays_ns: Integers, requested: LinkTable) -> float:
+    """Share of delays on the real transport above the smallest latency of a link."""
+    floor = round(requested.latency_ms * MILLISECOND / RESOLUTION_NS)
+    return float((delays_ns // RESOLUTION_NS > floor).mean())
+
+
+def _plausible_ns(ages: SourceAges | None) -> Integers:
+    """Ages (ns) of data, without unknown and absurd ones."""
+    if ages is None:
+        return np.zeros(0, np.int64)
+    known = ages.age_s[(ages.age_s >= 0.0) & (ages.age_s <= OLDEST_S)]
+    nanoseconds: Integers = (known * SECOND).astype(np.int64)
+    return nanoseconds
+
+
+def _safe_time(ages: SourceAges) -> dict[str, float]:
+    """Share of the commands with data up to each age; unknown ages are not safe."""
+    within, commands = _plausible_ns(ages) // RESOLUTION_NS, len(ages.age_s)
+    return {
+        str(limit): int((within <= limit * MILLISECOND // RESOLUTION_NS).sum()) / commands
+        for limit in SAFE_AGES_MS
+        if commands
+    }
+
+
+# ---- Lines about links
+
+
+def describe_link(row: LinkSummary) -> str:
+    """Achieved and requested figures of a link in one line, with intervals of 95 %."""
+    requested_loss, requested_ms = row.requested_loss_ratio, row.requested_latency_ms_mean
+    parts = [
+        f"{row.sender} → {row.receiver}: lost {100 * row.loss_ratio:.1f} % "
+        f"({100 * row.loss_ratio_low:.1f} to {100 * row.loss_ratio_high:.1f}) of its messages, "
+        f"requested {'-' if requested_loss is None else f'{100 * requested_loss:.3g} %'}"
+    ]
+    parts += [
+        f"{row.not_arrived[cause]} not arrived ({words})"
+        for cause, words in CAUSE_WORDS.items()
+        if cause in row.not_arrived
+    ]
+    if row.burst_messages_mean is not None:
+        parts.append(f"{row.burst_messages_mean:.2f} in a row, {row.burst_messages_max} at most")
+    if row.latency_ms_low is not None and row.latency_ms_high is not None:
+        parts.append(
+            f"delayed {row.latency_ms_mean:.1f} ms ({row.latency_ms_low:.1f} to "
+            f"{row.latency_ms_high:.1f}), requested "
+            f"{'-' if requested_ms is None else f'{requested_ms:.4g}'}"
+        )
+    if row.age_ms_mean is not None:
+        parts.append(f"{row.age_ms_mean:.0f} ms old at commands, {row.age_ms_max:.0f} at most")
+    return "; ".join(parts)
+
+
+def channel_warnings(run: RunTables, counted: Mapping[Link, LinkAccount]) -> Iterator[str]:
+    """Yield lines on messages that did not arrive and on deviations from the requests."""
+    yield from away_lines(run)
+    yield from absence_lines(run, counted)
+    yield from request_deviations(run, counted)
+
+
+def request_deviations(run: RunTables, counted: Mapping[Link, LinkAccount]) -> Iterator[str]:
+    """Yield deviations from the requests beyond sampling error."""
+    requested, changed = run.scenario.links, changed_during(run)
+    for receiver in run.names:
+        verdicts = verdicts_by_sender(run, receiver)
+        for link in [link for link in counted if link[1] == receiver]:
+            channel = expected(requested[link], verdicts[link[0]], is_changed=link in changed)
+            absent = [message.number for message in counted[link].absent]
+            yield from link_deviations(link, channel, verdicts[link[0]], absent)
+    if changed:
+        names = [f"{a} → {b}" for a, b in sorted(changed)]
+        these = "all" if len(changed) == len(requested) else ", ".join(names)
+        yield f"no requested values are shown for links changed during the run: {these}"
+
+
+def link_deviations(
+    link: Link, channel: ExpectedChannel, verdicts: Columns, absent: Collection[int] = ()
+) -> Iterator[str]:
+    """Yield a line per figure of a link that deviates beyond sampling error from its request.
+
+    Intervals are of 99.99 %, so one of ten thousand correct figures lies outside. `absent` are the
+    numbers of messages that the real transport lost.
+    """
+    name, lost = f"{link[0]} → {link[1]}", carried_losses(verdicts, absent)
+    loss, burst, _ = _losses(lost, CERTAINTY)
+    requested_loss = channel.loss_ratio if channel.settles else None
+    count = len(lost)
+    least = max(LEAST_MESSAGES, LEAST_INDEPENDENT * channel.loss_inflation)
+    if requested_loss is not None and count >= least:
+        wide = share(loss.value * count, count, CERTAINTY, channel.loss_inflation)
+        low, high = min(loss.low, wide.low), max(loss.high, wide.high)
+        if not low - 1e-12 <= requested_loss <= high + 1e-12:
+            yield (
+                f"{name}: lost {100 * loss.value:.2f} % of {count} messages (99.99 % interval "
+                f"{100 * low:.2f} to {100 * high:.2f} %), requested {100 * requested_loss:g} %"
+            )
+        if channel.burst_messages is not None and burst is not None:
+            yield from _burst_miss(name, channel, burst, lost)
+    yield from _latency_miss(name, channel, verdicts)
+
+
+def _burst_miss(
+    name: str, channel: ExpectedChannel, burst: ConfidenceInterval, lost: Flags
+) -> Iterator[str]:
+    """Compare mean bursts. Where losses are clustered, their count varies as well.
+
+    The mean is the number of losses over that of bursts, so it varies at least as the former does.
+    """
+    requested, loss = channel.burst_messages or 1.0, channel.loss_ratio or 1.0
+    number, count = len(bursts(lost)), len(lost)
+    of_lengths = max(requested * (requested - 1.0), 0.0) / number
+    of_losses = requested * requested * channel.loss_inflation * (1.0 - loss) / (loss * count)
+    clustered = channel.loss_inflation > 1.0
+    error = sqrt(max(of_lengths, of_losses) if clustered else of_lengths)
+    half = quantile_of_normal(CERTAINTY) * error
+    low, high = min(burst.low, burst.value - half), max(burst.high, burst.value + half)
+    if not low - 1e-9 <= requested <= high + 1e-9:
+        yield (
+            f"{name}: {number} bursts of {burst.value:.2f} lost messages on average (99.99 % "
+            f"interval {low:.2f} to {high:.2f}), requested {requested:.2f}"
+        )
+
+
+def _latency_miss(name: str, channel: ExpectedChannel, verdicts: Columns) -> Iterator[str]:
+    mean, deviation, delays = (
+        channel.latency_ms_mean,
+        channel.latency_ms_deviation,
+        latencies(verdicts),
+    )
+    achieved, sample = _mean_ms(delays), spread(delays)
+    if mean is None or deviation is None or achieved is None or len(delays) < LEAST_MESSAGES:
+        return
+    widest = max(deviation, sample.deviation if sample else 0.0)  # of laws with long tails
+    error = widest * sqrt(channel.latency_inflation / len(delays))
+    half = quantile_of_normal(CERTAINTY) * error + ROUNDING_MS
+    if abs(achieved - mean) > half:
+        late = int((verdicts["late"] & is_delivered(verdicts)).sum())
+        words = f"; {late} of {len(delays)} were late" if late else ""
+        yield (
+            f"{name}: delayed by {achieved:.3f} ms on average, requested {mean:.3f} ± {half:.3f} ms"
+            f"{words}"
+        )
+
+
+# ---- Links that deliver nothing
+
+
+def silent_links(
+    run: RunTables,
+    counted: Mapping[Link, LinkAccount],
+    replayed: frozenset[str] = frozenset(),
+) -> str:
+    """Report links that should lose nothing but delivered nothing; empty if there are none.
+
+    Only the time during which sender and receiver both ran counts, less the requested delay.
+    `replayed` vehicles receive nothing, and a link with an end whose radio is off for a time may be
+    silent.
+    """
+    exempt = changed_during(run) | run.scenario.off_links
+    silent = []
+    for link, account in counted.items():
+        (sender, receiver), requested = link, run.scenario.links[link]
+        common_s = min(
+            _poses_for_s(run, sender, _first_sent_at(run, sender)),
+            _poses_for_s(run, receiver, run.start_at),
+        )
+        expected_s = common_s - (requested.latency_ms + requested.jitter_ms) / 1000.0
+        should_deliver = requested.is_lossless and receiver not in replayed and link not in exempt
+        if should_deliver and not account.delivered and expected_s >= SILENT_LINK_S:
+            silent.append(f"{sender} → {receiver} delivered none of {account.sent} poses")
+    reports = {name: last_report(run, name) for name in run.names if silent}
+    refused = [
+        f"{name} refused {report.rejected} messages"
+        for name, report in reports.items()
+        if report and report.rejected
+    ]
+    return "; ".join((*silent, *refused))
+
+
+def _poses_for_s(run: RunTables, name: str, begun_at: int | None) -> float:
+    """Time (s) of sending: by the number of poses, or without a schedule from `begun_at` (ns)."""
+    rate_hz = pose_rate_hz(run, name)
+    if rate_hz is not None:
+        return len(poses_of(run, name)) / rate_hz
+    return 0.0 if begun_at is None else max(run.last_at[name] - begun_at, 0) / SECOND
+
+
+def _first_sent_at(run: RunTables, name: str) -> int | None:
+    at = poses_of(run, name).at_ns
+    return int(at[0]) if len(at) else None
