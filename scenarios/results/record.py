@@ -168,6 +168,11 @@ def last_report(run: RunTables, name: str) -> LastReport | None:
     )
 
 
+def final_report(run: RunTables, name: str) -> LastReport | None:
+    report = last_report(run, name)
+    return report if report is not None and report.is_final else None
+
+
 def pose_rate_hz(run: RunTables, name: str) -> float | None:
     """Rate of a vehicle that sends at every instant of measuring, else None."""
     tables, setup = run.scenario.tables, run.scenario.vehicle(name)
@@ -232,8 +237,7 @@ def ran_until(run: RunTables, name: str) -> int | None:
 
 def never_seen(run: RunTables, name: str) -> bool:
     """Whether a vehicle that did not end should have sent true poses, and none was recorded."""
-    report = last_report(run, name)
-    has_ended = ended_early(run, name) or (report is not None and report.is_final)
+    has_ended = ended_early(run, name) or final_report(run, name) is not None
     return run.start_at is not None and not has_ended and not len(run.table(name, "truth"))
 
 
@@ -285,8 +289,8 @@ def cut_off(run: RunTables) -> frozenset[str]:
 
 def _was_cut_off(run: RunTables, name: str, start_at: int) -> bool:
     """Whether a vehicle became silent, or its last pose came late and its records lag."""
-    report, end_at = last_report(run, name), end_of_record(run)
-    if ended_early(run, name) or (report is not None and report.is_final):
+    end_at = end_of_record(run)
+    if ended_early(run, name) or final_report(run, name) is not None:
         return False
     if end_at - max(run.last_at[name], start_at) > CUT_OFF_AFTER_NS:
         return True
