@@ -13,27 +13,25 @@ from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scenarios.results.record import (
     AWAY_NS,
     LONGEST_STEP,
-    LastReport,
+    Flags,
     cut_off,
     end_of_record,
-    expected_poses,
-    final_report,
+    final_health,
     gaps,
     is_late,
     is_physical,
     most_poses,
     pose_rate_hz,
     poses_of,
-    ran_ns,
     scheduled,
 )
 from scenarios.results.tables import RunTables
 from transport.columns import Columns, Integers
+from vehicles.messages import Health
 from vehicles.schedule import MILLISECOND, SECOND
 
 Link = tuple[str, str]
@@ -71,8 +69,6 @@ RESOLUTION_NS = MILLISECOND // 100
 """Resolution of delays and ages."""
 FOREVER = 2**62
 """After every instant (ns)."""
-
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,7 +191,7 @@ class _Vehicle(NamedTuple):
     away: Integers
     decided_at: int | None
     down: list[tuple[int, int]]
-    final: LastReport | None
+    final: Health | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,10 +214,7 @@ def _record_of(run: RunTables) -> _Record:
 
 def _vehicle(run: RunTables, name: str, step: int, *, was_cut_off: bool) -> _Vehicle:
     """Facts of a vehicle; one that was cut off sent until the end of the run."""
-    poses, rate_hz = poses_of(run, name), pose_rate_hz(run, name)
-    due = scheduled(run, name, rate_hz)
-    if was_cut_off and rate_hz is not None:
-        due = expected_poses(ran_ns(run), rate_hz)
+    poses = poses_of(run, name)
     is_away = np.ones(int(poses["seq"].max(initial=-1)) + 1, bool)
     is_away[poses["seq"]] = is_late(poses)
     sent_at = sending_instants(poses, len(is_away), 0)
@@ -232,12 +225,12 @@ def _vehicle(run: RunTables, name: str, step: int, *, was_cut_off: bool) -> _Veh
     rows = np.flatnonzero((np.diff(numbers) == 1) & (np.diff(at) > step))
     return _Vehicle(
         poses=poses,
-        due=due,
+        due=scheduled(run, name, pose_rate_hz(run, name), whole_run=was_cut_off),
         sent_at=sent_at,
         away=np.append(0, np.cumsum(is_away)),
         decided_at=int(at[-1]) if len(at) else None,
         down=list(zip(at[rows].tolist(), at[rows + 1].tolist(), strict=True)),
-        final=final_report(run, name),
+        final=final_health(run, name),
     )
 
 
@@ -315,7 +308,10 @@ def _unrecorded(
     sent_at = np.concatenate([np.zeros(0, np.int64), *(row.sent_at for row in rows)])
     due_at = np.concatenate([np.zeros(0, np.int64), *(row.due_at for row in rows)])
     hidden, order = np.zeros(len(sent_at), bool), np.argsort(sent_at, kind="stable")
-    verdicts, expected = record.run.table(receiver, "verdict"), final.verdicts if final else 0
+    verdicts, expected = (
+        record.run.table(receiver, "verdict"),
+        final.received + final.dropped if final else 0,
+    )
     for gap in gaps(verdicts, expected, end=FOREVER):
         is_due = (gap.before <= due_at) & (sent_at < gap.after) & ~hidden
         hidden[order[is_due[order]][: gap.size]] = True
@@ -332,7 +328,7 @@ def _fates(record: _Record, missing: _Missing, hidden: Flags) -> list[MissingVer
     may_arrive = due_at >= record.end_at - TRANSIT_NS
     if final is not None and len(delays):  # the last report lists what had arrived
         longest = delays.max() // RESOLUTION_NS * RESOLUTION_NS
-        may_arrive = sent_at + longest >= final.at_ns + LAST_LOOK_NS
+        may_arrive = sent_at + longest >= final.reported_at_ns + LAST_LOOK_NS
     begun_at, judged = run.start_at or record.end_at, account.verdicts["pose_seq"]
     is_before_first = missing.numbers < (judged.min() if len(judged) else 0)
     after_last = due_at >= (FOREVER if decided_at is None else decided_at)

@@ -18,13 +18,12 @@ from scenarios.results.link_account import (
     LONGEST_NS,
     RESOLUTION_NS,
     TRANSPORT_CAUSES,
-    Flags,
     Link,
     LinkAccount,
     absence_lines,
     away_lines,
 )
-from scenarios.results.record import last_report, pose_rate_hz, poses_of
+from scenarios.results.record import Flags, last_health, pose_rate_hz, poses_of
 from scenarios.results.tables import RunTables
 from transport.columns import Array, Columns, Integers
 from transport.topics import counts_as_loss
@@ -78,7 +77,7 @@ def inflation(loss_ratio: float, burst: float) -> float:
     return max(1.0, (1.0 + correlation) / (1.0 - correlation)) if correlation < 1.0 else 1.0
 
 
-def bursts(lost: NDArray[np.bool_]) -> NDArray[np.int_]:
+def bursts(lost: Flags) -> NDArray[np.int_]:
     """Lengths of the runs of losses, in the order of message numbers."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], lost, [False])).astype(np.int8)))
     lengths: NDArray[np.int_] = edges[1::2] - edges[::2]
@@ -657,11 +656,11 @@ def silent_links(
         should_deliver = requested.is_lossless and receiver not in replayed and link not in exempt
         if should_deliver and not account.delivered and expected_s >= SILENT_LINK_S:
             silent.append(f"{sender} → {receiver} delivered none of {account.sent} poses")
-    reports = {name: last_report(run, name) for name in run.names if silent}
+    counters = {name: last_health(run, name) for name in run.names if silent}
     refused = [
-        f"{name} refused {report.rejected} messages"
-        for name, report in reports.items()
-        if report and report.rejected
+        f"{name} refused {health.rejected_messages} messages"
+        for name, health in counters.items()
+        if health and health.rejected_messages
     ]
     return "; ".join((*silent, *refused))
 
