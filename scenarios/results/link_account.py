@@ -16,6 +16,7 @@ import numpy as np
 
 from scenarios.results.record import (
     AWAY_NS,
+    FOREVER,
     LONGEST_STEP,
     Flags,
     cut_off,
@@ -24,9 +25,9 @@ from scenarios.results.record import (
     gaps,
     is_late,
     is_physical,
-    most_poses,
     pose_rate_hz,
     poses_of,
+    possible,
     scheduled,
 )
 from scenarios.results.tables import RunTables
@@ -67,8 +68,6 @@ LONGEST_NS = 3600 * SECOND
 """Delays beyond this are wrong time stamps."""
 RESOLUTION_NS = MILLISECOND // 100
 """Resolution of delays and ages."""
-FOREVER = 2**62
-"""After every instant (ns)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,12 +155,11 @@ def accounts(run: RunTables) -> dict[Link, LinkAccount]:
     record, result = _record_of(run), dict[Link, LinkAccount]()
     for receiver in run.names:
         verdicts = run.table(receiver, "verdict")
-        own = {}
-        for link in [
-            (name, receiver) for name in run.names if (name, receiver) in run.scenario.links
-        ]:
-            account = LinkAccount(link, 0, verdicts.of(verdicts["sender"] == link[0]))
-            own[link] = _missing(record, account)
+        own = {
+            link: _missing(record, LinkAccount(link, 0, verdicts.of(verdicts["sender"] == link[0])))
+            for link in [(name, receiver) for name in run.names]
+            if link in run.scenario.links
+        }
         hidden = _unrecorded(record, receiver, own)
         for link, missing in own.items():
             rows = _fates(record, missing, hidden[link])
@@ -282,12 +280,12 @@ def _missing(record: _Record, account: LinkAccount) -> _Missing:
     Messages after the sender's last recorded pose are known by its schedule or, without its final
     counters, by verdicts.
     """
-    run, (name, receiver) = record.run, account.link
+    run, name = record.run, account.link[0]
     sender, judged = record.vehicles[name], account.verdicts["pose_seq"]
     sent = max(sender.due, len(sender.sent_at))
     if sender.final is None:
-        most = most_poses(run, name, run.table(receiver, "verdict"))
-        sent = max(sent, int(judged[judged < most].max(initial=-1)) + 1)
+        is_possible = possible(run, name, judged, account.verdicts.logged_at_ns)
+        sent = max(sent, int(judged[is_possible].max(initial=-1)) + 1)
     is_missing = np.ones(sent, bool)
     is_missing[judged[judged < sent]] = False
     numbers = np.flatnonzero(is_missing)
@@ -308,11 +306,8 @@ def _unrecorded(
     sent_at = np.concatenate([np.zeros(0, np.int64), *(row.sent_at for row in rows)])
     due_at = np.concatenate([np.zeros(0, np.int64), *(row.due_at for row in rows)])
     hidden, order = np.zeros(len(sent_at), bool), np.argsort(sent_at, kind="stable")
-    verdicts, expected = (
-        record.run.table(receiver, "verdict"),
-        final.received + final.dropped if final else 0,
-    )
-    for gap in gaps(verdicts, expected, end=FOREVER):
+    expected = final.received + final.dropped if final else 0
+    for gap in gaps(record.run.table(receiver, "verdict"), expected, end=FOREVER):
         is_due = (gap.before <= due_at) & (sent_at < gap.after) & ~hidden
         hidden[order[is_due[order]][: gap.size]] = True
     ends = np.cumsum([len(row.numbers) for row in rows])

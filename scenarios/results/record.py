@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from scenarios.definition.changes import VEHICLE_CHANGES, is_changed
 from scenarios.definition.schema.change_tables import CrashTable
 from scenarios.results.tables import RunTables
-from transport.columns import Columns
+from transport.columns import Columns, Integers
 from vehicles.messages import Health
 from vehicles.schedule import SECOND, instant, nanoseconds
 
@@ -35,8 +35,8 @@ CUT_OFF_AFTER_NS = 3 * SECOND
 Vehicles report once a second. The token of a process that ends disappears at once, that of one that
 is cut off or suspended after the lease of its session.
 """
-MOST_NUMBERS = 10_000_000
-"""Largest count of poses of a run whose start was not recorded: a day at 100 Hz."""
+FOREVER = 2**62
+"""After every instant (ns)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,16 +133,21 @@ def seen_before(run: RunTables, topic: str, vehicles: Iterable[str], at: int) ->
 def poses_of(run: RunTables, name: str) -> Columns:
     """Recorded poses of a vehicle, without those numbered ahead of its schedule."""
     poses = run.table(name, "gps")
-    possible = poses["seq"] < most_poses(run, name, poses)
-    return poses if possible.all() else poses.of(possible)
+    is_possible = possible(run, name, poses["seq"], poses.logged_at_ns)
+    return poses if is_possible.all() else poses.of(is_possible)
 
 
-def most_poses(run: RunTables, name: str, recorded: Columns) -> int:
-    """Largest count of poses that a vehicle sends until a second after the last of `recorded`."""
-    if run.start_at is None or not len(recorded):
-        return MOST_NUMBERS
-    until_s = (int(recorded.logged_at_ns.max()) - run.start_at) / SECOND + 1.0
-    return int(until_s * run.scenario.vehicle(name).highest_rate_hz) + 1
+def possible(run: RunTables, name: str, numbers: Integers, logged_at_ns: Integers) -> Flags:
+    """Whether a vehicle can have sent poses of these numbers a second after the last was logged.
+
+    Without the start of the run the first of the numbers counts as correct.
+    """
+    begin, first = run.start_at, 0
+    if begin is None:
+        begin, first = logged_at_ns.min(initial=FOREVER), numbers.min(initial=FOREVER)
+    until_s = (logged_at_ns.max(initial=begin) - begin) / SECOND + 1.0
+    most: Flags = numbers <= first + until_s * run.scenario.vehicle(name).highest_rate_hz
+    return most & (numbers >= 0)
 
 
 def last_health(run: RunTables, name: str) -> Health | None:
