@@ -287,7 +287,7 @@ def _missing(record: _Record, account: LinkAccount) -> _Missing:
         is_possible = possible(run, name, judged, account.verdicts.logged_at_ns)
         sent = max(sent, int(judged[is_possible].max(initial=-1)) + 1)
     is_missing = np.ones(sent, bool)
-    is_missing[judged[judged < sent]] = False
+    is_missing[judged[(judged >= 0) & (judged < sent)]] = False
     numbers = np.flatnonzero(is_missing)
     sent_at = sending_instants(sender.poses, sent, run.start_at or 0)[numbers]
     largest = int(account.latencies.max(initial=0)) + TRANSIT_NS

@@ -110,7 +110,6 @@ class Spread:
     deviation: float
     p95: float
     largest: float
-    count: int
 
 
 def spread(times_ns: Integers) -> Spread | None:
@@ -132,7 +131,6 @@ def spread(times_ns: Integers) -> Spread | None:
         sqrt((total * second - first * first) / (total * total)) * unit,
         int(p95) * unit,
         int(values[-1]) * unit,
-        total,
     )
 
 
@@ -349,13 +347,13 @@ def carried_losses(account: LinkAccount) -> Flags:
 
 def changed_during(run: RunTables) -> frozenset[Link]:
     """Links whose settings were changed during the run, by what their receivers report."""
-    requested, changed = run.scenario.links, set[Link]()
-    for name in run.names:
-        for table in run.table(name, "change")["table"].tolist():
-            changed |= {
-                link for link in changed_links(table, run.names, requested) if link[1] == name
-            }
-    return frozenset(changed)
+    return frozenset(
+        link
+        for name in run.names
+        for table in run.table(name, "change")["table"].tolist()
+        for link in changed_links(table, run.names, run.scenario.links)
+        if link[1] == name
+    )
 
 
 def expected(account: LinkAccount, requested: LinkTable, *, is_changed: bool) -> ExpectedChannel:
@@ -397,7 +395,7 @@ def _summary(
     loss, burst, longest = _losses(carried_losses(account), CONFIDENCE)
     delivered, delays = verdicts.of(account.is_delivered), account.latencies
     latency, mean, numbers = spread(delays), _mean_ms(delays), delivered["pose_seq"]
-    half = _half_of_mean(latency, channel)
+    half = _half_of_mean(latency.deviation, len(delays), channel, CONFIDENCE) if latency else 0.0
     between = np.diff(delivered["received_at_ns"])
     transport = account.transport_delays
     if not len(transport):
@@ -485,12 +483,11 @@ def _losses(
     return share(count, of, confidence, spread_by), burst, int(lengths.max(initial=0))
 
 
-def _half_of_mean(latency: Spread | None, channel: ExpectedChannel) -> float:
-    """Half the width (ms) of the interval of a mean delay with the requested correlation."""
-    if latency is None:
-        return 0.0
-    error = latency.deviation * sqrt(channel.latency_inflation / latency.count)
-    return quantile_of_normal(CONFIDENCE) * error
+def _half_of_mean(
+    deviation: float, count: int, channel: ExpectedChannel, confidence: float
+) -> float:
+    """Half the width of the interval of a mean delay with the requested correlation."""
+    return quantile_of_normal(confidence) * deviation * sqrt(channel.latency_inflation / count)
 
 
 def _above_floor(delays_ns: Integers, requested: LinkTable) -> float | None:
@@ -619,8 +616,7 @@ def _latency_miss(name: str, channel: ExpectedChannel, account: LinkAccount) -> 
         return
     sample = spread(delays)
     widest = max(deviation, sample.deviation if sample else 0.0)  # of laws with long tails
-    error = widest * sqrt(channel.latency_inflation / len(delays))
-    half = quantile_of_normal(CERTAINTY) * error + ROUNDING_MS
+    half = _half_of_mean(widest, len(delays), channel, CERTAINTY) + ROUNDING_MS
     if abs(achieved - mean) > half:
         late = int(account.verdicts["late"][account.is_delivered].sum())
         words = f"; {late} of {len(delays)} were late" if late else ""
