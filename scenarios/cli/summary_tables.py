@@ -216,7 +216,9 @@ LINK_COLUMNS: Sequence[Column[LinkSummary]] = (
     ),
     Column(
         "latency, ms\nrequested / achieved",
-        lambda row: f"{figure(row.requested_latency_ms_mean, '.3g')} / {row.latency_ms_mean:.1f}",
+        lambda row: (
+            f"{figure(row.requested_latency_ms_mean, '.3g')} / {figure(row.latency_ms_mean, '.1f')}"
+        ),
         wraps=True,
     ),
 )

@@ -8,31 +8,31 @@ or was out of reach. The receiver's last report lists those that had arrived at 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scenarios.results.record import (
     AWAY_NS,
+    FOREVER,
     LONGEST_STEP,
-    LastReport,
+    Flags,
     cut_off,
     end_of_record,
-    expected_poses,
+    final_health,
     gaps,
     is_late,
     is_physical,
-    last_report,
-    most_poses,
     pose_rate_hz,
     poses_of,
-    ran_ns,
+    possible,
     scheduled,
 )
 from scenarios.results.tables import RunTables, once
 from transport.columns import Columns, Integers
+from vehicles.messages import Health
 from vehicles.schedule import MILLISECOND, SECOND
 
 Link = tuple[str, str]
@@ -68,10 +68,6 @@ LONGEST_NS = 3600 * SECOND
 """Delays beyond this are wrong time stamps."""
 RESOLUTION_NS = MILLISECOND // 100
 """Resolution of delays and ages."""
-FOREVER = 2**62
-"""After every instant (ns)."""
-
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,27 +85,69 @@ class MissingVerdict:
         return self.fate in TRANSPORT_CAUSES
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class LinkAccount:
     """Messages of one link by their fate.
 
-    `missing` are those without a verdict, in order. `problem` describes counts that contradict each
-    other, empty if the account balances.
+    `verdicts` are in the order of the receiver's decisions, `missing` are the messages without a
+    verdict, in order of their numbers.
     """
 
+    link: Link
     sent: int
-    delivered: int = 0
-    dropped: int = 0
-    not_arrived: Mapping[str, int] = field(default_factory=dict)
-    in_flight: int = 0
-    unrecorded: int = 0
+    verdicts: Columns
     missing: Sequence[MissingVerdict] = ()
-    problem: str = ""
+
+    @cached_property
+    def is_delivered(self) -> Flags:
+        """Whether each verdict is on a delivered message."""
+        delivered: Flags = self.verdicts["outcome"] == "delivered"
+        return delivered
+
+    @property
+    def delivered(self) -> int:
+        return int(self.is_delivered.sum())
+
+    @cached_property
+    def fates(self) -> Mapping[Fate, int]:
+        """Number of messages without a verdict by their fate."""
+        return Counter(message.fate for message in self.missing)
+
+    @property
+    def not_arrived(self) -> dict[str, int]:
+        return {cause: self.fates[cause] for cause in CAUSE_WORDS if cause in self.fates}
 
     @property
     def absent(self) -> list[MissingVerdict]:
         """Messages that the real transport lost."""
         return [message for message in self.missing if message.is_lost]
+
+    @cached_property
+    def latencies(self) -> Integers:
+        """Times (ns) from sending until the receiver could use each delivered message."""
+        rows = self.verdicts
+        usable_at = np.where(rows["late"], rows["received_at_ns"], rows["visible_at_ns"])
+        delays: Integers = (usable_at - rows["sent_at_ns"])[self.is_delivered]
+        return delays
+
+    @cached_property
+    def transport_delays(self) -> Integers:
+        """Times (ns) of messages on the real transport, none in virtual time."""
+        arrived_at, sent_at = self.verdicts["arrived_at_ns"], self.verdicts["sent_at_ns"]
+        delays: Integers = (arrived_at - sent_at)[arrived_at != 0]
+        return delays[np.abs(delays) < LONGEST_NS]
+
+    @property
+    def problem(self) -> str:
+        """Counts that contradict each other; empty if the account balances."""
+        verdicts, missing = len(self.verdicts), len(self.missing)
+        if verdicts + missing == self.sent:
+            return ""
+        return (
+            f"{self.link[0]} → {self.link[1]}: the account does not balance: {self.sent} messages "
+            f"sent, {verdicts + missing} accounted for ({verdicts} verdicts on "
+            f"{self.sent - missing} of them)"
+        )
 
 
 @once
@@ -117,15 +155,16 @@ def accounts(run: RunTables) -> dict[Link, LinkAccount]:
     """Accounts of all links, by receiver and then sender from the lead on."""
     record, result = _record_of(run), dict[Link, LinkAccount]()
     for receiver in run.names:
-        verdicts = verdicts_by_sender(run, receiver)
-        missing = {
-            link: _missing(record, link, verdicts[link[0]])
-            for link in links_of(run)
-            if link[1] == receiver
+        verdicts = run.table(receiver, "verdict")
+        own = {
+            link: _missing(record, LinkAccount(link, 0, verdicts.of(verdicts["sender"] == link[0])))
+            for link in [(name, receiver) for name in run.names]
+            if link in run.scenario.links
         }
-        hidden = _unrecorded(record, receiver, missing)
-        for link, messages in missing.items():
-            result[link] = _account(record, link, verdicts[link[0]], messages, hidden[link])
+        hidden = _unrecorded(record, receiver, own)
+        for link, missing in own.items():
+            rows = _fates(record, missing, hidden[link])
+            result[link] = replace(missing.account, missing=rows)
     return result
 
 
@@ -134,116 +173,64 @@ def contradictions(counted: Mapping[Link, LinkAccount]) -> list[str]:
     return [account.problem for account in counted.values() if account.problem]
 
 
-def links_of(run: RunTables) -> list[Link]:
-    """Links of a run, by receiver and then sender from the lead on."""
-    return [(a, b) for b in run.names for a in run.names if (a, b) in run.scenario.links]
-
-
-def verdicts_by_sender(run: RunTables, receiver: str) -> dict[str, Columns]:
-    """Verdicts of a receiver in the order of its decisions, by sender."""
-    verdicts = run.table(receiver, "verdict")
-    return {name: verdicts.of(verdicts["sender"] == name) for name in run.names}
-
-
-def is_delivered(verdicts: Columns) -> Flags:
-    delivered: Flags = verdicts["outcome"] == "delivered"
-    return delivered
-
-
-def latencies(verdicts: Columns) -> Integers:
-    """Times (ns) from sending until the receiver could use each delivered message."""
-    usable_at = np.where(verdicts["late"], verdicts["received_at_ns"], verdicts["visible_at_ns"])
-    delays: Integers = (usable_at - verdicts["sent_at_ns"])[is_delivered(verdicts)]
-    return delays
-
-
-def transport_delays(verdicts: Columns) -> Integers:
-    """Times (ns) of messages on the real transport, none in virtual time."""
-    arrived_at, sent_at = verdicts["arrived_at_ns"], verdicts["sent_at_ns"]
-    delays: Integers = (arrived_at - sent_at)[arrived_at != 0]
-    return delays[np.abs(delays) < LONGEST_NS]
-
-
 # ---- What the log shows of sending and receiving
 
 
-class _Receiver(NamedTuple):
-    """A receiver: its last decision, and the spans between two in which its software was down.
+class _Vehicle(NamedTuple):
+    """A vehicle as sender and receiver; instants are ns.
 
-    `longest_step` is the time between two decisions of software that runs. Instants are ns.
-    """
-
-    decided_at: int | None
-    down: list[tuple[int, int]]
-    longest_step: int
-    has_verdicts: bool
-    report: LastReport | None
-
-    @property
-    def final_report(self) -> LastReport | None:
-        return self.report if self.report is not None and self.report.is_final else None
-
-
-class _Sender(NamedTuple):
-    """A sender: its poses, and how many of those up to its newest were away.
-
-    `away` counts, before each pose of `sent_at` (ns), those that were missing or late at the
-    recorder. `due` is the count of poses by the schedule, 0 if it is unknown.
+    `due` counts its poses by the schedule, 0 if that is unknown. `away` counts, before each pose of
+    `sent_at`, those that were missing or late at the recorder. `down` are the times between two
+    decisions in which its software did not run. `final` are its final counters.
     """
 
     poses: Columns
     due: int
     sent_at: Integers
     away: Integers
+    decided_at: int | None
+    down: list[tuple[int, int]]
+    final: Health | None
 
 
 @dataclass(frozen=True, slots=True)
 class _Record:
-    """Facts of a run that all of its links share."""
+    """Facts of a run that all of its links share; `step` is the longest between decisions (ns)."""
 
     run: RunTables
+    vehicles: Mapping[str, _Vehicle]
     cut_off: frozenset[str]
     is_physical: bool
     end_at: int
-    senders: Mapping[str, _Sender]
-    receivers: Mapping[str, _Receiver]
+    step: int
 
 
 def _record_of(run: RunTables) -> _Record:
-    lost = cut_off(run)
-    return _Record(
-        run,
-        lost,
-        is_physical(run),
-        end_of_record(run),
-        {name: _sender(run, name, name in lost) for name in run.names},
-        {name: _receiver(run, name) for name in run.names},
-    )
+    lost, step = cut_off(run), round(LONGEST_STEP * SECOND / run.scenario.control_rate_hz)
+    vehicles = {name: _vehicle(run, name, step, was_cut_off=name in lost) for name in run.names}
+    return _Record(run, vehicles, lost, is_physical(run), end_of_record(run), step)
 
 
-def _sender(run: RunTables, name: str, was_cut_off: bool) -> _Sender:
-    """Vehicle as a sender; one that was cut off sent until the end of the run."""
-    poses, rate_hz = poses_of(run, name), pose_rate_hz(run, name)
-    due = scheduled(run, name, rate_hz)
-    if was_cut_off and rate_hz is not None:
-        due = expected_poses(ran_ns(run), rate_hz)
-    numbers = poses["seq"]
-    is_away = np.ones(int(numbers.max(initial=-1)) + 1, bool)
-    is_away[numbers] = is_late(poses)
+def _vehicle(run: RunTables, name: str, step: int, *, was_cut_off: bool) -> _Vehicle:
+    """Facts of a vehicle; one that was cut off sent until the end of the run."""
+    poses = poses_of(run, name)
+    is_away = np.ones(int(poses["seq"].max(initial=-1)) + 1, bool)
+    is_away[poses["seq"]] = is_late(poses)
     sent_at = sending_instants(poses, len(is_away), 0)
-    return _Sender(poses, due, sent_at, np.append(0, np.cumsum(is_away)))
-
-
-def _receiver(run: RunTables, name: str) -> _Receiver:
-    tracking, verdicts = run.table(name, "tracking"), run.table(name, "verdict")
-    numbers, at = tracking["seq"], tracking.at_ns
+    decisions = run.table(name, "tracking")
+    numbers, at = decisions["seq"], decisions.at_ns
     if run.start_at is not None:  # the first decision is due at the start
         numbers, at = np.append(-1, numbers), np.append(run.start_at, at)
-    step = round(LONGEST_STEP * SECOND / run.scenario.control_rate_hz)
     rows = np.flatnonzero((np.diff(numbers) == 1) & (np.diff(at) > step))
-    down = list(zip(at[rows].tolist(), at[rows + 1].tolist(), strict=True))
-    decided_at = int(at[-1]) if len(at) else None
-    return _Receiver(decided_at, down, step, len(verdicts) > 0, last_report(run, name))
+    return _Vehicle(
+        poses=poses,
+        due=scheduled(run, name, pose_rate_hz(run, name), whole_run=was_cut_off),
+        sent_at=sent_at,
+        away=np.append(0, np.cumsum(is_away)),
+        decided_at=int(at[-1]) if len(at) else None,
+        down=list(zip(at[rows].tolist(), at[rows + 1].tolist(), strict=True)),
+        final=final_health(run, name),
+    )
 
 
 def sending_instants(poses: Columns, count: int, start_at: int) -> Integers:
@@ -265,11 +252,11 @@ def sending_instants(poses: Columns, count: int, start_at: int) -> Integers:
     return instants
 
 
-def _is_away(sender: _Sender, at: Integers) -> Flags:
+def _is_away(vehicle: _Vehicle, at: Integers) -> Flags:
     """Whether one of the poses of a vehicle around each instant (ns) was missing or late."""
-    place, count = np.searchsorted(sender.sent_at, at), len(sender.sent_at)
+    place, count = np.searchsorted(vehicle.sent_at, at), len(vehicle.sent_at)
     begin, end = np.maximum(place - NEIGHBOURHOOD, 0), np.minimum(place + NEIGHBOURHOOD, count)
-    found: Flags = sender.away[end] > sender.away[begin]
+    found: Flags = vehicle.away[end] > vehicle.away[begin]
     return found
 
 
@@ -277,43 +264,35 @@ def _is_away(sender: _Sender, at: Integers) -> Flags:
 
 
 class _Missing(NamedTuple):
-    """Messages of a link without a verdict, of `sent` in all; instants in ns.
+    """Messages of a link without a verdict; instants in ns.
 
     `due_at` is the instant of sending plus the largest delay of the link.
     """
 
-    sent: int
+    account: LinkAccount
     numbers: Integers
     sent_at: Integers
     due_at: Integers
 
 
-def _count(record: _Record, link: Link, verdicts: Columns) -> int:
-    """Count the messages sent over a link.
+def _missing(record: _Record, account: LinkAccount) -> _Missing:
+    """Count the messages of a link, and find those without a verdict.
 
-    Those after the sender's last recorded pose are known by its schedule or, without its final
+    Messages after the sender's last recorded pose are known by its schedule or, without its final
     counters, by verdicts.
     """
-    run, (name, receiver) = record.run, link
-    sender, report = record.senders[name], record.receivers[name].final_report
-    newest = len(sender.sent_at) - 1
-    if report is None:
-        judged = verdicts["pose_seq"]
-        most = most_poses(run, name, run.table(receiver, "verdict"))
-        newest = max(newest, int(judged[judged < most].max(initial=-1)))
-    return max(sender.due, newest + 1)
-
-
-def _missing(record: _Record, link: Link, verdicts: Columns) -> _Missing:
-    count = _count(record, link, verdicts)
-    is_missing, judged = np.ones(count, bool), verdicts["pose_seq"]
-    is_missing[judged[(judged >= 0) & (judged < count)]] = False
+    run, name = record.run, account.link[0]
+    sender, judged = record.vehicles[name], account.verdicts["pose_seq"]
+    sent = max(sender.due, len(sender.sent_at))
+    if sender.final is None:
+        is_possible = possible(run, name, judged, account.verdicts.logged_at_ns)
+        sent = max(sent, int(judged[is_possible].max(initial=-1)) + 1)
+    is_missing = np.ones(sent, bool)
+    is_missing[judged[(judged >= 0) & (judged < sent)]] = False
     numbers = np.flatnonzero(is_missing)
-    instants = sending_instants(record.senders[link[0]].poses, count, record.run.start_at or 0)[
-        numbers
-    ]
-    largest = int(latencies(verdicts).max(initial=0)) + TRANSIT_NS
-    return _Missing(count, numbers, instants, instants + largest)
+    sent_at = sending_instants(sender.poses, sent, run.start_at or 0)[numbers]
+    largest = int(account.latencies.max(initial=0)) + TRANSIT_NS
+    return _Missing(replace(account, sent=sent), numbers, sent_at, sent_at + largest)
 
 
 def _unrecorded(
@@ -323,82 +302,51 @@ def _unrecorded(
 
     Of the messages that were due while verdicts are missing, the first ones have these verdicts.
     """
-    report, links = record.receivers[receiver].final_report, sorted(missing)
-    expected = 0 if report is None else report.verdicts
-    lengths = [len(missing[link].numbers) for link in links]
-    sent_at = np.concatenate([np.zeros(0, np.int64), *(missing[link].sent_at for link in links)])
-    due_at = np.concatenate([np.zeros(0, np.int64), *(missing[link].due_at for link in links)])
+    final, links = record.vehicles[receiver].final, sorted(missing)
+    rows = [missing[link] for link in links]
+    sent_at = np.concatenate([np.zeros(0, np.int64), *(row.sent_at for row in rows)])
+    due_at = np.concatenate([np.zeros(0, np.int64), *(row.due_at for row in rows)])
     hidden, order = np.zeros(len(sent_at), bool), np.argsort(sent_at, kind="stable")
+    expected = final.received + final.dropped if final else 0
     for gap in gaps(record.run.table(receiver, "verdict"), expected, end=FOREVER):
         is_due = (gap.before <= due_at) & (sent_at < gap.after) & ~hidden
         hidden[order[is_due[order]][: gap.size]] = True
-    return dict(zip(links, np.split(hidden, np.cumsum(lengths))[:-1], strict=True))
+    ends = np.cumsum([len(row.numbers) for row in rows])
+    return dict(zip(links, np.split(hidden, ends)[:-1], strict=True))
 
 
-def _account(
-    record: _Record, link: Link, verdicts: Columns, missing: _Missing, hidden: Flags
-) -> LinkAccount:
-    fates, vehicles = _fates(record, link, verdicts, missing, hidden)
-    causes, count = Counter[str](fates), missing.sent
-    delivered = int(is_delivered(verdicts).sum())
-    dropped = len(verdicts) - delivered
-    not_arrived: dict[str, int] = {cause: causes[cause] for cause in CAUSE_WORDS if causes[cause]}
-    accounted = delivered + dropped + len(missing.numbers)
-    problem = ""
-    if accounted != count or count - len(missing.numbers) != delivered + dropped:
-        problem = (
-            f"{link[0]} → {link[1]}: the account does not balance: {count} messages sent, "
-            f"{accounted} accounted for ({delivered + dropped} verdicts on "
-            f"{count - len(missing.numbers)} of them)"
-        )
-    rows = missing.numbers.tolist(), missing.sent_at.tolist(), fates, vehicles
-    return LinkAccount(
-        sent=count,
-        delivered=delivered,
-        dropped=dropped,
-        not_arrived=not_arrived,
-        in_flight=causes["in_flight"],
-        unrecorded=causes["unrecorded"],
-        missing=[MissingVerdict(*row) for row in zip(*rows, strict=True)],
-        problem=problem,
-    )
-
-
-def _fates(
-    record: _Record, link: Link, verdicts: Columns, missing: _Missing, hidden: Flags
-) -> tuple[list[Any], list[Any]]:
-    """Fate of each message without a verdict, and the vehicle that was cut off, if any.
-
-    The first condition that holds decides.
-    """
-    run, (sender, receiver), due_at = record.run, link, missing.due_at
-    decided_at, report = record.receivers[receiver].decided_at, record.receivers[receiver].report
-    final, delays = record.receivers[receiver].final_report, transport_delays(verdicts)
-    judged = verdicts["pose_seq"]
+def _fates(record: _Record, missing: _Missing, hidden: Flags) -> list[MissingVerdict]:
+    """Fate of each message without a verdict: the first condition that holds decides."""
+    run, account, sent_at, due_at = record.run, missing.account, missing.sent_at, missing.due_at
+    (sender, receiver), delays = account.link, account.transport_delays
+    decided_at, final = record.vehicles[receiver].decided_at, record.vehicles[receiver].final
     lists_arrivals = final is not None and len(delays) > 0
-    if final is not None and len(delays):
+    may_arrive = due_at >= record.end_at - TRANSIT_NS
+    if final is not None and len(delays):  # the last report lists what had arrived
         longest = delays.max() // RESOLUTION_NS * RESOLUTION_NS
-        may_arrive = missing.sent_at + longest >= final.at_ns + LAST_LOOK_NS
-    else:
-        may_arrive = due_at >= record.end_at - TRANSIT_NS
-    begun_at = record.end_at if run.start_at is None else run.start_at
-    is_before_first = missing.numbers < judged.min(initial=FOREVER if len(judged) else 0)
-    causes, lost_by = _transport_causes(record, link, missing.sent_at)
+        may_arrive = sent_at + longest >= final.reported_at_ns + LAST_LOOK_NS
+    begun_at, judged = run.start_at or record.end_at, account.verdicts["pose_seq"]
+    is_before_first = missing.numbers < (judged.min() if len(judged) else 0)
     after_last = due_at >= (FOREVER if decided_at is None else decided_at)
     cases: list[tuple[Fate, str, Any]] = [
-        ("in_flight", "", _waiting(report.waiting if report else "", sender, missing.numbers)),
+        ("in_flight", "", _waiting(final.waiting if final else "", sender, missing.numbers)),
         ("unrecorded", "", hidden),
         ("cut_off", receiver, (due_at >= (decided_at or 0)) & (receiver in record.cut_off)),
-        ("receiver_down", "", _is_down(record, receiver, missing)),
+        ("receiver_down", "", _is_down(record, missing)),
         ("in_flight", "", may_arrive | (not record.is_physical)),
         ("unrecorded", "", after_last & (not lists_arrivals)),
-        ("late_start", "", is_before_first & (missing.sent_at < begun_at + LATE_START_NS)),
+        ("late_start", "", is_before_first & (sent_at < begun_at + LATE_START_NS)),
+        *_transport_causes(record, account.link, sent_at),
     ]
     fates, vehicles, conditions = zip(*cases, strict=True)
-    return (
-        np.select(conditions, fates, causes).tolist(),
-        np.select(conditions, vehicles, lost_by).tolist(),
+    columns = (
+        missing.numbers,
+        sent_at,
+        np.select(conditions, fates, "unknown"),
+        np.select(conditions, vehicles, ""),
     )
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    return [MissingVerdict(*row) for row in rows]
 
 
 def _waiting(text: str, sender: str, numbers: Integers) -> Flags:
@@ -413,16 +361,17 @@ def _waiting(text: str, sender: str, numbers: Integers) -> Flags:
     return waiting
 
 
-def _is_down(record: _Record, name: str, missing: _Missing) -> Flags:
+def _is_down(record: _Record, missing: _Missing) -> Flags:
     """Whether the receiver's software did not run when a message should have arrived."""
-    receiver, sent_at = record.receivers[name], missing.sent_at
+    name, sent_at = missing.account.link[1], missing.sent_at
+    receiver = record.vehicles[name]
     latest = missing.due_at if record.is_physical else np.full(len(sent_at), FOREVER)
     is_down = np.zeros(len(sent_at), bool)
     for begin, end in receiver.down:
         is_down |= (begin <= latest) & (sent_at < end)
     if receiver.decided_at is None:
-        return is_down | (not receiver.has_verdicts)
-    allowed = SECOND if record.is_physical else receiver.longest_step
+        return is_down | (not len(record.run.table(name, "verdict")))
+    allowed = SECOND if record.is_physical else record.step
     if record.end_at - receiver.decided_at > allowed:
         is_down |= receiver.decided_at <= latest
     return is_down
@@ -430,20 +379,17 @@ def _is_down(record: _Record, name: str, missing: _Missing) -> Flags:
 
 def _transport_causes(
     record: _Record, link: Link, sent_at: Integers
-) -> tuple[NDArray[np.str_], NDArray[np.str_]]:
-    """Cause of each loss by the vehicles that were away at the instant (ns) of sending."""
+) -> Iterator[tuple[Fate, str, Flags]]:
+    """Yield causes of losses by the vehicles that were away at the instants (ns) of sending."""
     away = {}
-    for name, vehicle in record.senders.items():
+    for name, vehicle in record.vehicles.items():
         if len(vehicle.poses):
             is_gone = (name in record.cut_off) & (sent_at > vehicle.poses.at_ns[-1])
             away[name] = _is_away(vehicle, sent_at) | is_gone
-    nobody = np.zeros(len(sent_at), bool)
-    all_away = np.all([nobody, *away.values()][1:], axis=0) if len(away) > 1 else nobody
-    away |= {name: ~nobody for name in record.cut_off if not len(record.senders[name].poses)}
-    sender, receiver = (away.get(name, nobody) for name in link)
-    conditions = [all_away, receiver, sender]
-    causes = np.select(conditions, ["router_away", "cut_off", "cut_off"], "unknown")
-    return causes, np.select(conditions, ["", link[1], link[0]], "")
+    if len(away) > 1:
+        yield "router_away", "", np.all(list(away.values()), axis=0)
+    for name in reversed(link):
+        yield "cut_off", name, away.get(name, np.full(len(sent_at), name in record.cut_off))
 
 
 # ---- Lines about messages that the real transport lost

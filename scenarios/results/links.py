@@ -1,11 +1,11 @@
 """The figures of directed links, requested and achieved."""
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from math import sqrt
 from statistics import NormalDist
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,17 +18,12 @@ from scenarios.results.link_account import (
     LONGEST_NS,
     RESOLUTION_NS,
     TRANSPORT_CAUSES,
-    Flags,
     Link,
     LinkAccount,
     absence_lines,
     away_lines,
-    is_delivered,
-    latencies,
-    transport_delays,
-    verdicts_by_sender,
 )
-from scenarios.results.record import last_report, pose_rate_hz, poses_of
+from scenarios.results.record import Flags, last_health, pose_rate_hz, poses_of
 from scenarios.results.tables import RunTables
 from transport.columns import Array, Columns, Integers
 from transport.topics import counts_as_loss
@@ -82,7 +77,7 @@ def inflation(loss_ratio: float, burst: float) -> float:
     return max(1.0, (1.0 + correlation) / (1.0 - correlation)) if correlation < 1.0 else 1.0
 
 
-def bursts(lost: NDArray[np.bool_]) -> NDArray[np.int_]:
+def bursts(lost: Flags) -> NDArray[np.int_]:
     """Lengths of the runs of losses, in the order of message numbers."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], lost, [False])).astype(np.int8)))
     lengths: NDArray[np.int_] = edges[1::2] - edges[::2]
@@ -115,7 +110,6 @@ class Spread:
     deviation: float
     p95: float
     largest: float
-    count: int
 
 
 def spread(times_ns: Integers) -> Spread | None:
@@ -137,7 +131,6 @@ def spread(times_ns: Integers) -> Spread | None:
         sqrt((total * second - first * first) / (total * total)) * unit,
         int(p95) * unit,
         int(values[-1]) * unit,
-        total,
     )
 
 
@@ -335,53 +328,45 @@ def false_alarms(ages: SourceAges, until: int) -> int | None:
     return int((begins & (ages.at_ns <= until)).sum())
 
 
-def carried_losses(verdicts: Columns, absent: Collection[int] = ()) -> Flags:
+def carried_losses(account: LinkAccount) -> Flags:
     """Whether each message that a link carried was lost, in the order of numbers.
 
-    `absent` are the numbers that the real transport lost. Other messages without a verdict and
-    those held back by the link's rate are left out.
+    Messages that the real transport lost are lost. Other messages without a verdict and those held
+    back by the link's rate are left out.
     """
-    reasons = verdicts["reason"].tolist()
+    reasons = account.verdicts["reason"].tolist()
     losses = {reason: counts_as_loss(reason) for reason in set(reasons)}
-    delivered = is_delivered(verdicts)
-    lost = ~delivered & np.array([losses[reason] for reason in reasons], bool)
-    carried = delivered | lost
-    numbers = np.append(verdicts["pose_seq"][carried], np.array([*absent], np.int64))
-    is_lost = np.append(lost[carried], np.ones(len(absent), bool))
+    lost = ~account.is_delivered & np.array([losses[reason] for reason in reasons], bool)
+    carried = account.is_delivered | lost
+    absent = np.array([message.number for message in account.absent], np.int64)
+    numbers = np.append(account.verdicts["pose_seq"][carried], absent)
     _, first = np.unique(numbers, return_index=True)
-    in_order: Flags = is_lost[first]
+    in_order: Flags = np.append(lost[carried], np.ones(len(absent), bool))[first]
     return in_order
 
 
 def changed_during(run: RunTables) -> frozenset[Link]:
     """Links whose settings were changed during the run, by what their receivers report."""
-    requested, changed = run.scenario.links, set[Link]()
-    for name in run.names:
-        for table in run.table(name, "change")["table"].tolist():
-            changed |= {
-                link for link in changed_links(table, run.names, requested) if link[1] == name
-            }
-    return frozenset(changed)
+    return frozenset(
+        link
+        for name in run.names
+        for table in run.table(name, "change")["table"].tolist()
+        for link in changed_links(table, run.names, run.scenario.links)
+        if link[1] == name
+    )
 
 
-def expected(requested: LinkTable, verdicts: Columns, *, is_changed: bool) -> ExpectedChannel:
+def expected(account: LinkAccount, requested: LinkTable, *, is_changed: bool) -> ExpectedChannel:
     """Expected behaviour; no loss is expected where a vehicle's own radio was off.
 
     Nothing is expected of a link that was changed during the run.
     """
     channel = expected_channel(requested)
     if is_changed:
-        return replace(
-            channel,
-            loss_ratio=None,
-            burst_messages=None,
-            latency_ms_mean=None,
-            latency_ms_deviation=None,
-            settles=False,
-        )
-    if not OF_VEHICLES.isdisjoint(verdicts["reason"][~is_delivered(verdicts)]):
-        return replace(channel, loss_ratio=None, burst_messages=None)
-    return channel
+        channel = replace(channel, latency_ms_mean=None, latency_ms_deviation=None, settles=False)
+    elif OF_VEHICLES.isdisjoint(account.verdicts["reason"][~account.is_delivered]):
+        return channel
+    return replace(channel, loss_ratio=None, burst_messages=None)
 
 
 def link_summaries(run: RunTables, counted: Mapping[Link, LinkAccount]) -> tuple[LinkSummary, ...]:
@@ -389,47 +374,32 @@ def link_summaries(run: RunTables, counted: Mapping[Link, LinkAccount]) -> tuple
 
     `counted` are the accounts of the links.
     """
-    changed, result = changed_during(run), []
+    changed, requested = changed_during(run), run.scenario.links
     ages = {name: source_ages(run, name) for name in run.names}
-    verdicts = {name: verdicts_by_sender(run, name) for name in run.names}
-    for link in counted:
-        sender, receiver = link
-        result.append(
-            _summary(
-                run,
-                link,
-                counted[link],
-                verdicts[receiver][sender],
-                ages[receiver].get(sender),
-                is_changed=link in changed,
-            )
+    return tuple(
+        _summary(
+            run,
+            account,
+            expected(account, requested[link], is_changed=link in changed),
+            ages[link[1]].get(link[0]),
         )
-    return tuple(result)
+        for link, account in counted.items()
+    )
 
 
 def _summary(
-    run: RunTables,
-    link: Link,
-    account: LinkAccount,
-    verdicts: Columns,
-    ages: SourceAges | None,
-    *,
-    is_changed: bool,
+    run: RunTables, account: LinkAccount, channel: ExpectedChannel, ages: SourceAges | None
 ) -> LinkSummary:
-    requested, (sender, receiver) = run.scenario.links[link], link
-    channel = expected(requested, verdicts, is_changed=is_changed)
-    absent = [message.number for message in account.absent]
-    loss, burst, longest = _losses(carried_losses(verdicts, absent), CONFIDENCE)
-    delivered = verdicts.of(is_delivered(verdicts))
-    delays, numbers = latencies(verdicts), delivered["pose_seq"]
-    latency, mean = spread(delays), _mean_ms(delays)
-    half = _half_of_mean(latency, channel)
+    sender, receiver = account.link
+    requested, verdicts = run.scenario.links[account.link], account.verdicts
+    loss, burst, longest = _losses(carried_losses(account), CONFIDENCE)
+    delivered, delays = verdicts.of(account.is_delivered), account.latencies
+    latency, mean, numbers = spread(delays), _mean_ms(delays), delivered["pose_seq"]
+    half = _half_of_mean(latency.deviation, len(delays), channel, CONFIDENCE) if latency else 0.0
     between = np.diff(delivered["received_at_ns"])
-    gap, age = spread(between[between > 0]), spread(_plausible_ns(ages))
-    transport = transport_delays(verdicts)
+    transport = account.transport_delays
     if not len(transport):
         transport = _recorder_delays(run, sender)
-    real = spread(transport)
     return LinkSummary(
         sender=sender,
         receiver=receiver,
@@ -441,18 +411,15 @@ def _summary(
         sent=account.sent,
         judged=len(verdicts),
         delivered=account.delivered,
-        dropped=_counts(verdicts["reason"][~is_delivered(verdicts)]),
-        not_arrived=dict(account.not_arrived),
-        in_flight=account.in_flight,
-        unrecorded=account.unrecorded,
+        dropped=_counts(verdicts["reason"][~account.is_delivered]),
+        not_arrived=account.not_arrived,
+        in_flight=account.fates.get("in_flight", 0),
+        unrecorded=account.fates.get("unrecorded", 0),
         copies=int(delivered["copies"].sum()),
         false=_counts(delivered["content"][delivered["content"] != ""]),
         reordered=int((numbers < np.maximum.accumulate(numbers)).sum()),
         late=int(delivered["late"].sum()),
-        transport_ms_mean=real.mean if real else None,
-        transport_ms_p95=real.p95 if real else None,
-        transport_ms_max=real.largest if real else None,
-        transport_above_floor_ratio=_above_floor(transport, requested) if real else None,
+        transport_above_floor_ratio=_above_floor(transport, requested),
         loss_ratio=loss.value,
         loss_ratio_low=loss.low,
         loss_ratio_high=loss.high,
@@ -466,17 +433,22 @@ def _summary(
         latency_ms_deviation=latency.deviation if latency else None,
         latency_ms_p95=latency.p95 if latency else None,
         latency_ms_max=max(int(delays.max()), 0) / MILLISECOND if latency else None,
-        arrival_gap_ms_mean=gap.mean if gap else None,
-        arrival_gap_ms_p95=gap.p95 if gap else None,
-        arrival_gap_ms_max=gap.largest if gap else None,
-        age_ms_mean=age.mean if age else None,
-        age_ms_p95=age.p95 if age else None,
-        age_ms_max=age.largest if age else None,
-        false_alarms=AlarmSummary(counted=false_alarms(ages, run.last_at[sender]))
-        if ages
-        else NO_ALARMS,
-        safe_time_ratio=_safe_time(ages) if ages else {},
+        **_spread_figures("transport", transport),
+        **_spread_figures("arrival_gap", between[between > 0]),
+        **_spread_figures("age", _plausible_ns(ages)),
+        false_alarms=AlarmSummary(counted=ages and false_alarms(ages, run.last_at[sender])),
+        safe_time_ratio=_safe_time(ages),
     )
+
+
+def _spread_figures(name: str, times_ns: Integers) -> dict[str, Any]:
+    """Mean, 95th percentile and largest of times (ns) by the names of their figures (ms)."""
+    values = spread(times_ns)
+    return {
+        f"{name}_ms_mean": values.mean if values else None,
+        f"{name}_ms_p95": values.p95 if values else None,
+        f"{name}_ms_max": values.largest if values else None,
+    }
 
 
 def _counts(words: Array) -> dict[str, int]:
@@ -511,16 +483,17 @@ def _losses(
     return share(count, of, confidence, spread_by), burst, int(lengths.max(initial=0))
 
 
-def _half_of_mean(latency: Spread | None, channel: ExpectedChannel) -> float:
-    """Half the width (ms) of the interval of a mean delay with the requested correlation."""
-    if latency is None:
-        return 0.0
-    error = latency.deviation * sqrt(channel.latency_inflation / latency.count)
-    return quantile_of_normal(CONFIDENCE) * error
+def _half_of_mean(
+    deviation: float, count: int, channel: ExpectedChannel, confidence: float
+) -> float:
+    """Half the width of the interval of a mean delay with the requested correlation."""
+    return quantile_of_normal(confidence) * deviation * sqrt(channel.latency_inflation / count)
 
 
-def _above_floor(delays_ns: Integers, requested: LinkTable) -> float:
+def _above_floor(delays_ns: Integers, requested: LinkTable) -> float | None:
     """Share of delays on the real transport above the smallest latency of a link."""
+    if not len(delays_ns):
+        return None
     floor = round(requested.latency_ms * MILLISECOND / RESOLUTION_NS)
     return float((delays_ns // RESOLUTION_NS > floor).mean())
 
@@ -534,14 +507,13 @@ def _plausible_ns(ages: SourceAges | None) -> Integers:
     return nanoseconds
 
 
-def _safe_time(ages: SourceAges) -> dict[str, float]:
+def _safe_time(ages: SourceAges | None) -> dict[str, float]:
     """Share of the commands with data up to each age; unknown ages are not safe."""
-    within, commands = _plausible_ns(ages) // RESOLUTION_NS, len(ages.age_s)
-    return {
-        str(limit): int((within <= limit * MILLISECOND // RESOLUTION_NS).sum()) / commands
-        for limit in SAFE_AGES_MS
-        if commands
-    }
+    if ages is None or not len(ages.age_s):
+        return {}
+    within = _plausible_ns(ages) // RESOLUTION_NS
+    most = {str(limit): limit * MILLISECOND // RESOLUTION_NS for limit in SAFE_AGES_MS}
+    return {limit: int((within <= age).sum()) / len(ages.age_s) for limit, age in most.items()}
 
 
 # ---- Lines about links
@@ -583,27 +555,21 @@ def channel_warnings(run: RunTables, counted: Mapping[Link, LinkAccount]) -> Ite
 def request_deviations(run: RunTables, counted: Mapping[Link, LinkAccount]) -> Iterator[str]:
     """Yield deviations from the requests beyond sampling error."""
     requested, changed = run.scenario.links, changed_during(run)
-    for receiver in run.names:
-        verdicts = verdicts_by_sender(run, receiver)
-        for link in [link for link in counted if link[1] == receiver]:
-            channel = expected(requested[link], verdicts[link[0]], is_changed=link in changed)
-            absent = [message.number for message in counted[link].absent]
-            yield from link_deviations(link, channel, verdicts[link[0]], absent)
+    for link, account in counted.items():
+        channel = expected(account, requested[link], is_changed=link in changed)
+        yield from link_deviations(account, channel)
     if changed:
         names = [f"{a} → {b}" for a, b in sorted(changed)]
         these = "all" if len(changed) == len(requested) else ", ".join(names)
         yield f"no requested values are shown for links changed during the run: {these}"
 
 
-def link_deviations(
-    link: Link, channel: ExpectedChannel, verdicts: Columns, absent: Collection[int] = ()
-) -> Iterator[str]:
+def link_deviations(account: LinkAccount, channel: ExpectedChannel) -> Iterator[str]:
     """Yield a line per figure of a link that deviates beyond sampling error from its request.
 
-    Intervals are of 99.99 %, so one of ten thousand correct figures lies outside. `absent` are the
-    numbers of messages that the real transport lost.
+    Intervals are of 99.99 %, so one of ten thousand correct figures lies outside.
     """
-    name, lost = f"{link[0]} → {link[1]}", carried_losses(verdicts, absent)
+    name, lost = " → ".join(account.link), carried_losses(account)
     loss, burst, _ = _losses(lost, CERTAINTY)
     requested_loss = channel.loss_ratio if channel.settles else None
     count = len(lost)
@@ -618,7 +584,7 @@ def link_deviations(
             )
         if channel.burst_messages is not None and burst is not None:
             yield from _burst_miss(name, channel, burst, lost)
-    yield from _latency_miss(name, channel, verdicts)
+    yield from _latency_miss(name, channel, account)
 
 
 def _burst_miss(
@@ -643,20 +609,16 @@ def _burst_miss(
         )
 
 
-def _latency_miss(name: str, channel: ExpectedChannel, verdicts: Columns) -> Iterator[str]:
-    mean, deviation, delays = (
-        channel.latency_ms_mean,
-        channel.latency_ms_deviation,
-        latencies(verdicts),
-    )
-    achieved, sample = _mean_ms(delays), spread(delays)
+def _latency_miss(name: str, channel: ExpectedChannel, account: LinkAccount) -> Iterator[str]:
+    mean, deviation = channel.latency_ms_mean, channel.latency_ms_deviation
+    delays, achieved = account.latencies, _mean_ms(account.latencies)
     if mean is None or deviation is None or achieved is None or len(delays) < LEAST_MESSAGES:
         return
+    sample = spread(delays)
     widest = max(deviation, sample.deviation if sample else 0.0)  # of laws with long tails
-    error = widest * sqrt(channel.latency_inflation / len(delays))
-    half = quantile_of_normal(CERTAINTY) * error + ROUNDING_MS
+    half = _half_of_mean(widest, len(delays), channel, CERTAINTY) + ROUNDING_MS
     if abs(achieved - mean) > half:
-        late = int((verdicts["late"] & is_delivered(verdicts)).sum())
+        late = int(account.verdicts["late"][account.is_delivered].sum())
         words = f"; {late} of {len(delays)} were late" if late else ""
         yield (
             f"{name}: delayed by {achieved:.3f} ms on average, requested {mean:.3f} ± {half:.3f} ms"
@@ -690,11 +652,11 @@ def silent_links(
         should_deliver = requested.is_lossless and receiver not in replayed and link not in exempt
         if should_deliver and not account.delivered and expected_s >= SILENT_LINK_S:
             silent.append(f"{sender} → {receiver} delivered none of {account.sent} poses")
-    reports = {name: last_report(run, name) for name in run.names if silent}
+    counters = {name: last_health(run, name) for name in run.names if silent}
     refused = [
-        f"{name} refused {report.rejected} messages"
-        for name, report in reports.items()
-        if report and report.rejected
+        f"{name} refused {health.rejected_messages} messages"
+        for name, health in counters.items()
+        if health and health.rejected_messages
     ]
     return "; ".join((*silent, *refused))
 

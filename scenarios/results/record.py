@@ -7,17 +7,20 @@ from math import ceil
 from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from scenarios.definition.changes import VEHICLE_CHANGES, is_changed
 from scenarios.definition.schema.change_tables import CrashTable
 from scenarios.results.tables import RunTables
-from transport.columns import Columns
+from transport.columns import Columns, Integers
+from vehicles.messages import Health
 from vehicles.schedule import SECOND, instant, nanoseconds
 
 HoleKind = Literal["pose", "true pose"]
 RecordKind = Literal["true pose", "decision"]
 """Messages of which figures, events and limits are made."""
+Flags = NDArray[np.bool_]
 USUAL_RATE_HZ = 20.0
 LONGEST_STEP = 1.5
 """Time, in control periods, between two decisions or true poses without a hole."""
@@ -32,8 +35,8 @@ CUT_OFF_AFTER_NS = 3 * SECOND
 Vehicles report once a second. The token of a process that ends disappears at once, that of one that
 is cut off or suspended after the lease of its session.
 """
-MOST_NUMBERS = 10_000_000
-"""Largest count of poses of a run whose start was not recorded: a day at 100 Hz."""
+FOREVER = 2**62
+"""After every instant (ns)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,42 +133,36 @@ def seen_before(run: RunTables, topic: str, vehicles: Iterable[str], at: int) ->
 def poses_of(run: RunTables, name: str) -> Columns:
     """Recorded poses of a vehicle, without those numbered ahead of its schedule."""
     poses = run.table(name, "gps")
-    possible = poses["seq"] < most_poses(run, name, poses)
-    return poses if possible.all() else poses.of(possible)
+    is_possible = possible(run, name, poses["seq"], poses.logged_at_ns)
+    return poses if is_possible.all() else poses.of(is_possible)
 
 
-def most_poses(run: RunTables, name: str, recorded: Columns) -> int:
-    """Largest count of poses that a vehicle sends until a second after the last of `recorded`."""
-    if run.start_at is None or not len(recorded):
-        return MOST_NUMBERS
-    until_s = (int(recorded.logged_at_ns.max()) - run.start_at) / SECOND + 1.0
-    return int(until_s * run.scenario.vehicle(name).highest_rate_hz) + 1
+def possible(run: RunTables, name: str, numbers: Integers, logged_at_ns: Integers) -> Flags:
+    """Whether a vehicle can have sent poses of these numbers a second after the last was logged.
 
-
-class LastReport(NamedTuple):
-    """Last counters of a vehicle; `verdicts` is their number on messages that it received.
-
-    `waiting` lists messages without a verdict, as `Health.waiting`.
+    Without the start of the run the first of the numbers counts as correct.
     """
+    begin, first = run.start_at, 0
+    if begin is None:
+        begin, first = logged_at_ns.min(initial=FOREVER), numbers.min(initial=FOREVER)
+    until_s = (logged_at_ns.max(initial=begin) - begin) / SECOND + 1.0
+    most: Flags = numbers <= first + until_s * run.scenario.vehicle(name).highest_rate_hz
+    return most & (numbers >= 0)
 
-    at_ns: int
-    is_final: bool
-    verdicts: int
-    rejected: int
-    waiting: str
 
-
-def last_report(run: RunTables, name: str) -> LastReport | None:
-    health = run.table(name, "health")
-    if not len(health):
+def last_health(run: RunTables, name: str) -> Health | None:
+    """Last counters of a vehicle."""
+    rows = run.table(name, "health").fields.items()
+    values = {field: column[-1:].tolist() for field, column in rows}
+    if not values["seq"]:
         return None
-    return LastReport(
-        int(health.at_ns[-1]),
-        bool(health["final"][-1]),
-        int(health["received"][-1] + health["dropped"][-1]),
-        int(health["rejected_messages"][-1]),
-        str(health["waiting"][-1]),
-    )
+    return Health(vehicle=name, **{field: value for field, (value,) in values.items()})
+
+
+def final_health(run: RunTables, name: str) -> Health | None:
+    """Final counters of a vehicle, None if it did not end as planned."""
+    health = last_health(run, name)
+    return health if health is not None and health.final else None
 
 
 def pose_rate_hz(run: RunTables, name: str) -> float | None:
@@ -218,13 +215,13 @@ def ran_until(run: RunTables, name: str) -> int | None:
     If a vehicle without final counters was silent at the end of a complete run for a short time,
     it was cut off or its last messages are missing; one that was silent for longer may have failed.
     """
-    report = last_report(run, name)
-    if run.start_at is None or report is None or ended_early(run, name):
+    health = last_health(run, name)
+    if run.start_at is None or health is None or ended_early(run, name):
         return None
-    if not report.is_final:
+    if not health.final:
         is_silent = silent_from_s(run, name) is not None
         return None if is_silent or ran_ns(run) < planned_ns(run) else ran_ns(run)
-    until = min(ran_ns(run), report.at_ns - run.start_at)
+    until = min(ran_ns(run), health.reported_at_ns - run.start_at)
     if until < planned_ns(run):  # stopped early: its last poses were not sent
         until -= SILENT_NS
     return until
@@ -232,14 +229,16 @@ def ran_until(run: RunTables, name: str) -> int | None:
 
 def never_seen(run: RunTables, name: str) -> bool:
     """Whether a vehicle that did not end should have sent true poses, and none was recorded."""
-    report = last_report(run, name)
-    has_ended = ended_early(run, name) or (report is not None and report.is_final)
+    has_ended = ended_early(run, name) or final_health(run, name) is not None
     return run.start_at is not None and not has_ended and not len(run.table(name, "truth"))
 
 
-def scheduled(run: RunTables, name: str, rate_hz: float | None) -> int:
-    """Count the messages of a schedule due until the end of a vehicle; 0 if that is unknown."""
-    until = ran_until(run, name)
+def scheduled(run: RunTables, name: str, rate_hz: float | None, *, whole_run: bool = False) -> int:
+    """Count the messages due at `rate_hz` until the end of a vehicle, or of the run.
+
+    It is 0 if the end or the rate is unknown.
+    """
+    until = ran_ns(run) if whole_run else ran_until(run, name)
     return 0 if until is None or rate_hz is None else expected_poses(until, rate_hz)
 
 
@@ -262,9 +261,9 @@ def is_physical(run: RunTables) -> bool:
     return any((poses.logged_at_ns != poses.at_ns).any() for poses in tables)
 
 
-def is_late(poses: Columns) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def is_late(poses: Columns) -> Flags:
     """Whether each pose reached the recorder later than AWAY_NS."""
-    late: np.ndarray[tuple[int], np.dtype[np.bool_]] = poses.logged_at_ns - poses.at_ns > AWAY_NS
+    late: Flags = poses.logged_at_ns - poses.at_ns > AWAY_NS
     return late
 
 
@@ -285,8 +284,8 @@ def cut_off(run: RunTables) -> frozenset[str]:
 
 def _was_cut_off(run: RunTables, name: str, start_at: int) -> bool:
     """Whether a vehicle became silent, or its last pose came late and its records lag."""
-    report, end_at = last_report(run, name), end_of_record(run)
-    if ended_early(run, name) or (report is not None and report.is_final):
+    end_at = end_of_record(run)
+    if ended_early(run, name) or final_health(run, name) is not None:
         return False
     if end_at - max(run.last_at[name], start_at) > CUT_OFF_AFTER_NS:
         return True
@@ -320,42 +319,39 @@ def missing_poses(run: RunTables, name: str) -> int:
 def pose_holes(run: RunTables, name: str) -> list[RecordHole]:
     """Holes in the poses of a vehicle, up to its end or that of the run."""
     poses, rate_hz, start_at = poses_of(run, name), pose_rate_hz(run, name), run.start_at or 0
-    if rate_hz is not None:
-        is_missing = never_seen(run, name) and not len(poses)
-        until = expected_poses(ran_ns(run), rate_hz) if is_missing else 0
-        expected = max(scheduled(run, name, rate_hz), until)
-        return [_scheduled_hole(name, gap, rate_hz, "pose") for gap in gaps(poses, expected)]
-    return [
-        RecordHole(
-            vehicle=name,
-            from_s=(gap.before - start_at) / SECOND,
-            to_s=(gap.after - start_at) / SECOND,
-            poses=gap.size,
-        )
-        for gap in gaps(poses, begin=start_at)
-    ]
-
-
-def _scheduled_hole(name: str, gap: Gap, rate_hz: float, kind: HoleKind) -> RecordHole:
-    return RecordHole(
-        vehicle=name,
-        from_s=instant(0, gap.first, rate_hz) / SECOND,
-        to_s=instant(0, gap.last, rate_hz) / SECOND,
-        poses=gap.size,
-        kind=kind,
-    )
+    if rate_hz is None:
+        return [
+            _hole(name, gap, gap.before - start_at, gap.after - start_at)
+            for gap in gaps(poses, begin=start_at)
+        ]
+    is_absent = never_seen(run, name) and not len(poses)
+    due = scheduled(run, name, rate_hz, whole_run=is_absent)
+    return [_scheduled_hole(name, gap, rate_hz) for gap in gaps(poses, due)]
 
 
 def _true_holes(run: RunTables, name: str, known: Sequence[RecordHole]) -> Iterator[RecordHole]:
     """Holes in the true poses of a vehicle outside of the `known` ones."""
-    rate_hz = run.scenario.control_rate_hz
-    until = expected_poses(ran_ns(run), rate_hz) if never_seen(run, name) else 0
-    expected = max(scheduled(run, name, rate_hz), until)
-    slack_s = 1.0 / (pose_rate_hz(run, name) or USUAL_RATE_HZ)
-    for gap in gaps(run.table(name, "truth"), expected):
+    rate_hz, slack_s = (
+        run.scenario.control_rate_hz,
+        1.0 / (pose_rate_hz(run, name) or USUAL_RATE_HZ),
+    )
+    due = scheduled(run, name, rate_hz, whole_run=never_seen(run, name))
+    for gap in gaps(run.table(name, "truth"), due):
         hole = _scheduled_hole(name, gap, rate_hz, "true pose")
         if not any(other.covers(hole, slack_s) for other in known):
             yield hole
+
+
+def _scheduled_hole(name: str, gap: Gap, rate_hz: float, kind: HoleKind = "pose") -> RecordHole:
+    begin, end = instant(0, gap.first, rate_hz), instant(0, gap.last, rate_hz)
+    return _hole(name, gap, begin, end, kind)
+
+
+def _hole(name: str, gap: Gap, begin: int, end: int, kind: HoleKind = "pose") -> RecordHole:
+    """Hole between two times (ns) from the start."""
+    return RecordHole(
+        vehicle=name, from_s=begin / SECOND, to_s=end / SECOND, poses=gap.size, kind=kind
+    )
 
 
 def unseen(run: RunTables) -> tuple[UnseenSpan, ...]:
@@ -365,38 +361,30 @@ def unseen(run: RunTables) -> tuple[UnseenSpan, ...]:
 
 def _unseen(run: RunTables, name: str) -> Iterator[UnseenSpan]:
     start_at, truth = run.start_at or 0, run.table(name, "truth")
-    kinds: tuple[tuple[RecordKind, Columns], ...] = (
-        ("true pose", truth),
-        ("decision", run.table(name, "tracking")),
-    )
-    for kind, table in kinds:
-        for gap in gaps(table, begin=start_at):
-            span = (gap.after - gap.before) / SECOND
-            yield UnseenSpan(
-                vehicle=name,
-                kind=kind,
-                from_s=(gap.before - start_at) / SECOND,
-                to_s=(gap.after - start_at) / SECOND,
-                missing_s=span * gap.size / (gap.size + 1) if gap.first else span,
-            )
-    until = _due_until(run, name)
-    last_s = (int(truth.at_ns[-1]) - start_at) / SECOND if len(truth) else 0.0
-    if until is not None and until / SECOND - last_s > LONGEST_STEP / run.scenario.control_rate_hz:
+    spans: list[tuple[RecordKind, Gap]] = [
+        *(("true pose", gap) for gap in gaps(truth, begin=start_at)),
+        *(("decision", gap) for gap in gaps(run.table(name, "tracking"), begin=start_at)),
+    ]
+    until, last_at = _due_until(run, name), int(truth.at_ns[-1]) if len(truth) else start_at
+    step = LONGEST_STEP * SECOND / run.scenario.control_rate_hz
+    if until is not None and until - (last_at - start_at) > step:
+        spans.append(("true pose", Gap(0, 0, last_at, start_at + until)))
+    for kind, gap in spans:
+        span_s = (gap.after - gap.before) / SECOND
         yield UnseenSpan(
             vehicle=name,
-            kind="true pose",
-            from_s=last_s,
-            to_s=until / SECOND,
-            missing_s=until / SECOND - last_s,
+            kind=kind,
+            from_s=(gap.before - start_at) / SECOND,
+            to_s=(gap.after - start_at) / SECOND,
+            missing_s=span_s * gap.size / (gap.size + 1) if gap.first else span_s,
         )
 
 
 def _due_until(run: RunTables, name: str) -> int | None:
     """Time (ns) up to which true poses are due, that of the run for a silent or unseen vehicle."""
-    report = last_report(run, name)
-    is_silent = silent_from_s(run, name) is not None
-    is_open = is_silent and report is not None and not report.is_final
-    if (is_open and not ended_early(run, name)) or never_seen(run, name):
+    health = last_health(run, name)
+    is_open = health is not None and not health.final and not ended_early(run, name)
+    if (is_open and silent_from_s(run, name) is not None) or never_seen(run, name):
         return ran_ns(run)
     return ran_until(run, name)
 

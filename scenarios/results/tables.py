@@ -97,11 +97,15 @@ class RunTables:
 
     @cached_property
     def last_at(self) -> Mapping[str, int]:
-        """Instant (ns) of the last message of each vehicle; 0 without any."""
+        """Instant (ns) of the last message of each vehicle; 0 without any.
+
+        Instants later than a second after the recording are wrong time stamps.
+        """
         last = dict.fromkeys(self.names, 0)
         for (name, topic), columns in self.tables.items():
             if name in last and topic != "log" and len(columns):
-                last[name] = max(last[name], int(columns.at_ns.max()))
+                stamped = np.minimum(columns.at_ns, columns.logged_at_ns + SECOND)
+                last[name] = max(last[name], int(stamped.max()))
         return last
 
     def until(self, at: int) -> "RunTables":

@@ -14,9 +14,10 @@ from scenarios.definition.channel.build import (
     link_effects,
 )
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.link_summary import bursts, request_deviations
-from scenarios.results.link_tally import LinkTally
+from scenarios.results.link_account import LinkAccount
+from scenarios.results.links import bursts, link_deviations
 from tests.made.scenarios.messages import verdict
+from transport.columns import columns_from
 from transport.links.laws.link_law import TransmissionContext
 from transport.links.link import Link
 from vehicles.schedule import MILLISECOND
@@ -161,12 +162,14 @@ def reported_links(table: LinkTable, seeds: int, count: int = 700) -> int:
     """Number of links within their laws that are reported as deviating."""
     named = 0
     for seed in range(seeds):
-        link, tally = Link(link_effects(table, 20.0), seed, "v1", "v2"), LinkTally()
+        link, verdicts = Link(link_effects(table, 20.0), seed, "v1", "v2"), []
         for seq in range(count):
             judged = link.judge(TransmissionContext(seq, 0))
             latency_ms = judged.visible_at / MILLISECOND
-            tally.add(verdict("v1", "v2", seq, dropped=judged.reason, latency_ms=latency_ms))
-        named += bool(list(request_deviations(("v1", "v2"), table, tally)))
+            verdicts.append(verdict("v1", "v2", seq, dropped=judged.reason, latency_ms=latency_ms))
+        columns = columns_from("verdict", verdicts, [0] * count)
+        account = LinkAccount(("v1", "v2"), count, columns)
+        named += bool(list(link_deviations(account, expected_channel(table))))
     return named
 
 

@@ -1,0 +1,301 @@
+"""Every message that was sent over a link is accounted for, by what the log holds."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scenarios.definition.channel.presets import presets
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.library import drills, library
+from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
+from scenarios.results.link_account import LinkAccount, accounts, contradictions
+from scenarios.results.links import channel_warnings, link_summaries, silent_links
+from scenarios.results.tables import Collector, RunTables
+from scenarios.runs.observer import listeners_by_kind
+from scenarios.runs.virtual import ObservedSink, VirtualConvoy
+from tests.made.scenarios.messages import MS, STRAIGHT, at, gps, health, verdict
+from tests.made.scenarios.recorded_run import (
+    CONVOY,
+    POSES,
+    SECONDS,
+    MadeRun,
+    Recorded,
+    convoy,
+    tables_of,
+)
+from transport.links.content_stage import Transmission
+from transport.links.inbox import Inbox
+from transport.links.link import GPS
+from transport.topics import key
+from vehicles.messages import Health, LinkVerdict, RunStart
+
+Link = tuple[str, str]
+
+
+def balanced(run: RunTables) -> dict[Link, LinkAccount]:
+    """Accounts of a run, each of which balances."""
+    counted = accounts(run)
+    assert contradictions(counted) == []
+    for account in counted.values():
+        assert account.sent == len(account.verdicts) + sum(account.fates.values())
+    return counted
+
+
+def warnings_of(run: RunTables) -> list[str]:
+    return list(channel_warnings(run, accounts(run)))
+
+
+def test_loss_is_the_share_of_sent_messages() -> None:
+    """57 of 200 messages never arrive: a loss of 28.5 %, not of 0."""
+    made = MadeRun()
+    made.lost = {("v1", "v2", k) for k in range(40, 97)}
+    run = made.tables()
+    account = balanced(run)["v1", "v2"]
+    assert (account.sent, account.delivered, account.fates) == (200, 143, {"unknown": 57})
+    rows = {(row.sender, row.receiver): row for row in link_summaries(run, accounts(run))}
+    assert rows["v1", "v2"].loss_ratio == pytest.approx(57 / 200)
+    assert rows["v1", "v2"].burst_messages_max == 57
+
+
+def test_the_vehicle_that_was_cut_off_is_named() -> None:
+    made = MadeRun()
+    made.cut_off("v2", 60, 120)
+    counted = balanced(made.tables())
+    assert counted["v1", "v2"].fates == {"cut_off": 60} == counted["v2", "v3"].fates
+    assert counted["v1", "v3"].fates == {}
+    lines = warnings_of(made.tables())
+    assert any("v2 cut off" in line and "3.00 to 5.95 s" in line for line in lines)
+
+
+def test_a_router_that_was_away_cut_everybody_off() -> None:
+    made = MadeRun()
+    for name in CONVOY.vehicle_names:
+        made.cut_off(name, 60, 120)
+    for account in balanced(made.tables()).values():
+        assert account.not_arrived == {"router_away": 60}
+
+
+def test_messages_before_the_first_received_one_are_due_to_a_late_start() -> None:
+    made = MadeRun()
+    made.lost = {("v1", "v2", k) for k in range(7)}
+    assert balanced(made.tables())["v1", "v2"].fates == {"late_start": 7}
+
+
+def test_messages_to_software_that_does_not_run_are_no_loss_of_the_link() -> None:
+    made = MadeRun()
+    made.lost = {(a, "v3", k) for a in ("v1", "v2") for k in range(40, 80)}
+    made.decided["v3"] = [k for k in range(50 * SECONDS) if not 100 <= k < 200]
+    account = balanced(made.tables())["v1", "v3"]
+    assert (account.fates, account.absent) == ({"receiver_down": 40}, [])
+
+
+@pytest.mark.parametrize(("begin", "end"), [(40, 60), (170, POSES)], ids=["hole", "at the end"])
+def test_missing_verdicts_are_no_losses(begin: int, end: int) -> None:
+    """The receiver numbered these verdicts, or its final counters include them."""
+    made = MadeRun()
+    made.unrecorded_verdicts = {(a, "v3", k) for a in ("v1", "v2") for k in range(begin, end)}
+    counted = balanced(made.tables())
+    for sender in ("v1", "v2"):
+        account = counted[sender, "v3"]
+        assert (account.fates, account.absent) == ({"unrecorded": end - begin}, [])
+
+
+def with_last_look(waiting: str, delay: int) -> Iterator[Recorded]:
+    """The messages of a run with arrivals `delay` (ns) after sending and a last list of `waiting`.
+
+    Verdicts on the last three messages are missing.
+    """
+    for when, one in MadeRun().recorded():
+        if isinstance(one, LinkVerdict):
+            if one.pose_seq < POSES - 3:
+                yield when, replace(one, arrived_at_ns=one.sent_at_ns + delay)
+        elif isinstance(one, Health):
+            senders, listed = (2, "") if one.vehicle == "v3" else (1, waiting)
+            yield when, replace(one, received=senders * (POSES - 3), waiting=listed)
+        else:
+            yield when, one
+
+
+@pytest.mark.parametrize(
+    ("delay_ms", "in_flight", "lost"), [(1, 2, 1), (99, 2, 1), (200, 3, 0)], ids=str
+)
+def test_messages_in_flight_are_those_that_had_arrived(
+    delay_ms: int, in_flight: int, lost: int
+) -> None:
+    """Of the others, only those may be under way that the slowest message so far allows."""
+    listed = f"v1 {POSES - 3} {POSES - 3},v1 {POSES - 1} {POSES - 1},v9 x"
+    run = tables_of(with_last_look(listed, delay_ms * MS))
+    counted = balanced(run)
+    assert counted["v1", "v2"].fates.get("in_flight") == in_flight
+    assert sum(counted["v1", "v2"].not_arrived.values()) == lost
+    assert counted["v1", "v3"].fates.get("in_flight", 0) == (0 if delay_ms < 150 else 2)
+    rows = {(row.sender, row.receiver): row for row in link_summaries(run, counted)}
+    assert rows["v1", "v2"].transport_ms_mean == delay_ms
+
+
+def test_a_vehicle_that_was_cut_off_for_good_is_named() -> None:
+    """Nothing of it is recorded after 4 s: it sent on, and was sent to."""
+    cut_at, made = at(4.0), MadeRun()
+    made.lost = {("v2", "v3", k) for k in range(80, POSES)}
+    recorded = [
+        (when, one) for when, one in made.recorded() if when < cut_at or one.vehicle != "v2"
+    ]
+    run = tables_of([*recorded, (cut_at, health("v2", seconds=4.0))])
+    counted = balanced(run)
+    for link in (("v1", "v2"), ("v2", "v3")):
+        assert set(counted[link].not_arrived) == {"cut_off"}
+        assert sum(counted[link].fates.values()) == POSES - 80
+        assert counted[link].fates.get("in_flight", 0) <= 4
+        assert counted[link].sent == POSES
+    assert counted["v1", "v3"].not_arrived == {}
+    assert any("v2 cut off" in line for line in warnings_of(run))
+
+
+def test_a_vehicle_whose_poses_came_very_late_is_named() -> None:
+    made = MadeRun()
+    made.transit = {("v2", k): 1500 * MS for k in range(40, 60)}
+    (line,) = warnings_of(made.tables())
+    assert line.startswith("v2 was out of reach")
+    assert "2.00 to 2.95 s" in line
+    made.transit = {(name, k): 1500 * MS for k in range(40, 60) for name in CONVOY.vehicle_names}
+    (line,) = warnings_of(made.tables())
+    assert line.startswith("every vehicle was out of reach")
+
+
+@pytest.mark.parametrize("pose_seq", [7, POSES + 50])
+def test_verdicts_that_contradict_the_account_fail_the_run(pose_seq: int) -> None:
+    """A second verdict on one message, and one on a message that was never sent."""
+    forged = verdict("v1", "v2", pose_seq, number=10_000)
+    run = tables_of([*MadeRun().recorded(), (at(5.0), forged)])
+    (line,) = contradictions(accounts(run))
+    assert line.startswith("v1 → v2: the account does not balance")
+
+
+# ---- The account depends on the messages only
+
+
+@settings(max_examples=5)
+@given(st.integers())
+def test_messages_in_another_order_or_doubled_change_nothing(seed: int) -> None:
+    made, random = MadeRun(), Random(seed)
+    made.cut_off("v2", 60, 120)
+    made.unrecorded_verdicts = {("v1", "v3", k) for k in range(20, 30)}
+    recorded = list(made.recorded())
+    run = tables_of(recorded)
+    others = recorded + random.sample(recorded, 200)
+    random.shuffle(others)
+    other = tables_of(others)
+    assert link_summaries(other, accounts(other)) == link_summaries(run, accounts(run))
+    assert warnings_of(other) == warnings_of(run)
+
+
+def test_a_pose_numbered_far_ahead_of_its_schedule_is_not_counted() -> None:
+    """58 s ahead, at 7 s of the run: it adds neither messages nor losses, nor a later end."""
+    forged = gps("v1", 1300)
+    recorded = [*MadeRun().recorded(), (at(7.0), forged)]
+    expected = balanced(MadeRun().tables())
+    for messages in (recorded, [row for row in recorded if not isinstance(row[1], Health)]):
+        counted = balanced(tables_of(messages))
+        assert {link: row.sent for link, row in counted.items()} == dict.fromkeys(expected, POSES)
+        assert not any(row.absent for row in counted.values())
+
+
+def test_a_link_without_arrivals_is_silent_and_has_no_latency() -> None:
+    made = MadeRun()
+    made.lost = {("v1", "v2", k) for k in range(POSES)}
+    run = made.tables()
+    counted = balanced(run)
+    assert silent_links(run, counted) == f"v1 → v2 delivered none of {POSES} poses"
+    assert silent_links(run, counted, replayed=frozenset({"v2"})) == ""
+    rows = {(row.sender, row.receiver): row for row in link_summaries(run, counted)}
+    empty = rows["v1", "v2"]
+    assert empty.latency_ms_mean is empty.latency_ms_max is empty.latency_ms_low is None
+    lossy = tables_of(made.recorded(), convoy("links.loss_ratio=0.1"))
+    assert silent_links(lossy, accounts(lossy)) == ""
+
+
+def test_without_a_start_or_any_message_the_account_balances() -> None:
+    recorded = [row for row in MadeRun().recorded() if not isinstance(row[1], RunStart)]
+    assert balanced(tables_of(recorded))["v1", "v2"].delivered == POSES
+    assert balanced(tables_of([]))["v1", "v2"].sent == 0
+
+
+# ---- Virtual runs
+
+CHANGES = """
+[[change]]
+kind = "crash"
+at_s = 1.33
+vehicle = "v2"
+for_s = 1.0
+[[change]]
+kind = "leave"
+at_s = 2.0
+vehicle = "v3"
+[[change]]
+kind = "join"
+at_s = 3.51
+vehicle = "v3"
+[[change]]
+kind = "stall"
+at_s = 2.6
+vehicle = "v4"
+for_s = 1.1
+"""
+
+
+def virtual_run(scenario: Scenario) -> tuple[dict[Link, LinkAccount], dict[str, Inbox]]:
+    """Accounts of a virtual run, and the inboxes at its end."""
+    collector, virtual = Collector(), VirtualConvoy(scenario)
+    now, listeners = virtual.clock.now, listeners_by_kind([collector])
+    start = RunStart(vehicle="run", seq=0, start_at_ns=now(), run_id="made")
+    collector.listen(now(), start)
+    nodes = virtual.build(lambda name: ObservedSink(name, virtual.bus, now, listeners))
+    virtual.run()
+    for node in nodes.values():
+        node.outbox.publish_health(now(), final=True)
+    run = RunTables(scenario, collector.tables(), now() - scenario.start_at_ns)
+    return balanced(run), {name: node.inbox for name, node in nodes.items()}
+
+
+def waiting_in(inbox: Inbox, sender: str) -> int:
+    """Count the messages of a sender that its receiver has and has not yet decided on."""
+    waiting = sum(
+        isinstance(item, Transmission) and name == sender for _, name, _, _, item in inbox._waiting
+    )
+    arrived = sum(sender_key == key(sender, GPS) for sender_key, _, _ in inbox._arrived)
+    return waiting + len(inbox.links[sender].pending) + arrived
+
+
+def assert_all_arrive(scenario: Scenario) -> set[str]:
+    """Check the account of a virtual run; returns the receivers that did not run at times."""
+    counted, inboxes = virtual_run(scenario)
+    for (sender, receiver), account in counted.items():
+        assert set(account.fates) <= {"receiver_down", "in_flight"}
+        assert account.fates.get("in_flight", 0) == waiting_in(inboxes[receiver], sender)
+    return {link[1] for link, account in counted.items() if account.not_arrived}
+
+
+@pytest.mark.spread(9)
+@pytest.mark.parametrize("name", [*library(), *drills()])
+def test_the_account_of_shipped_scenarios_balances(name: str) -> None:
+    try:
+        scenario = load_scenario(name, ["duration_s=6"])
+    except ScenarioError:  # its limits are about later instants
+        scenario = load_scenario(name)
+    assert_all_arrive(scenario)
+
+
+def test_the_account_balances_with_software_that_does_not_run() -> None:
+    text = f"{STRAIGHT}{CHANGES}".replace("duration_s = 20.0", "duration_s = 5.0")
+    slow = scenario_from_text(text, overrides=["links.latency_ms=120", "links.jitter_ms=80"])
+    assert assert_all_arrive(slow) == {"v2", "v3"}
+
+
+@pytest.mark.parametrize("preset", presets())
+def test_the_account_of_presets_balances(preset: str) -> None:
+    assert_all_arrive(load_scenario("lane_change", ["duration_s=5", f'links.preset="{preset}"']))
