@@ -13,7 +13,7 @@ import numpy as np
 
 from scenarios.definition.check.held_braking import TYRES
 from scenarios.results.reaction import NO_REACTION, ReactionSummary, blind_distance, reaction
-from scenarios.results.record import missing_poses, silent_from_s
+from scenarios.results.record import missing_poses, poses_of, silent_from_s
 from scenarios.results.string_figures import NO_STRING, StringFigures, string_figures
 from scenarios.results.tables import RunTables, common, once
 from scenarios.results.traffic import overrides
@@ -226,7 +226,7 @@ def vehicle_summaries(
 
 def _of_poses(run: RunTables, name: str) -> dict[str, Any]:
     return {
-        "poses": len(run.table(name, "gps")),
+        "poses": len(poses_of(run, name)),
         "missing_poses": missing_poses(run, name),
     }
 
