@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from scenarios.results.link_account import accounts
 from scenarios.results.links import LinkSummary, link_summaries
+from scenarios.results.run_event import run_events
 from scenarios.results.vehicle_figures import VehicleSummary, extremes, vehicle_summaries
 from tests.made.examples import examples
 from tests.made.scenarios.messages import gps, health, tracking, truth, verdict
@@ -137,6 +138,22 @@ def test_errors_begin_where_the_lead_started(yaw: float, distance: float) -> Non
     row = vehicle("v2", *poses)
     assert row.cross_track_error_m_max == pytest.approx(0.25)
     assert row.cross_track_error_m_rms == pytest.approx(0.25)
+
+
+def bend(seq: int, behind: float, vehicle: str) -> Message:
+    """On a circle of 100 m radius at 20 m/s."""
+    turned = (0.4 * seq - behind) / 100.0
+    return truth(
+        vehicle, seq, 100 * math.sin(turned), 100 * (1 - math.cos(turned)), yaw=turned, distance=1.0
+    )
+
+
+def test_beside_a_hole_in_the_lead_s_path_there_is_no_error() -> None:
+    """A straight line across 5 s of a bend would lie 12 m beside the road."""
+    kept = [bend(seq, 0.0, "v1") for seq in range(1000) if not 300 <= seq < 550]
+    run = run_of(*kept, *(bend(seq, 15.0, "v2") for seq in range(40, 1000)), count=2)
+    assert vehicle_summaries(run, {})[1].cross_track_error_m_max == pytest.approx(0.0, abs=0.01)
+    assert "lane_departure" not in {event.kind for event in run_events(run)}
 
 
 @pytest.mark.parametrize(

@@ -3,19 +3,18 @@
 from dataclasses import replace
 from typing import Any
 
-from scenarios.results.holes import RecordHole
-from scenarios.results.metrics import Metrics
-
 from scenarios.results.outcome import with_outcome_line
 from scenarios.results.reaction import ReactionSummary
+from scenarios.results.record import RecordHole
 from scenarios.results.run_event import RunEvent
 from scenarios.results.summary import LimitFigure, RunIdentity, RunSummary
+from scenarios.results.vehicle_figures import vehicle_summaries
+from tests.made.scenarios.tables import run_of
 
 
 def vehicles(*errors: float | None) -> tuple[Any, ...]:
     """Summaries of v1 and of followers with these largest errors (m)."""
-    names = [f"v{place}" for place in range(1, len(errors) + 2)]
-    lead, *followers = Metrics(names, {}).vehicle_summaries()
+    lead, *followers = vehicle_summaries(run_of(count=len(errors) + 1), {})
     return lead, *(
         replace(one, cross_track_error_m_max=error, cross_track_error_max_at_s=8.18, ticks=1000)
         for one, error in zip(followers, errors, strict=True)

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
-from scenarios.results.encounters import EventKind
-from scenarios.results.metrics import Metrics
 
 from scenarios.cli.summary_tables import FIGURES
 from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.results.events import EventKind
 from scenarios.results.files import LOG_NAME
+from scenarios.results.live import LiveRun
 from scenarios.results.log_summary import late_lines, scenario_in, summary_of
 from scenarios.results.summary import (
     ENTRIES,
@@ -23,9 +23,11 @@ from scenarios.results.summary import (
     from_json,
     to_json,
 )
+from scenarios.results.vehicle_figures import vehicle_summaries
 from scenarios.results.versions import PACKAGES
 from scenarios.runs.run_log import RunLog
 from tests.made.scenarios.messages import START, at, gps, health, text, tracking, truth, verdict
+from tests.made.scenarios.tables import run_of
 from transport.codec import encode
 from transport.log.errors import LogError
 from transport.log.mcap_file import repair
@@ -46,7 +48,8 @@ def scenario() -> Scenario:
 
 
 def written(scenario: Scenario, folder: Path) -> RunLog:
-    run = RunLog(scenario, folder, clock="wall", run_id="today")
+    live = LiveRun(scenario)
+    run = RunLog(scenario, folder, clock="wall", run_id="today", live=live, observers=[live])
     run.start(START, START)
     for seq in range(40):
         for name in scenario.vehicle_names:
@@ -170,10 +173,11 @@ def test_each_field_is_documented() -> None:
 @pytest.mark.parametrize(("late", "reported"), [(10, []), (11, ["1.1 %"]), (500, ["50 %"])])
 def test_a_run_that_did_not_keep_up_has_a_warning(late: int, reported: list[str]) -> None:
     """From more than one tick in a hundred on, of all vehicles together."""
-    metrics = Metrics(("v1", "v2"), {})
-    metrics.listen(0, health("v1", 1, ticks=500, final=True))
-    metrics.listen(0, health("v2", 1, ticks=500, late_ticks=late, lateness_ms_max=31.4, final=True))
-    lines = list(late_lines(metrics.vehicle_summaries()))
+    reports = (
+        health("v1", 1, ticks=500, final=True),
+        health("v2", 1, ticks=500, late_ticks=late, lateness_ms_max=31.4, final=True),
+    )
+    lines = list(late_lines(vehicle_summaries(run_of(*reports, count=2), {})))
     assert [
         line.partition(" of the ticks began late, by up to 31 ms (v2)")[0] for line in lines
     ] == (reported)

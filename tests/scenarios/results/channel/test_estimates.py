@@ -1,6 +1,5 @@
 """Coverage of intervals, and their inflation against closed forms of chains."""
 
-from collections import Counter
 from math import sqrt
 
 import numpy as np
@@ -8,7 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scenarios.results.link_summary import (
+
+from scenarios.results.link_account import RESOLUTION_NS
+from scenarios.results.links import (
     bursts,
     inflation,
     mean_length,
@@ -82,9 +83,9 @@ def test_the_interval_of_a_burst_length_holds_it() -> None:
 
 @given(st.lists(st.integers(0, 1000), min_size=1, max_size=200))
 def test_a_spread_is_that_of_the_values(values: list[int]) -> None:
-    found = spread(Counter(values), 0.5)
+    found = spread(np.array(values) * RESOLUTION_NS)
     assert found is not None
-    scaled = 0.5 * np.array(values)
+    scaled = 0.01 * np.array(values)
     assert found.mean == pytest.approx(scaled.mean())
     assert found.deviation == pytest.approx(scaled.std(), abs=1e-9)
     assert found.largest == scaled.max()
@@ -101,4 +102,4 @@ def test_independent_losses_are_not_inflated() -> None:
 def test_without_counts_nothing_is_estimated() -> None:
     assert (share(0, 0, 0.95).low, share(0, 0, 0.95).high) == (0.0, 1.0)
     assert mean_length(np.array([], dtype=np.int_), 0.95) is None
-    assert spread({}, 1.0) is None
+    assert spread(np.zeros(0, np.int64)) is None

@@ -19,8 +19,10 @@ from scenarios.results.links import (
     link_summaries,
     request_deviations,
 )
+from scenarios.results.log_summary import late_lines, transport_lines
+from scenarios.results.vehicle_figures import vehicle_summaries
 from tests.made.scenarios.messages import MS, at, start, tracking, verdict
-from tests.made.scenarios.recorded_run import MadeRun, Recorded, convoy, tables_of
+from tests.made.scenarios.recorded_run import POSES, MadeRun, Recorded, convoy, tables_of
 from transport.columns import columns_from
 from vehicles.messages import Change, LinkVerdict
 
@@ -199,3 +201,20 @@ def test_a_changed_link_is_not_compared_with_its_request() -> None:
     assert found.requested_loss_ratio is found.requested_latency_ms_mean is None
     assert found.loss_ratio == 0.5
     assert "requested -" in describe_link(found)
+
+
+def test_a_slow_network_is_not_blamed_on_the_machine() -> None:
+    made = MadeRun()
+    made.transit = {("v1", k): 566 * MS for k in range(POSES)}
+    run = tables_of(made.recorded())
+    links, vehicles = link_summaries(run, accounts(run)), vehicle_summaries(run, {})
+    (line,) = transport_lines(links, vehicles)
+    assert line.startswith("the network was slow: 100 % of the poses of v1")
+    assert list(late_lines(vehicles)) == []
+    late = [replace(row, late_ticks=row.ticks) for row in vehicles]
+    assert list(transport_lines(links, late)) == []
+    (busy,) = late_lines(late)
+    assert "the machine is too slow" in busy
+    (mixed,) = late_lines([replace(row, late_ticks_by_network=row.ticks) for row in late])
+    assert "machine" not in mixed
+    assert "blocked by the network" in mixed

@@ -6,13 +6,13 @@ from random import Random
 import pytest
 
 from scenarios.definition.schema.limit_tables import (
-    LimitsTable,
     ModeLimit,
     RecoveryLimit,
     SourceLimit,
 )
-from scenarios.results.deadlines import DeadlineFigure, Deadlines
-from tests.made.scenarios.messages import START, at, tracking
+from scenarios.results.deadlines import DeadlineFigure, deadline_figures
+from tests.made.scenarios.messages import START, tracking, truth
+from tests.made.scenarios.tables import run_of
 from vehicles.messages import Tracking
 from vehicles.schedule import SECOND
 
@@ -56,13 +56,23 @@ def figure(
 ) -> DeadlineFigure:
     """The figure of one limit; without `errors` the vehicle is on the path all the time."""
     kind = {ModeLimit: "modes", SourceLimit: "sources", RecoveryLimit: "recovery"}[type(limit)]
-    deadlines = Deadlines(LimitsTable.model_validate({kind: (limit,)}), "v1")
-    deadlines.begin(START)
+    keys = ", ".join(
+        f"{key} = {value!r}" for key, value in limit.model_dump().items() if value is not None
+    )
+    poses = []
     for one in received:
-        deadlines.add_tracking(one)
-        off = (errors or {}).get(round((one.decided_at_ns - START) / SECOND, 2), 0.0)
-        deadlines.add_error(one.vehicle, one.decided_at_ns, off)
-    (found,) = deadlines.figures(ran_ns)
+        k = round(50 * (one.decided_at_ns - START) / SECOND)
+        off = (errors or {}).get(k / 50, 0.0)
+        poses += [truth("v1", k, 0.4 * k, 0.0), truth(one.vehicle, k, 0.4 * k - 20.0, off)]
+    lead = [truth("v1", k, 0.4 * k, 0.0) for k in range(50 * 9)]
+    run = run_of(
+        *lead,
+        *received,
+        *poses,
+        overrides=[f"limits.{kind}=[{{{keys}}}]"],
+        ran_s=ran_ns / SECOND,
+    )
+    (found,) = deadline_figures(run)
     return found
 
 
@@ -106,27 +116,8 @@ def test_recovery_requires_being_on_the_path() -> None:
     assert figure(RECOVERY, messages(), {7.98: -0.31}).took_s is None  # it was not at the end
 
 
-def test_how_vehicles_are_mixed_does_not_matter() -> None:
-    """Those of each vehicle are in order, as a log has them; errors may come later."""
-    limits = LimitsTable(modes=(PREDECESSOR,), sources=(DISTRUST,), recovery=(RECOVERY,))
+def test_the_order_of_messages_does_not_matter() -> None:
     own = messages(mode=("predecessor", 2.3, 3.1), predecessor_status=("distrusted", 2.1, 3.1))
-    others = messages_of("v2", {"mode": ("predecessor", 2.0, 8.0)})
-    chance = Random(1)
-    found: list[tuple[DeadlineFigure, ...]] = []
-    for _ in range(5):
-        deadlines = Deadlines(limits, "v1")
-        deadlines.begin(START)
-        waiting: list[list[Tracking | int]] = [
-            list(own),
-            list(others),
-            [at(seq / 50) for seq in range(400)],
-        ]
-        while any(waiting):
-            message = chance.choice([one for one in waiting if one]).pop(0)
-            if isinstance(message, Tracking):
-                deadlines.add_tracking(message)
-            else:
-                deadlines.add_error("v3", message, 0.4 if message < at(2.7) else 0.1)
-        found.append(deadlines.figures(RAN))
-    assert [one.took_s for one in found[0]] == pytest.approx([0.3, 0.1, 1.08])
-    assert all(one == found[0] for one in found)
+    mixed = Random(1).sample(own, len(own))
+    for limit in (PREDECESSOR, DISTRUST, RECOVERY):
+        assert figure(limit, mixed) == figure(limit, own)

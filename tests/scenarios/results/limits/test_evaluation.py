@@ -2,13 +2,10 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from scenarios.results.metrics import Metrics
 
 from scenarios.definition.schema.limit_tables import LimitsTable
-from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.deadlines import DeadlineFigure
 from scenarios.results.limits import (
-    broken_limits,
     collision_ends_run,
     failure_reason,
     limit_figures,
@@ -16,8 +13,9 @@ from scenarios.results.limits import (
 from scenarios.results.reaction import ReactionSummary
 from scenarios.results.run_event import RunEvent
 from scenarios.results.summary import LimitFigure
-from scenarios.results.vehicle_figures import VehicleSummary
-from tests.made.scenarios.messages import start, truth
+from scenarios.results.vehicle_figures import VehicleSummary, vehicle_summaries
+from tests.made.scenarios.messages import truth
+from tests.made.scenarios.tables import run_of
 
 EVENTS = (
     RunEvent(kind="path_lost", at_s=1.0, vehicles=("v2",), figures={"duration_s": 2.0}),
@@ -27,20 +25,22 @@ EVENTS = (
 
 
 def broken(**limits: Any) -> list[str]:
-    metrics = Metrics(("v1", "v2"), {("v1", "v2"): LinkTable()})
-    metrics.listen(0, start())
+    poses = []
     for seq in range(100):
-        metrics.listen(0, truth("v1", seq, 0.6 * seq, 0.0))
-        metrics.listen(
-            0, truth("v2", seq, 0.6 * seq - (11.93 if seq == 50 else 14.93), 0.004 * seq)
-        )
-    return broken_limits(LimitsTable(**limits), EVENTS, metrics.vehicle_summaries())
+        poses.append(truth("v1", seq, 0.6 * seq, 0.0))
+        behind = 12.0 if seq == 50 else 15.0
+        poses.append(truth("v2", seq, 0.6 * seq - behind, 0.004 * seq))
+    vehicles = vehicle_summaries(run_of(*poses, count=2), {})
+    return [
+        result.message
+        for result in limit_figures(LimitsTable(**limits), EVENTS, vehicles)
+        if result.broken
+    ]
 
 
 def row(name: str, **figures: Any) -> VehicleSummary:
     """The summary of a vehicle with other figures than those of one that never moved."""
-    metrics = Metrics((name, "v9"), {})
-    return replace(metrics.vehicle_summaries()[0], name=name, **figures)
+    return replace(vehicle_summaries(run_of(count=2), {})[0], name=name, **figures)
 
 
 @pytest.mark.parametrize(
@@ -166,7 +166,7 @@ def test_deadlines_are_kept_or_broken(took_s: float | None, is_over: bool, line:
     assert found == LimitFigure(
         limit="modes[0]", bound=0.6, value=took_s, vehicle="v3", action="in mode lead", message=line
     )
-    assert broken_limits(LimitsTable(), (), (), [deadline]) == ([line] if line else [])
+    assert [result.message for result in limit_figures(LimitsTable(), (), (), [deadline])] == [line]
 
 
 def test_why_a_run_ended_comes_first_and_nothing_twice() -> None:

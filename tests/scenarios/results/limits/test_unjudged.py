@@ -3,13 +3,13 @@
 from collections.abc import Callable, Iterator
 
 import pytest
-from scenarios.results.metrics import Metrics
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.log_summary import summarise
 from scenarios.results.summary import RunIdentity, RunSummary, from_json, to_json
-from scenarios.runs.run_log import LimitWatch
+from scenarios.results.tables import Collector, RunTables
 from tests.made.scenarios.messages import STRAIGHT, gps, health, start, tracking, truth
+from transport.topics import valid_at
 from vehicles.messages import GpsPose, Message, Tracking, TruePose
 from vehicles.schedule import SECOND
 
@@ -40,15 +40,12 @@ def messages(mode: Callable[[str, int], str] = lambda _name, _k: "composite") ->
 
 
 def run_of(scenario: Scenario, keep: Keep = lambda _: True, **more: object) -> RunSummary:
-    metrics = Metrics.of(scenario)
+    collector = Collector()
     for message in messages(**more):  # type: ignore[arg-type]
         if keep(message):
-            metrics.listen(0, message)
-    ran_ns = SECONDS * SECOND
-    broken = LimitWatch(scenario.tables.limits, metrics).broken(ran_ns)
-    summary = summarise(IDENTITY, scenario, metrics, ran_ns=ran_ns, reason="", rejected={})
-    # The recorder announces the end by the same limits as the summary has.
-    assert broken == [limit.message for limit in summary.limits if limit.message]
+            collector.listen(valid_at(message), message)
+    run = RunTables(scenario, collector.tables(), SECONDS * SECOND)
+    summary = summarise(IDENTITY, run, reason="", rejected={})
     read = from_json(to_json(summary))
     assert (read.limits, read.events) == (summary.limits, summary.events)
     return summary

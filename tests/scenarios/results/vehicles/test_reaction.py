@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.results.reaction import MOST_BEHIND, Reaction, ReactionSummary
+from scenarios.results.reaction import ReactionSummary, reaction
 from tests.made.scenarios.messages import tracking, truth
+from tests.made.scenarios.tables import run_of
 from vehicles.messages import Tracking, TruePose
 
 TICK = 0.02
@@ -16,13 +17,7 @@ Given = dict[str, object]
 
 
 def figures(*messages: Tracking | TruePose) -> ReactionSummary:
-    reaction = Reaction()
-    for message in messages:
-        if isinstance(message, Tracking):
-            reaction.add_tracking(message)
-        else:
-            reaction.add_truth(message)
-    return reaction.summary
+    return reaction(run_of(*messages), "v2")
 
 
 def states(*spans: tuple[int, Given]) -> list[Tracking]:
@@ -73,18 +68,10 @@ def test_blind_metres_are_those_beyond_the_known_path(
     """In any order of messages: the distance to a standstill less the known path."""
     drive = stop(speed, known, deceleration)
     start = truth("v2", 0, 0.0, 0.0, distance=100.0)
-    streams: list[list[Tracking | TruePose]] = [
-        [tracking("v2", 0, known_m=known), *(one for one, _ in drive)],
-        [start, *(one for _, one in drive)],
-    ]
-    mixed: list[Tracking | TruePose] = []
-    while any(streams):
-        longest = max(streams, key=len)
-        apart = len(longest) - min(map(len, streams))
-        chosen = longest if apart >= MOST_BEHIND - 1 else random.choice(streams)
-        mixed.append((chosen or longest).pop(0))
+    messages = [tracking("v2", 0, known_m=known), start, *(one for pair in drive for one in pair)]
+    random.shuffle(messages)
     driven = drive[-1][1].distance_m - 100.0
-    found = figures(*mixed).blind_m
+    found = figures(*messages).blind_m
     assert found == pytest.approx(max(driven - known, 0.0), abs=1e-6 * len(drive))
 
 
