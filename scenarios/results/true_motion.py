@@ -343,16 +343,18 @@ def gaps(run: RunTables, follower: str, ahead: str = "") -> Gaps:
 
 
 def distances(run: RunTables, first: str, second: str, within_m: float = np.inf) -> Gaps:
-    """Distance of the bodies of two vehicles where their centres are `within_m` on each axis."""
+    """Distance of the bodies of two vehicles, infinite unless centres are `within_m` on both axes."""
     one, other = run.table(first, "truth"), run.table(second, "truth")
     at, (rows, others) = common(one.at_ns, other.at_ns)
-    if within_m < np.inf:
-        near = np.abs(one["east_m"][rows] - other["east_m"][others]) < within_m
-        near &= np.abs(one["north_m"][rows] - other["north_m"][others]) < within_m
-        at, rows, others = at[near], rows[near], others[near]
+    near = np.abs(one["east_m"][rows] - other["east_m"][others]) < within_m
+    near &= np.abs(one["north_m"][rows] - other["north_m"][others]) < within_m
     sizes = sizes_of(run.scenario)
-    apart = separation(bodies(one.of(rows), sizes[first]), bodies(other.of(others), sizes[second]))
-    return Gaps(at, *apart)
+    found = Gaps(at, np.full(len(at), np.inf), np.zeros(len(at)))
+    apart = separation(
+        bodies(one.of(rows[near]), sizes[first]), bodies(other.of(others[near]), sizes[second])
+    )
+    found.distance[near], found.closing[near] = apart
+    return found
 
 
 def at_instants(at: Integers, known_at: Integers, values: Floats) -> Floats:

@@ -7,6 +7,7 @@ from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.tables import KINDS, Collector, RunTables
 from scenarios.results.true_motion import BodySize, sizes_of
 from tests.made.scenarios.messages import STRAIGHT, start
+from transport.topics import valid_at
 from vehicles.messages import Message
 from vehicles.schedule import SECOND
 
@@ -39,6 +40,6 @@ def run_of(
     collector.listen(start().start_at_ns, start())
     for message in messages:
         if type(message) in KINDS:
-            collector.listen(start().start_at_ns, message)
+            collector.listen(valid_at(message), message)
     scenario = straight_scenario(count, tuple(overrides))
     return RunTables(scenario, collector.tables(), round(ran_s * SECOND))

@@ -5,7 +5,6 @@ from dataclasses import replace
 from itertools import pairwise
 from math import nan
 from random import Random
-from typing import Any
 
 import numpy as np
 import pytest
@@ -149,7 +148,7 @@ def test_the_heading_of_the_body_counts_too() -> None:
     """At the centre nothing is wrong, but a corner sticks out."""
     yaw = 0.4
     (event,) = detected(*aside([0.0] * 20, yaw))
-    front = 2.5 + body_size().forward
+    front = 2.5 + abs(body_size().forward)  # or the rear, on the other side
     out = front * math.sin(yaw) + 1.0 * math.cos(yaw) - 1.75
     assert event.figures["excess_m_max"] == pytest.approx(out)
 
@@ -211,24 +210,17 @@ def test_each_distrust_of_a_source_is_an_event() -> None:
     assert [one.vehicles for one in both_ways] == [("v1", "v2")]  # the lead follows nobody
 
 
-@given(random=st.randoms(use_true_random=False))
-@settings(max_examples=30, deadline=None)
-def test_only_the_order_within_a_vehicle_matters(random: Any) -> None:
+@pytest.mark.parametrize("seed", range(5))
+def test_the_order_of_messages_does_not_matter(seed: int) -> None:
     places = [
         pose(name, seq, 0.6 * seq - 6.0 * place + path * math.sin(0.05 * seq), speed=30.0)
         for place, (name, path) in enumerate(zip(CONVOY, (0.0, 0.8, 4.0), strict=True))
         for seq in range(150)
     ]
-    streams: list[list[Message]] = [
-        *(list[Message](one for one in places if one.vehicle == name) for name in CONVOY),
-        [*modes(("composite", 1), ("coast", 2))],
-    ]
-    expected = detected(*(message for stream in streams for message in stream))
+    messages: list[Message] = [*places, *modes(("composite", 1), ("coast", 2))]
+    expected = detected(*messages)
     assert {one.kind for one in expected} >= {"collision", "near_miss", "path_lost"}
-    mixed = []
-    while any(streams):
-        mixed.append(random.choice([stream for stream in streams if stream]).pop(0))
-    assert detected(*mixed) == expected
+    assert detected(*Random(seed).sample(messages, len(messages))) == expected
 
 
 @given(

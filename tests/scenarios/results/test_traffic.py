@@ -156,7 +156,7 @@ def test_a_follower_as_fast_as_the_lead_was_there_is_none() -> None:
     """The lead stops at 2 m/s²; 15 s later the last one still drives at 20 m/s."""
     found = detected(
         convoy([braking(1.0, 1.4, 0.0), braking(16.0, 1.4, 0.0)], 18.0, gap=400.0),
-        SpacingPolicy(2.0, 20.0),
+        SpacingPolicy(2.0, 10.0),
     )
     assert found == ()
 
