@@ -1,16 +1,5 @@
 """Standard Foxglove messages made from ours, so that a log opens without this project.
 
-| ours                | standard                | topic in the log            |
-| ------------------- | ----------------------- | --------------------------- |
-| GpsPose             | foxglove.LocationFix    | `/convoy/<vehicle>/location`  |
-| TruePose            | foxglove.PoseInFrame    | `/convoy/<vehicle>/pose`      |
-| TruePose            | foxglove.FrameTransform | `/convoy/<vehicle>/transform` |
-| TruePose            | foxglove.SceneUpdate    | `/convoy/<vehicle>/box`       |
-| CompositeTrajectory | foxglove.PosesInFrame   | `/convoy/<vehicle>/preview`   |
-| LogText             | foxglove.Log            | `/convoy/<vehicle>/text`      |
-| RunStart            | foxglove.SceneUpdate    | `/convoy/run/road`            |
-| RunStart            | foxglove.PosesInFrame   | `/convoy/run/path`            |
-
 The world frame `map` is east, north, up at the scenario's origin. The frame of a vehicle has its
 name and is forward, left, up.
 """
@@ -50,14 +39,7 @@ ONCE_NS = 2**62
 """Period of messages logged once."""
 ROAD: Colour = (0x6A, 0x6A, 0x6A)
 EDGE: Colour = (0xA0, 0xA0, 0xA0)
-_LEVELS = {
-    "debug": Log.DEBUG,
-    "info": Log.INFO,
-    "warning": Log.WARNING,
-    "error": Log.ERROR,
-    "alert": Log.ERROR,
-    "fatal": Log.FATAL,
-}
+_LEVELS = {**{name.lower(): level for name, level in Log.Level.items()}, "alert": Log.ERROR}
 
 
 # ---- The scene of a run: cars, the lead's path and its lane
@@ -245,77 +227,67 @@ def foxglove_layout(vehicles: Sequence[str]) -> str:
     panels = [panel for panel in PANELS.values() if panel.foxglove and panel.applies_to(vehicles)]
     panels.sort(key=lambda panel: list(KINDS).index(panel.kind))
     shown = {f"{KINDS[panel.kind]}!{panel.name}": _panel(panel, vehicles) for panel in panels}
-    left = {"first": "3D!scene", "second": "RosOut!text", "direction": "column"}
+    text = {"topicToRender": "/convoy/run/text", "minLogLevel": 1}
+    left = _split("column", 75.0, "3D!scene", "RosOut!text")
     layout = {
-        "configById": {
-            "3D!scene": _scene(vehicles),
-            "RosOut!text": {"topicToRender": "/convoy/run/text", "minLogLevel": 1},
-            **shown,
-        },
+        "configById": {"3D!scene": _scene(vehicles), "RosOut!text": text, **shown},
         "globalVariables": {},
         "userNodes": {},
         "playbackConfig": {"speed": 1},
-        "layout": {
-            "first": {**left, "splitPercentage": 75},
-            "second": _stacked(list(shown)),
-            "direction": "row",
-            "splitPercentage": 55,
-        },
+        "layout": _split("row", 55.0, left, _stacked(list(shown))),
     }
     return json.dumps(layout, indent=1) + "\n"
 
 
+def _split(direction: str, percentage: float, first: object, second: object) -> object:
+    shares = {"direction": direction, "splitPercentage": percentage}
+    return {"first": first, "second": second, **shares}
+
+
+def _stacked(panels: Sequence[str]) -> object:
+    """Stack panels of equal height."""
+    first, *rest = panels
+    return _split("column", 100.0 / len(panels), first, _stacked(rest)) if rest else first
+
+
 def _scene(vehicles: Sequence[str]) -> dict[str, object]:
-    shown = ["/convoy/run/road"]
-    shown += [f"/convoy/{name}/{topic}" for name in vehicles for topic in ("box", "preview")]
+    shown = [f"/convoy/{name}/{topic}" for name in vehicles for topic in ("box", "preview")]
+    camera = {
+        "perspective": True,
+        "distance": 20.0 + 12.0 * len(vehicles),
+        "phi": 35.0,
+        "thetaOffset": 0.0,
+    }
     return {
         "followMode": "follow-position",
         "followTf": vehicles[len(vehicles) // 2],
-        "cameraState": {
-            "perspective": True,
-            "distance": 20.0 + 12.0 * len(vehicles),
-            "phi": 35.0,
-            "thetaOffset": 0.0,
-        },
+        "cameraState": camera,
         "scene": {"transforms": {"visible": False}},
-        "topics": {topic: {"visible": True} for topic in shown},
+        "topics": {topic: {"visible": True} for topic in ("/convoy/run/road", *shown)},
         "layers": {},
     }
 
 
 def _panel(panel: Panel, vehicles: Sequence[str]) -> dict[str, object]:
     followers = panel.followers(vehicles)
-    drawn = [(place, name, series) for place, name in followers.items() for series in panel.single]
-    paths: list[dict[str, object]] = [
-        {
-            "value": f"/convoy/{name}/{series.topic}.{series.field}",
-            "label": series.label_of(name),
-            "timestampMethod": "receiveTime",
-        }
-        for _, name, series in drawn
-    ]
+    is_plot = panel.kind != "states"
+    paths = []
+    for place, name in followers.items():
+        for series in panel.single:
+            colour = "#{:02x}{:02x}{:02x}".format(*series.colour_at(place))
+            path = {
+                "value": f"/convoy/{name}/{series.topic}.{series.field}",
+                "label": series.label_of(name),
+                "timestampMethod": "receiveTime",
+            }
+            paths.append({**path, "color": colour, "enabled": True} if is_plot else path)
     heading = panel.heading(next(iter(followers.values()), ""))
-    shown = {"foxglovePanelTitle": heading, "paths": paths, "isSynced": True}
-    if panel.kind == "states":
-        return shown
-    for path, (place, _, series) in zip(paths, drawn, strict=True):
-        colour = "#{:02x}{:02x}{:02x}".format(*series.colour_at(place))
-        path |= {"color": colour, "enabled": True}
-    return {
-        **shown,
+    axes = {
         "showLegend": True,
         "legendDisplay": "floating",
         "showXAxisLabels": True,
-        "showYAxisLabels": True,
         "xAxisVal": "timestamp",
+        "showYAxisLabels": True,
     }
-
-
-def _stacked(panels: Sequence[str]) -> object:
-    """Stack panels of equal height."""
-    first, *rest = panels
-    if not rest:
-        return first
-    share = 100.0 / len(panels)
-    stack = {"first": first, "second": _stacked(rest), "direction": "column"}
-    return {**stack, "splitPercentage": share}
+    shown = {"foxglovePanelTitle": heading, "paths": paths, "isSynced": True}
+    return {**shown, **axes} if is_plot else shown
