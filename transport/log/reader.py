@@ -27,8 +27,7 @@ class LogReader:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.file = McapFile(path)
-        self.truncated = self.file.truncated
-        self.damage = self.file.damage
+        self.truncated, self.damage = self.file.truncated, self.file.damage
         counts = self.file.counts()
         nameless = sum(
             count for number, count in counts.items() if number not in self.file.channels
@@ -124,13 +123,10 @@ class LogReader:
         message did not reach the recorder. Thinned topics are left out.
         """
         numbered = self._channels(TOPICS.keys() - self.thinned.keys(), None)
-        stated, last = (
-            self.file.stated or self.file.counts(),
-            self.file.last_numbers(numbered.keys()),
-        )
+        stated, last = self.file.stated, self.file.last_numbers(numbered.keys())
         missing = {}
         for number, name in numbered.items():
-            total = stated.get(number, 0)
+            total = stated.get(number, self.counts[name])
             if name[1] not in OF_DECISIONS:
                 total = max(total, last.get(number, -1) + 1)
             if total > self.counts[name]:

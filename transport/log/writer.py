@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from itertools import count
 from pathlib import Path
-from typing import IO, Any, NamedTuple, NoReturn
+from typing import IO, Any, NoReturn
 
 from google.protobuf.descriptor import FileDescriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
@@ -57,11 +57,8 @@ def protobuf_schema(kind: Any) -> bytes:
     return data
 
 
-class _Channels(NamedTuple):
-    """Channel of one topic of one vehicle, and those of its standard messages."""
-
-    own: int
-    standard: tuple[tuple[StandardMessage, int, Timer], ...]
+Channels = tuple[int, list[tuple[StandardMessage, int, Timer]]]
+"""Channel of one topic of one vehicle, and those of its standard messages."""
 
 
 class LogWriter(Closing):
@@ -98,7 +95,7 @@ class LogWriter(Closing):
         self._written = self._flushed = self._log_time = self._chunk_ends_at = 0
         self._standard = standard_messages(scene)
         self._deviations: dict[str, tuple[int, Iterator[int]]] = {}
-        self._channels: dict[tuple[str, str], _Channels] = {}
+        self._channels: dict[tuple[str, str], Channels] = {}
         self._schemas: dict[str, int] = {}
         self._thinning = Thinning(rates_hz or {})
         try:
@@ -126,10 +123,10 @@ class LogWriter(Closing):
         valid_at: int = getattr(message, topic.instant)
         if self.broken or not self._thinning.keeps(topic.name, vehicle, valid_at):
             return
-        channels = self._channels.get((vehicle, topic.name)) or self._open(topic, vehicle)
+        own, others = self._channels.get((vehicle, topic.name)) or self._open(topic, vehicle)
         content = encode(message) if data is None else data
-        self._add(channels.own, log_time, content, valid_at, message.seq)
-        for standard, channel, timer in channels.standard:
+        self._add(own, log_time, content, valid_at, message.seq)
+        for standard, channel, timer in others:
             if not standard.period_ns or timer.is_due(valid_at):
                 content = standard.make(message).SerializeToString()
                 self._add(channel, log_time, content, valid_at, message.seq)
@@ -163,19 +160,15 @@ class LogWriter(Closing):
         except OSError as error:
             self._give_up(error)
 
-    def _open(self, topic: Topic, vehicle: str) -> _Channels:
+    def _open(self, topic: Topic, vehicle: str) -> Channels:
         origin = key(vehicle, topic)
         own = self._register(f"/{origin}", PROTOBUF[topic.message], zenoh_key=origin)
-        standard = tuple(
-            (
-                one,
-                self._register(f"/convoy/{vehicle}/{one.name}", one.kind, of=origin),
-                Timer(one.period_ns),
-            )
-            for one in self._standard.get(topic.message, ())
-        )
-        self._channels[vehicle, topic.name] = channels = _Channels(own, standard)
-        return channels
+        others = []
+        for standard in self._standard.get(topic.message, ()):
+            channel = self._register(f"/convoy/{vehicle}/{standard.name}", standard.kind, of=origin)
+            others.append((standard, channel, Timer(standard.period_ns)))
+        self._channels[vehicle, topic.name] = own, others
+        return own, others
 
     def _register(self, topic: str, kind: Any, **metadata: str) -> int:
         """Register a channel of a Protobuf class, and its schema."""
