@@ -281,7 +281,7 @@ def standard_rows() -> Iterator[Row]:
     """Foxglove messages in the log: topic, schema, and the topic that they are made from."""
     for topic in TOPICS.values():
         for one in standard_messages().get(topic.message, ()):
-            yield one.name, one.schema.name, f"from {topic.name}"
+            yield one.name, one.kind.DESCRIPTOR.full_name, f"from {topic.name}"
 
 
 def wire_page() -> None:

@@ -97,12 +97,11 @@ def info_of(log: Path) -> LogInfo:
 
 
 def _channels(reader: LogReader) -> list[ChannelInfo]:
-    heads = reader.file.heads
+    messages = reader.file.without_content()
     rows = []
-    for number, channel in sorted(reader.file.described().items(), key=lambda row: row[1].topic):
-        chosen = heads.channel == number
-        at, size = heads.logged_at[chosen], heads.size[chosen]
-        steps = np.diff(at)
+    for number, channel in sorted(reader.file.channels.items(), key=lambda row: row[1].topic):
+        chosen = messages.of(messages.channels == number)
+        steps = np.diff(chosen.logged_at)
         span_s = float(steps.sum()) / SECOND
         _, _, *key = channel.topic.split("/")
         known = tuple(key) in reader.counts
@@ -110,10 +109,10 @@ def _channels(reader: LogReader) -> list[ChannelInfo]:
         rows.append(
             ChannelInfo(
                 channel=channel.topic,
-                messages=len(at),
+                messages=len(chosen.order),
                 rate_hz=len(steps) / span_s if span_s else None,
                 gap_s_max=float(steps.max()) / SECOND if len(steps) else None,
-                bytes=int(size.sum()),
+                bytes=int((chosen.ends - chosen.starts).sum()),
                 missing=missing,
             )
         )

@@ -1,274 +1,294 @@
-"""Messages of a log by columns: an array for each field, not an object for each message."""
+"""Messages of a log by columns: field by field, one array operation reads all messages.
 
-from collections.abc import Collection, Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass
+The fields of a message type come from its Protobuf descriptor. They must be in the order of their
+numbers, as every serializer writes them; other messages are decoded one by one. Encoding: Protocol
+Buffers documentation, "Encoding".
+"""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from google.protobuf.descriptor import FieldDescriptor
+from numpy.typing import NDArray
 
 from transport.codec import MessageForm, RefusedMessageError, decode, form_of
-from transport.columns import DEVIATION, Array, Columns, Integers, Lists, instant_of, ranges
+from transport.columns import (
+    DEVIATION,
+    Array,
+    Columns,
+    Integers,
+    Lists,
+    columns_from,
+    instant_of,
+    joined,
+    ranges,
+)
 from transport.convoy_pb2 import Deviation
 from transport.log.errors import LogError
-from transport.log.mcap_file import (
-    CHANNELS,
-    HEAD_BYTES,
-    MESSAGE,
-    MESSAGE_HEAD_BYTES,
-    McapFile,
-)
-from transport.log.wire import (
-    WireColumns,
-    WireData,
-    WireField,
-    wire_fields,
-)
+from transport.log.mcap_file import ChunkPlace, McapFile, Messages, numbers_at
 from transport.texts import printable
 from transport.topics import TOPICS
 
+Flags = NDArray[np.bool_]
+
 BATCH_BYTES = 2**24
-"""Size of the messages that are decoded at once; limits the memory."""
+"""Size of the records that are decoded at once; limits the memory."""
+_VARINT, _DOUBLE, _SIZED = 0, 1, 2
+"""Wire types: integers of variable length, 8 bytes, and a length before the content."""
+_LOW_BITS = 0x7F
+"""Bits of a byte of an integer; a larger byte is followed by another one."""
+_VARINT_BITS = 64
 
 
-class Selection(NamedTuple):
-    """Messages to read.
-
-    `fields` are the fields by topic, None for all; the instant of the message is always added.
-    Vehicles None are all. `span_ns` is the first and the last instant of recording.
-    """
-
-    fields: Mapping[str, Collection[str] | None]
-    vehicles: Collection[str] | None = None
-    span_ns: tuple[int, int] | None = None
+# ---- Fields of a message type
 
 
-@dataclass(frozen=True, slots=True)
-class _Layout:
+class _Field(NamedTuple):
+    """A field of a message type, with the bytes before its value."""
+
+    name: str
+    type: int
+    is_list: bool
+    wire_type: int
+    tag: bytes
+
+
+class _Layout(NamedTuple):
     """Fields of the messages of a topic; the deviation has no message class, so no `form`."""
 
     topic: str
-    instant: str
-    wire: tuple[WireField, ...]
+    fields: tuple[_Field, ...]
     form: MessageForm | None
 
     def wanted(self, names: Collection[str] | None) -> frozenset[str]:
-        """Fields to decode; raises ValueError for an unknown name."""
-        known = {row.name for row in self.wire} - {"vehicle"}
+        """Fields to decode; raises ValueError for an unknown name.
+
+        The instant of the message and the first column of each table are added.
+        """
+        known = {row.name for row in self.fields} - {"vehicle"}
         if names is None:
             return frozenset(known)
         if unknown := set(names) - known:
             raise ValueError(f"topic {self.topic} has no field {', '.join(sorted(unknown))}")
-        tables = self.form.columns if self.form else []
-        firsts = {first for first, name in tables if name in names}
-        return frozenset({*names, *firsts, self.instant})
+        firsts = {first for first, name in self.tables if name in names}
+        return frozenset({*names, *firsts, instant_of(self.topic)})
 
-    def decode(self, data: bytes) -> Any:
-        """Decode one message; raises RefusedMessageError."""
-        return decode(TOPICS[self.topic], data) if self.form else Deviation.FromString(data)
+    @property
+    def tables(self) -> Sequence[tuple[str, str]]:
+        """Lists with the lists whose lengths they share."""
+        return self.form.columns if self.form else ()
 
 
 @cache
 def _layout(topic: str) -> _Layout:
     form = None if topic == DEVIATION else form_of(TOPICS[topic].message)
-    protobuf = form.protobuf if form else Deviation
-    return _Layout(topic, instant_of(topic), wire_fields(protobuf.DESCRIPTOR), form)
+    descriptor = (form.protobuf if form else Deviation).DESCRIPTOR
+    rows = sorted(descriptor.fields, key=lambda row: row.number)
+    return _Layout(topic, tuple(map(_field, rows)), form)
+
+
+def _field(row: FieldDescriptor) -> _Field:
+    wire_type = _DOUBLE if row.type == FieldDescriptor.TYPE_DOUBLE else _VARINT
+    if row.is_repeated or row.type == FieldDescriptor.TYPE_STRING:
+        wire_type = _SIZED
+    tag = row.number << 3 | wire_type  # of at most two bytes
+    packed = bytes([tag & _LOW_BITS | 0x80, tag >> 7] if tag > _LOW_BITS else [tag])
+    return _Field(row.name, row.type, row.is_repeated, wire_type, packed)
+
+
+# ---- Messages of a log
 
 
 def read_columns(
-    file: McapFile, channels: Mapping[int, tuple[str, str]], selection: Selection
+    file: McapFile,
+    channels: Mapping[int, tuple[str, str]],
+    fields: Mapping[str, Collection[str] | None],
+    span: tuple[int, int],
 ) -> dict[tuple[str, str], Columns]:
     """Read messages by (vehicle, topic); `channels` are these by channel number.
 
-    Only the chunks within the span are read. Raises LogError for a message that its topic refuses.
+    `fields` are those to read by topic, None for all. Only the chunks within `span` (ns) are read.
+    Raises LogError for a message that its topic refuses.
     """
-    chosen = {
-        number: key
-        for number, key in channels.items()
-        if key[1] in selection.fields
-        and (selection.vehicles is None or key[0] in selection.vehicles)
-    }
-    parts: dict[tuple[str, str], list[_Part]] = {key: [] for key in chosen.values()}
-    for batch in _batches(file, chosen.keys(), selection.span_ns):
-        for topic in {topic for _, topic in parts}:
-            numbers = {number: key for number, key in chosen.items() if key[1] == topic}
-            wanted = _layout(topic).wanted(selection.fields[topic])
+    wanted = {topic: _layout(topic).wanted(names) for topic, names in fields.items()}
+    parts: dict[tuple[str, str], list[Columns]] = {key: [] for key in channels.values()}
+    for batch in _batches(file, channels, span):
+        is_within = (batch.logged_at >= span[0]) & (batch.logged_at <= span[1])
+        for topic in dict.fromkeys(topic for _, topic in parts):
+            numbers = {number: key[0] for number, key in channels.items() if key[1] == topic}
+            messages = batch.of(is_within & np.isin(batch.channels, list(numbers)))
             try:
-                for key, part in _decode(batch, _layout(topic), wanted, numbers):
-                    parts[key].append(part)
-            except RefusedMessageError as error:
+                for part in _read(messages, _layout(topic), wanted[topic], numbers):
+                    parts[part.vehicle, topic].append(part)
+            except (RefusedMessageError, OverflowError) as error:
                 raise LogError(f"{file.path}: topic {topic}: {error}") from error
     # Parts are released one by one: together they are as large as the result.
-    return {key: _joined(key, parts.pop(key)) for key in list(parts)}
+    return {key: joined(parts.pop(key)) for key in list(parts)}
 
 
-class _Batch(NamedTuple):
-    """Bytes of several chunks; place in the log, channel and instant of recording by message."""
-
-    data: WireData
-    order: Integers
-    channels: Integers
-    logged_at: Integers
-    starts: Integers
-    ends: Integers
-
-    def of(self, rows: Array) -> "_Batch":
-        return self._replace(
-            order=self.order[rows],
-            channels=self.channels[rows],
-            logged_at=self.logged_at[rows],
-            starts=self.starts[rows],
-            ends=self.ends[rows],
-        )
-
-
-class _Chunk(NamedTuple):
-    """Records of a chunk and their places in it; `before` are the unpacked bytes before it."""
-
-    before: int
-    content: bytes
-    records: Integers
-
-
-def _batches(file: McapFile, channels: Set[int], span: tuple[int, int] | None) -> Iterator[_Batch]:
+def _batches(
+    file: McapFile, channels: Mapping[int, object], span: tuple[int, int]
+) -> Iterator[Messages]:
     """Yield the messages of the chunks that may hold messages to read."""
-    chunks: list[_Chunk] = []
-    before = size = 0
-    for number, head in enumerate(file.chunks):
-        is_within = span is None or (head.first_at <= span[1] and head.last_at >= span[0])
-        if is_within and file.may_hold(head, channels):
-            content = file.unpack(head)
-            chunks.append(_Chunk(before, content, file.record_starts(number, content)))
-            size += head.size
-        before += head.size
-        if size > BATCH_BYTES:
-            yield _batch(chunks, span)
-            chunks, size = [], 0
-    yield _batch(chunks, span)
+    chosen: list[ChunkPlace] = []
+    for chunk in file.chunks:
+        if chosen and chunk.before - chosen[0].before > BATCH_BYTES:
+            yield file.read(chosen)
+            chosen = []
+        is_within = chunk.first_at <= span[1] and chunk.last_at >= span[0]
+        if is_within and not chunk.channels.isdisjoint(channels):
+            chosen.append(chunk)
+    yield file.read(chosen)
 
 
-def _batch(chunks: Sequence[_Chunk], span: tuple[int, int] | None) -> _Batch:
-    """Messages of chunks, in the order of the log."""
-    places, shifts, size = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], 0
-    for chunk in chunks:
-        places.append(chunk.records + size)
-        shifts.append(np.full(len(chunk.records), chunk.before - size))
-        size += len(chunk.content)
-    starts = np.concatenate(places)
-    data = WireData(b"".join(chunk.content for chunk in chunks))
-    is_message = data.numbers("u1", starts) == MESSAGE
-    heads = starts[is_message]
-    contents = heads + HEAD_BYTES
-    batch = _Batch(
-        data,
-        order=heads + np.concatenate(shifts)[is_message],
-        channels=data.numbers("<u2", contents).astype(np.int64),
-        logged_at=data.numbers("<i8", contents + 6),
-        starts=contents + MESSAGE_HEAD_BYTES,
-        ends=contents + data.numbers("<i8", heads + 1),
+def _read(
+    messages: Messages, layout: _Layout, wanted: frozenset[str], vehicles: Mapping[int, str]
+) -> Iterator[Columns]:
+    """Decode the messages of a topic, and split them by vehicle."""
+    columns, is_odd = _decode(messages, layout, wanted)
+    if is_odd.any():
+        odd = _decode_singly(messages.of(is_odd), layout, columns)
+        columns = joined([columns.of(~is_odd), odd])
+        columns = columns.of(np.argsort(columns.order))
+    for vehicle in dict.fromkeys(vehicles.values()):
+        numbers = [number for number, name in vehicles.items() if name == vehicle]
+        yield replace(columns.of(np.isin(messages.channels, numbers)), vehicle=vehicle)
+
+
+def _decode_singly(messages: Messages, layout: _Layout, like: Columns) -> Columns:
+    """Decode messages one by one, into the columns of others; raises RefusedMessageError."""
+    if layout.form is None:
+        raise RefusedMessageError("garbage", "not a complete Deviation")
+    spans = zip(messages.starts.tolist(), messages.ends.tolist(), strict=True)
+    decoded = [decode(TOPICS[layout.topic], messages.content[start:end]) for start, end in spans]
+    columns = columns_from(layout.topic, decoded, messages.logged_at.tolist())
+    return replace(
+        columns,
+        order=messages.order,
+        fields={name: columns.fields[name] for name in like.fields},
+        lists={name: columns.lists[name] for name in like.lists},
     )
-    if span is None:
-        return batch
-    return batch.of((batch.logged_at >= span[0]) & (batch.logged_at <= span[1]))
 
 
-@dataclass(slots=True)
-class _Part:
-    """Rows of one vehicle and topic; the lists by their lengths and joined values."""
-
-    order: Integers
-    logged_at: Integers
-    values: dict[str, Array]
-    lists: dict[str, tuple[Integers, Array]]
-
-
-def _decode(
-    batch: _Batch,
-    layout: _Layout,
-    wanted: frozenset[str],
-    numbers: Mapping[int, tuple[str, str]],
-) -> Iterator[tuple[tuple[str, str], _Part]]:
-    """Decode the messages of a topic in a batch, and split them by vehicle."""
-    keys = list(dict.fromkeys(numbers.values()))
-    place = np.full(CHANNELS, -1, np.int64)
-    for number, key in numbers.items():
-        place[number] = keys.index(key)
-    batch = batch.of(place[batch.channels] >= 0)
-    owners = place[batch.channels]
-    columns = batch.data.decode(layout.wire, batch.starts, batch.ends, wanted)
-    _complete(columns, layout, wanted, batch)
-    for number, key in enumerate(keys):
-        rows = np.flatnonzero(owners == number)
-        values = {name: array[rows] for name, array in columns.values.items()}
-        lists = {}
-        for name, (lengths, joined) in columns.lists.items():
-            first = np.cumsum(lengths) - lengths
-            lists[name] = lengths[rows], joined[ranges(first[rows], lengths[rows], 1)]
-        yield key, _Part(batch.order[rows], batch.logged_at[rows], values, lists)
-
-
-def _complete(columns: WireColumns, layout: _Layout, wanted: frozenset[str], batch: _Batch) -> None:
-    """Fill absent fields with their defaults, and check and escape texts.
-
-    Messages that cannot be decoded by columns are decoded one by one.
-    """
-    form = layout.form
-    for name, absent in columns.absent.items():
-        if form and name in form.lists:
-            continue
-        if form is None or name not in form.defaults:
-            columns.is_odd |= absent
-        elif name in wanted:
-            columns.values[name][absent] = form.defaults[name]
-    for first, name in form.columns if form else ():
+def _decode(messages: Messages, layout: _Layout, wanted: frozenset[str]) -> tuple[Columns, Flags]:
+    """Decode the messages of a topic; returns also which of them have to be decoded one by one."""
+    data, ends = _WireData(messages.content), messages.ends
+    at, is_odd = messages.starts.copy(), np.zeros(len(ends), bool)
+    fields: dict[str, Array] = {}
+    lists: dict[str, Lists] = {}
+    defaults = layout.form.defaults if layout.form else {}
+    for row in layout.fields:
+        is_there = data.has_tag(row.tag, at) & (at < ends)
+        rows: Any = slice(None) if is_there.all() else np.flatnonzero(is_there)
+        if not row.is_list and row.name not in defaults:
+            is_odd |= ~is_there
+        values, begin, after = data.span(row, at[rows] + len(row.tag))
+        is_wrong = after > ends[rows]
+        after = np.minimum(after, ends[rows])
+        if row.name in wanted and row.is_list:
+            counts, values, is_wrong_list = data.packed(row, np.minimum(begin, after), after)
+            lengths = np.zeros(len(at), np.int64)
+            lengths[rows] = counts
+            lists[row.name] = Lists(np.concatenate(([0], np.cumsum(lengths))), values)
+            is_wrong |= is_wrong_list
+        elif row.name in wanted:
+            if row.type == FieldDescriptor.TYPE_STRING:
+                values, is_wrong_text = data.texts(begin, after)
+                is_wrong |= is_wrong_text
+            fields[row.name] = np.full(len(at), defaults.get(row.name, 0), values.dtype)
+            fields[row.name][rows] = values
+        is_odd[rows] |= is_wrong
+        at[rows] = after
+    is_odd |= at != ends
+    for first, name in layout.tables:
         if name in wanted:
-            columns.is_odd |= columns.lists[first][0] != columns.lists[name][0]
-    if columns.is_odd.any():
-        _patch(columns, layout, batch)
-    if form:
-        _check_texts(form, columns.values)
+            is_odd |= np.diff(lists[first].offsets) != np.diff(lists[name].offsets)
+    for name, words in layout.form.words if layout.form else ():
+        if name in wanted and (unknown := set(fields[name]) - words):
+            is_odd |= np.isin(fields[name], list(unknown))
+    columns = Columns("", layout.topic, messages.order, messages.logged_at, fields, lists)
+    return columns, is_odd
 
 
-def _check_texts(form: MessageForm, values: Mapping[str, Array]) -> None:
-    """Escape control characters of foreign texts; raises RefusedMessageError for unknown words."""
-    for name in values.keys() & set(form.texts):
-        texts = values[name]
-        hidden = {text: printable(text) for text in set(texts) if not text.isprintable()}
-        for row in np.flatnonzero([text in hidden for text in texts]) if hidden else ():
-            texts[row] = hidden[texts[row]]
-    for name, words in form.words:
-        if unknown := set(values.get(name, ())) - words:
-            raise RefusedMessageError("garbage", f"{name} is {unknown.pop()!r}")
+class _WireData:
+    """Bytes that hold messages at known places."""
+
+    def __init__(self, content: bytes) -> None:
+        self.content = content
+        self._bytes = np.frombuffer(self.content, np.uint8)
+        self._texts: dict[bytes, str | None] = {}
+
+    def has_tag(self, tag: bytes, at: Integers) -> Flags:
+        is_there: Flags = self._bytes[at] == tag[0]
+        for number, byte in enumerate(tag[1:], 1):
+            is_there &= self._bytes[at + number] == byte
+        return is_there
+
+    def span(self, row: _Field, at: Integers) -> tuple[Array, Integers, Integers]:
+        """Numbers, and the places of the contents and after them; a text has its length."""
+        if row.wire_type == _DOUBLE:
+            return numbers_at(self.content, "<f8", at), at, at + 8
+        values, after = self._varints(at)
+        if row.wire_type == _VARINT:
+            return _typed(row, values), at, after
+        lengths = np.minimum(values.view(np.uint64), len(self.content)).astype(np.int64)
+        return values, after, after + lengths
+
+    def _varints(self, places: Integers) -> tuple[Integers, Integers]:
+        """Integers of variable length at `places`, and the places after them."""
+        byte = self._bytes[places]
+        values, after = (byte & _LOW_BITS).astype(np.int64), places + 1
+        rows, shift = np.flatnonzero(byte > _LOW_BITS), 7
+        while len(rows) and shift < _VARINT_BITS:
+            byte = self._bytes[after[rows]]
+            values[rows] |= (byte & _LOW_BITS).astype(np.int64) << shift
+            after[rows] += 1
+            rows, shift = rows[byte > _LOW_BITS], shift + 7
+        after[rows] = len(self.content)  # longer than any integer
+        return values, after
+
+    def texts(self, starts: Integers, ends: Integers) -> tuple[Array, Flags]:
+        """Printable texts, and which of them are not UTF-8. Equal texts are one object."""
+        content, known = self.content, self._texts
+        spans = zip(starts.tolist(), ends.tolist(), strict=True)
+        raws = [content[start:end] for start, end in spans]
+        for raw in set(raws) - known.keys():
+            try:
+                known[raw] = printable(raw.decode())
+            except UnicodeDecodeError:
+                known[raw] = None
+        texts = [known[raw] for raw in raws]
+        return np.array(texts, object), np.array([text is None for text in texts], bool)
+
+    def packed(
+        self, row: _Field, starts: Integers, ends: Integers
+    ) -> tuple[Integers, Array, Flags]:
+        """Lengths of packed lists, their joined values, and which of the lists are wrong."""
+        sizes = ends - starts
+        if row.type == FieldDescriptor.TYPE_DOUBLE:
+            values = numbers_at(self.content, "<f8", ranges(starts, sizes // 8, 8))
+            return sizes // 8, values, sizes % 8 != 0
+        places = ranges(starts, sizes, 1)
+        is_last = self._bytes[places] <= _LOW_BITS
+        lasts = np.concatenate(([0], np.cumsum(is_last)))
+        row_ends = np.cumsum(sizes)
+        lengths = lasts[row_ends] - lasts[row_ends - sizes]
+        is_wrong = (sizes > 0) & (self._bytes[ends - 1] > _LOW_BITS)
+        if is_wrong.any():  # values run into each other
+            return np.zeros_like(lengths), np.zeros(0, np.int64), np.ones_like(is_wrong)
+        begins = places[np.concatenate(([True], is_last))[: len(places)]]
+        values, _ = self._varints(begins)
+        return lengths, _typed(row, values), is_wrong
 
 
-def _patch(columns: WireColumns, layout: _Layout, batch: _Batch) -> None:
-    """Decode the odd messages one by one."""
-    rows = np.flatnonzero(columns.is_odd).tolist()
-    starts, ends = batch.starts.tolist(), batch.ends.tolist()
-    messages = [layout.decode(batch.data.content(starts[row], ends[row])) for row in rows]
-    for name, values in columns.values.items():
-        values[rows] = [getattr(message, name) for message in messages]
-    for name, (lengths, joined) in columns.lists.items():
-        pieces = np.split(joined, np.cumsum(lengths)[:-1])
-        for row, message in zip(rows, messages, strict=True):
-            pieces[row] = np.array(getattr(message, name), joined.dtype)
-        new_lengths = np.array([len(piece) for piece in pieces], np.int64)
-        columns.lists[name] = new_lengths, np.concatenate(pieces)
-
-
-def _joined(key: tuple[str, str], parts: Sequence[_Part]) -> Columns:
-    first = parts[0]
-    lists = {}
-    for name in first.lists:
-        lengths = np.concatenate([part.lists[name][0] for part in parts])
-        offsets = np.concatenate(([0], np.cumsum(lengths)))
-        lists[name] = Lists(offsets, np.concatenate([part.lists[name][1] for part in parts]))
-    return Columns(
-        *key,
-        order=np.concatenate([part.order for part in parts]),
-        logged_at_ns=np.concatenate([part.logged_at for part in parts]),
-        fields={
-            name: np.concatenate([part.values[name] for part in parts]) for name in first.values
-        },
-        lists=lists,
-    )
+def _typed(row: _Field, values: Integers) -> Array:
+    """Integers or truth values of a field."""
+    if row.type == FieldDescriptor.TYPE_BOOL:
+        is_true: Flags = values != 0
+        return is_true
+    if row.type == FieldDescriptor.TYPE_SINT32:  # zigzag: 0, -1, 1, -2 …
+        return (values >> 1) ^ -(values & 1)
+    return values

@@ -1,18 +1,5 @@
 """Standard Foxglove messages made from ours, so that a log opens without this project.
 
-| ours                | standard                | topic in the log                |
-| ------------------- | ----------------------- | ------------------------------- |
-| GpsPose             | foxglove.LocationFix    | `/convoy/<vehicle>/location` ¹  |
-| TruePose            | foxglove.PoseInFrame    | `/convoy/<vehicle>/pose`        |
-| TruePose            | foxglove.FrameTransform | `/convoy/<vehicle>/transform`   |
-| TruePose            | foxglove.SceneUpdate    | `/convoy/<vehicle>/box`         |
-| CompositeTrajectory | foxglove.PosesInFrame   | `/convoy/<vehicle>/preview`     |
-| LogText             | foxglove.Log            | `/convoy/<vehicle>/text`        |
-| RunStart            | foxglove.SceneUpdate    | `/convoy/run/road`              |
-| RunStart            | foxglove.PosesInFrame   | `/convoy/run/path`              |
-
-¹ As JSON: Rerun shows a LocationFix in Protobuf on a map, for which it asks the Internet for tiles.
-
 The world frame `map` is east, north, up at the scenario's origin. The frame of a vehicle has its
 name and is forward, left, up.
 """
@@ -21,37 +8,41 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
+from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
-from google.protobuf.descriptor import FileDescriptor
-from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
 from transport.panels import PANELS, Colour, Panel, colour_of
 from vehicles.geometry.arc_spline import points_along
 from vehicles.geometry.lanes import Points, lane_edges, simplified
 from vehicles.messages import CompositeTrajectory, GpsPose, LogText, Message, RunStart, TruePose
-from vehicles.schedule import MILLISECOND, SECOND
-
-# ---- Foxglove scene entities of a run: cars, the lead's path and its lane
-#
-# A car is logged once, in its own frame, which moves.
-
+from vehicles.schedule import MILLISECOND
 
 FRAME_ID = "map"
 """Name of the world frame: east, north, up at the scenario's origin."""
 HEIGHT_M = 1.5
 DASHES_M = 5.0
 """Maximum distance between the poses of a path."""
+PREVIEW_SPACING_M = 2.0
+"""Distance between the poses of a composite trajectory."""
+PREVIEW_PERIOD_NS = 200 * MILLISECOND
+POSE_PERIOD_NS = 80 * MILLISECOND
+"""True poses of every fourth control tick; our own topics contain all of them."""
+ONCE_NS = 2**62
+"""Period of messages logged once."""
 ROAD: Colour = (0x6A, 0x6A, 0x6A)
 EDGE: Colour = (0xA0, 0xA0, 0xA0)
+_LEVELS = {**{name.lower(): level for name, level in Log.Level.items()}, "alert": Log.ERROR}
+
+
+# ---- The scene of a run: cars, the lead's path and its lane
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,55 +58,46 @@ class Scene:
     path: tuple[Sequence[float], Sequence[float]] | None = None
     lane: float | None = None
 
-    def box_maker(self) -> Callable[[TruePose], bytes]:
-        """Function that makes the box of a vehicle, labelled with its name."""
-        places = {name: place for place, name in enumerate(self.cars)}
+    def make_box(self, truth: TruePose) -> SceneUpdate:
+        """The box of a vehicle with its name, in the vehicle's frame, which moves."""
+        update = SceneUpdate()
+        if truth.vehicle in self.cars:
+            length, width, forward = self.cars[truth.vehicle]
+            colour = colour_of(list(self.cars).index(truth.vehicle))
+            entity = _entity(update, truth.true_at_ns, truth.vehicle, "car")
+            entity.frame_locked = True
+            box, name = entity.cubes.add(), entity.texts.add()
+            box.pose.position.x, box.pose.position.z = forward, 0.5 * HEIGHT_M
+            box.pose.orientation.w = name.pose.orientation.w = 1.0
+            box.size.x, box.size.y, box.size.z = length, width, HEIGHT_M
+            _paint(box.color, colour)
+            name.pose.position.z = 2.0 * HEIGHT_M
+            name.billboard, name.font_size, name.text = True, 1.5, truth.vehicle
+            _paint(name.color, colour)
+        return update
 
-        def make(truth: TruePose) -> bytes:
-            update = SceneUpdate()
-            if truth.vehicle in self.cars:
-                length, width, forward = self.cars[truth.vehicle]
-                entity = _entity(update, truth.true_at_ns, truth.vehicle, "car")
-                entity.frame_locked = True
-                box, name = entity.cubes.add(), entity.texts.add()
-                box.pose.position.x, box.pose.position.z = forward, 0.5 * HEIGHT_M
-                box.pose.orientation.w = name.pose.orientation.w = 1.0
-                box.size.x, box.size.y, box.size.z = length, width, HEIGHT_M
-                _paint(box.color, colour_of(places[truth.vehicle]))
-                name.pose.position.z = 2.0 * HEIGHT_M
-                name.billboard, name.font_size, name.text = True, 1.5, truth.vehicle
-                _paint(name.color, colour_of(places[truth.vehicle]))
-            data: bytes = update.SerializeToString()
-            return data
-
-        return make
-
-    def make_road(self, start: RunStart) -> bytes:
+    def make_road(self, start: RunStart) -> SceneUpdate:
         """The lead's path and the edges of its lane."""
         update = SceneUpdate()
         if self.path is not None:
             entity = _entity(update, start.start_at_ns, FRAME_ID, "road")
             path = simplified(*self.path)
             _add_line(entity, path, ROAD)
-            if self.lane is not None:
-                for edge in lane_edges(path, self.lane):
-                    _add_line(entity, edge, EDGE)
-        data: bytes = update.SerializeToString()
-        return data
+            for edge in lane_edges(path, self.lane) if self.lane is not None else ():
+                _add_line(entity, edge, EDGE)
+        return update
 
-    def make_path(self, start: RunStart) -> bytes:
+    def make_path(self, start: RunStart) -> PosesInFrame:
         """The lead's path as poses, for viewers without scene entities."""
         poses = PosesInFrame(frame_id=FRAME_ID)
         poses.timestamp.FromNanoseconds(start.start_at_ns)
         if self.path is not None:
             points = simplified(*self.path, spacing=DASHES_M).tolist()
             for (east, north), (next_east, next_north) in pairwise(points):
-                half = 0.5 * math.atan2(next_north - north, next_east - east)
                 pose = poses.poses.add()
-                pose.position.x, pose.position.y = east, north
-                pose.orientation.z, pose.orientation.w = math.sin(half), math.cos(half)
-        data: bytes = poses.SerializeToString()
-        return data
+                yaw = math.atan2(next_north - north, next_east - east)
+                _set_pose(pose.position, pose.orientation, east, north, yaw)
+        return poses
 
 
 def _entity(update: Any, at: int, frame: str, name: str) -> Any:
@@ -132,8 +114,7 @@ def _add_line(entity: Any, points: Points, colour: Colour) -> None:
     line.thickness, line.scale_invariant = 1.5, True
     _paint(line.color, colour)
     for east, north in points.tolist():
-        point = line.points.add()
-        point.x, point.y = east, north
+        line.points.add(x=east, y=north)
 
 
 def _paint(color: Any, colour: Colour) -> None:
@@ -141,197 +122,95 @@ def _paint(color: Any, colour: Colour) -> None:
     color.a = 1.0
 
 
-# ---- Foxglove
+def _set_pose(position: Any, orientation: Any, east: float, north: float, yaw: float) -> None:
+    position.x, position.y = east, north
+    orientation.z, orientation.w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
 
 
-PREVIEW_SPACING_M = 2.0
-"""Distance between the poses of a composite trajectory."""
-PREVIEW_PERIOD_NS = 200 * MILLISECOND
-POSE_PERIOD_NS = 80 * MILLISECOND
-"""True poses of every fourth control tick; our own topics contain all of them."""
-ONCE_NS = 2**62
-"""Period of messages logged once."""
-_LEVELS = {
-    "debug": Log.DEBUG,
-    "info": Log.INFO,
-    "warning": Log.WARNING,
-    "error": Log.ERROR,
-    "alert": Log.ERROR,
-    "fatal": Log.FATAL,
-}
-
-
-class Schema(NamedTuple):
-    """Name, encoding and content of a schema, and the encoding of its messages."""
-
-    name: str
-    encoding: str
-    data: bytes
-    message_encoding: str
+# ---- Standard messages
 
 
 @dataclass(frozen=True, slots=True)
 class StandardMessage:
-    """A standard message made from one of ours, at most one per vehicle and `period_ns`."""
+    """A standard message of a Protobuf class, at most one per vehicle and `period_ns`.
+
+    `make` makes it from one of ours.
+    """
 
     name: str
-    schema: Schema
-    make: Callable[[Any], bytes]
+    kind: Any
+    make: Callable[[Any], Any]
     period_ns: int = 0
 
 
-@cache
-def protobuf_schema(message_class: Any) -> Schema:
-    """Schema of a Protobuf class: the FileDescriptorSet of its file after all dependencies."""
-    files = FileDescriptorSet()
-    added: set[str] = set()
-
-    def add(file: FileDescriptor) -> None:
-        if file.name in added:
-            return
-        added.add(file.name)
-        for dependency in file.dependencies:
-            add(dependency)
-        file.CopyToProto(files.file.add())
-
-    add(message_class.DESCRIPTOR.file)
-    data = files.SerializeToString(deterministic=True)
-    return Schema(message_class.DESCRIPTOR.full_name, "protobuf", data, "protobuf")
-
-
-_NUMBER = {"type": "number"}
-_LOCATION_FIELDS = {
-    "timestamp": {
-        "type": "object",
-        "title": "time",
-        "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
-    },
-    "frame_id": {"type": "string"},
-    "latitude": _NUMBER,
-    "longitude": _NUMBER,
-    "altitude": _NUMBER,
-    "position_covariance": {"type": "array", "items": _NUMBER},
-    "position_covariance_type": {"type": "integer"},
-    "heading": _NUMBER,
-    "velocity": {
-        "type": "object",
-        "title": "foxglove.Vector3",
-        "properties": {"x": _NUMBER, "y": _NUMBER, "z": _NUMBER},
-    },
-}
-_LOCATION = {"title": "foxglove.LocationFix", "type": "object", "properties": _LOCATION_FIELDS}
-LOCATION_SCHEMA = Schema(
-    "foxglove.LocationFix", "jsonschema", json.dumps(_LOCATION).encode(), "json"
-)
-_APPROXIMATED = 1
-
-
-def _make_location(gps: GpsPose) -> bytes:
-    seconds, nanoseconds = divmod(gps.measured_at_ns, SECOND)
+def _location(gps: GpsPose) -> LocationFix:
     heading = math.radians(gps.heading_deg)
     # Reported by the receiver; the altitude is assumed to be as accurate.
     variance = gps.position_accuracy_m * gps.position_accuracy_m  # ** raises OverflowError
-    fix = {
-        "timestamp": {"sec": seconds, "nsec": nanoseconds},
-        "frame_id": gps.vehicle,
-        "latitude": gps.latitude_deg,
-        "longitude": gps.longitude_deg,
-        "altitude": gps.altitude_m,
-        "position_covariance": [variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance],
-        "position_covariance_type": _APPROXIMATED,
-        "heading": heading,
-        "velocity": {
-            "x": gps.speed_mps * math.sin(heading),
-            "y": gps.speed_mps * math.cos(heading),
-            "z": 0.0,
-        },
-    }
-    return json.dumps(fix).encode()
+    fix = LocationFix(
+        frame_id=gps.vehicle,
+        latitude=gps.latitude_deg,
+        longitude=gps.longitude_deg,
+        altitude=gps.altitude_m,
+        position_covariance=[variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance],
+        position_covariance_type=LocationFix.APPROXIMATED,
+        heading=heading,
+    )
+    fix.timestamp.FromNanoseconds(gps.measured_at_ns)
+    fix.velocity.x = gps.speed_mps * math.sin(heading)
+    fix.velocity.y = gps.speed_mps * math.cos(heading)
+    return fix
 
 
-def _pose_maker() -> Callable[[TruePose], bytes]:
-    in_frame = PoseInFrame(frame_id=FRAME_ID)
-    timestamp = in_frame.timestamp
-    position, orientation = in_frame.pose.position, in_frame.pose.orientation
-
-    def make(truth: TruePose) -> bytes:
-        timestamp.FromNanoseconds(truth.true_at_ns)
-        position.x = truth.east_m
-        position.y = truth.north_m
-        orientation.z = math.sin(0.5 * truth.yaw_rad)
-        orientation.w = math.cos(0.5 * truth.yaw_rad)
-        data: bytes = in_frame.SerializeToString()
-        return data
-
-    return make
+def _pose(truth: TruePose) -> PoseInFrame:
+    pose = PoseInFrame(frame_id=FRAME_ID)
+    pose.timestamp.FromNanoseconds(truth.true_at_ns)
+    place = pose.pose
+    _set_pose(place.position, place.orientation, truth.east_m, truth.north_m, truth.yaw_rad)
+    return pose
 
 
-def _transform_maker() -> Callable[[TruePose], bytes]:
-    transforms: dict[str, FrameTransform] = {}  # as for locations
-
-    def make(truth: TruePose) -> bytes:
-        transform = transforms.get(truth.vehicle)
-        if transform is None:
-            transform = transforms[truth.vehicle] = FrameTransform(
-                parent_frame_id=FRAME_ID, child_frame_id=truth.vehicle
-            )
-        translation, rotation = transform.translation, transform.rotation
-        transform.timestamp.FromNanoseconds(truth.true_at_ns)
-        translation.x = truth.east_m
-        translation.y = truth.north_m
-        rotation.z = math.sin(0.5 * truth.yaw_rad)
-        rotation.w = math.cos(0.5 * truth.yaw_rad)
-        data: bytes = transform.SerializeToString()
-        return data
-
-    return make
+def _transform(truth: TruePose) -> FrameTransform:
+    frame = FrameTransform(parent_frame_id=FRAME_ID, child_frame_id=truth.vehicle)
+    frame.timestamp.FromNanoseconds(truth.true_at_ns)
+    _set_pose(frame.translation, frame.rotation, truth.east_m, truth.north_m, truth.yaw_rad)
+    return frame
 
 
-def _make_preview(trajectory: CompositeTrajectory) -> bytes:
+def _preview(trajectory: CompositeTrajectory) -> PosesInFrame:
     poses = PosesInFrame(frame_id=FRAME_ID)
     poses.timestamp.FromNanoseconds(trajectory.decided_at_ns)
-    add = poses.poses.add
     for east, north, yaw in points_along(trajectory, PREVIEW_SPACING_M):
-        pose = add()
-        position, orientation = pose.position, pose.orientation
-        position.x = east
-        position.y = north
-        orientation.z = math.sin(0.5 * yaw)
-        orientation.w = math.cos(0.5 * yaw)
-    data: bytes = poses.SerializeToString()
-    return data
+        pose = poses.poses.add()
+        _set_pose(pose.position, pose.orientation, east, north, yaw)
+    return poses
 
 
-def _make_text(line: LogText) -> bytes:
+def _text(line: LogText) -> Log:
     text = Log(level=_LEVELS.get(line.level, Log.UNKNOWN), message=line.text, name=line.vehicle)
     text.timestamp.FromNanoseconds(line.logged_at_ns)
-    data: bytes = text.SerializeToString()
-    return data
+    return text
 
 
 def standard_messages(
     scene: Scene | None = None,
 ) -> Mapping[type[Message], tuple[StandardMessage, ...]]:
-    """Standard messages by the class of ours; each call creates its own makers."""
+    """Standard messages by the class of ours."""
     scene = scene or Scene()
     return {
-        GpsPose: (StandardMessage("location", LOCATION_SCHEMA, _make_location),),
+        GpsPose: (StandardMessage("location", LocationFix, _location),),
         TruePose: (
-            StandardMessage("pose", protobuf_schema(PoseInFrame), _pose_maker(), POSE_PERIOD_NS),
-            StandardMessage(
-                "transform", protobuf_schema(FrameTransform), _transform_maker(), POSE_PERIOD_NS
-            ),
-            StandardMessage("box", protobuf_schema(SceneUpdate), scene.box_maker(), ONCE_NS),
+            StandardMessage("pose", PoseInFrame, _pose, POSE_PERIOD_NS),
+            StandardMessage("transform", FrameTransform, _transform, POSE_PERIOD_NS),
+            StandardMessage("box", SceneUpdate, scene.make_box, ONCE_NS),
         ),
         CompositeTrajectory: (
-            StandardMessage(
-                "preview", protobuf_schema(PosesInFrame), _make_preview, PREVIEW_PERIOD_NS
-            ),
+            StandardMessage("preview", PosesInFrame, _preview, PREVIEW_PERIOD_NS),
         ),
-        LogText: (StandardMessage("text", protobuf_schema(Log), _make_text),),
+        LogText: (StandardMessage("text", Log, _text),),
         RunStart: (
-            StandardMessage("road", protobuf_schema(SceneUpdate), scene.make_road, ONCE_NS),
-            StandardMessage("path", protobuf_schema(PosesInFrame), scene.make_path, ONCE_NS),
+            StandardMessage("road", SceneUpdate, scene.make_road, ONCE_NS),
+            StandardMessage("path", PosesInFrame, scene.make_path, ONCE_NS),
         ),
     }
 
@@ -348,83 +227,67 @@ def foxglove_layout(vehicles: Sequence[str]) -> str:
     panels = [panel for panel in PANELS.values() if panel.foxglove and panel.applies_to(vehicles)]
     panels.sort(key=lambda panel: list(KINDS).index(panel.kind))
     shown = {f"{KINDS[panel.kind]}!{panel.name}": _panel(panel, vehicles) for panel in panels}
-    left = {"first": "3D!scene", "second": "RosOut!text", "direction": "column"}
+    text = {"topicToRender": "/convoy/run/text", "minLogLevel": 1}
+    left = _split("column", 75.0, "3D!scene", "RosOut!text")
     layout = {
-        "configById": {
-            "3D!scene": _scene(vehicles),
-            "RosOut!text": {"topicToRender": "/convoy/run/text", "minLogLevel": 1},
-            **shown,
-        },
+        "configById": {"3D!scene": _scene(vehicles), "RosOut!text": text, **shown},
         "globalVariables": {},
         "userNodes": {},
         "playbackConfig": {"speed": 1},
-        "layout": {
-            "first": {**left, "splitPercentage": 75},
-            "second": _stacked(list(shown)),
-            "direction": "row",
-            "splitPercentage": 55,
-        },
+        "layout": _split("row", 55.0, left, _stacked(list(shown))),
     }
     return json.dumps(layout, indent=1) + "\n"
 
 
+def _split(direction: str, percentage: float, first: object, second: object) -> object:
+    shares = {"direction": direction, "splitPercentage": percentage}
+    return {"first": first, "second": second, **shares}
+
+
+def _stacked(panels: Sequence[str]) -> object:
+    """Stack panels of equal height."""
+    first, *rest = panels
+    return _split("column", 100.0 / len(panels), first, _stacked(rest)) if rest else first
+
+
 def _scene(vehicles: Sequence[str]) -> dict[str, object]:
-    shown = ["/convoy/run/road"]
-    shown += [f"/convoy/{name}/{topic}" for name in vehicles for topic in ("box", "preview")]
+    shown = [f"/convoy/{name}/{topic}" for name in vehicles for topic in ("box", "preview")]
+    camera = {
+        "perspective": True,
+        "distance": 20.0 + 12.0 * len(vehicles),
+        "phi": 35.0,
+        "thetaOffset": 0.0,
+    }
     return {
         "followMode": "follow-position",
         "followTf": vehicles[len(vehicles) // 2],
-        "cameraState": {
-            "perspective": True,
-            "distance": 20.0 + 12.0 * len(vehicles),
-            "phi": 35.0,
-            "thetaOffset": 0.0,
-            "targetOffset": [0.0, 0.0, 0.0],
-            "target": [0.0, 0.0, 0.0],
-            "targetOrientation": [0.0, 0.0, 0.0, 1.0],
-            "fovy": 45.0,
-            "near": 0.5,
-            "far": 5000.0,
-        },
+        "cameraState": camera,
         "scene": {"transforms": {"visible": False}},
-        "topics": {topic: {"visible": True} for topic in shown},
+        "topics": {topic: {"visible": True} for topic in ("/convoy/run/road", *shown)},
         "layers": {},
     }
 
 
 def _panel(panel: Panel, vehicles: Sequence[str]) -> dict[str, object]:
     followers = panel.followers(vehicles)
-    drawn = [(place, name, series) for place, name in followers.items() for series in panel.single]
-    paths: list[dict[str, object]] = [
-        {
-            "value": f"/convoy/{name}/{series.topic}.{series.field}",
-            "label": series.label_of(name),
-            "timestampMethod": "receiveTime",
-        }
-        for _, name, series in drawn
-    ]
+    is_plot = panel.kind != "states"
+    paths = []
+    for place, name in followers.items():
+        for series in panel.single:
+            colour = "#{:02x}{:02x}{:02x}".format(*series.colour_at(place))
+            path = {
+                "value": f"/convoy/{name}/{series.topic}.{series.field}",
+                "label": series.label_of(name),
+                "timestampMethod": "receiveTime",
+            }
+            paths.append({**path, "color": colour, "enabled": True} if is_plot else path)
     heading = panel.heading(next(iter(followers.values()), ""))
-    shown = {"foxglovePanelTitle": heading, "paths": paths, "isSynced": True}
-    if panel.kind == "states":
-        return shown
-    for path, (place, _, series) in zip(paths, drawn, strict=True):
-        colour = "#{:02x}{:02x}{:02x}".format(*series.colour_at(place))
-        path |= {"color": colour, "enabled": True}
-    return {
-        **shown,
+    axes = {
         "showLegend": True,
         "legendDisplay": "floating",
         "showXAxisLabels": True,
-        "showYAxisLabels": True,
         "xAxisVal": "timestamp",
+        "showYAxisLabels": True,
     }
-
-
-def _stacked(panels: Sequence[str]) -> object:
-    """Stack panels of equal height."""
-    first, *rest = panels
-    if not rest:
-        return first
-    share = 100.0 / len(panels)
-    stack = {"first": first, "second": _stacked(rest), "direction": "column"}
-    return {**stack, "splitPercentage": share}
+    shown = {"foxglovePanelTitle": heading, "paths": paths, "isSynced": True}
+    return {**shown, **axes} if is_plot else shown

@@ -3,19 +3,21 @@
 import json
 import math
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
 from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
 from foxglove_schemas_protobuf.LocationFixes_pb2 import LocationFixes
 from google.protobuf.message import DecodeError
-from mcap.records import Channel, Message, Schema
-from mcap.stream_reader import StreamReader
+from mcap.reader import NonSeekingReader
+from mcap.records import Message
 
 from transport.log.errors import LogError
 
 SECOND = 1_000_000_000
+RECORD_BYTES_MAX = 2**28
+"""Maximum length of a record; a larger one is damage."""
 
 
 class RecordedFix(NamedTuple):
@@ -27,10 +29,7 @@ class RecordedFix(NamedTuple):
     altitude: float
 
 
-Decoder = Callable[[bytes], Iterator[RecordedFix]]
-
-RECORD_BYTES_MAX = 2**28
-"""Maximum length of a record; a larger one is damage."""
+Decoder = Callable[[bytes], Iterable[RecordedFix]]
 
 
 def fixes_by_topic(path: Path) -> tuple[dict[str, list[RecordedFix | None]], str]:
@@ -39,21 +38,14 @@ def fixes_by_topic(path: Path) -> tuple[dict[str, list[RecordedFix | None]], str
     A damaged or truncated file is read up to the damage. A message without a time has that of the
     log, and an unreadable message is None.
     """
-    schemas: dict[int, str] = {}
-    topics: dict[int, tuple[str, Decoder]] = {}
     fixes: dict[str, list[RecordedFix | None]] = {}
     try:
         with path.open("rb") as file:
-            for record in StreamReader(file, record_size_limit=RECORD_BYTES_MAX).records:
-                if isinstance(record, Schema):
-                    schemas[record.id] = record.name
-                elif isinstance(record, Channel):
-                    decoder = _decoder(schemas.get(record.schema_id, ""), record.message_encoding)
-                    if decoder:
-                        topics[record.id] = record.topic, decoder
-                elif isinstance(record, Message) and record.channel_id in topics:
-                    topic, decode = topics[record.channel_id]
-                    fixes.setdefault(topic, []).extend(_read(decode, record))
+            reader = NonSeekingReader(file, record_size_limit=RECORD_BYTES_MAX)
+            for schema, channel, message in reader.iter_messages(log_time_order=False):
+                name = schema.name.replace("/", ".").rpartition(".")[2] if schema else ""
+                if decoder := DECODERS.get((name, channel.message_encoding)):
+                    fixes.setdefault(channel.topic, []).extend(_read(decoder, message))
     except OSError as error:
         raise LogError(f"{path}: cannot read the log: {error.strerror}") from error
     except Exception as error:  # noqa: BLE001 - zstandard and struct raise their own
@@ -62,70 +54,60 @@ def fixes_by_topic(path: Path) -> tuple[dict[str, list[RecordedFix | None]], str
     return fixes, ""
 
 
-def _read(decode: Decoder, message: Message) -> list[RecordedFix | None]:
+def _read(decoder: Decoder, message: Message) -> list[RecordedFix | None]:
     try:
         return [
             fix if fix.at_ns else fix._replace(at_ns=message.log_time)
-            for fix in decode(message.data)
+            for fix in decoder(message.data)
         ]
-    except (ValueError, KeyError, TypeError, AttributeError, DecodeError, struct.error):
+    except (ValueError, KeyError, TypeError, AttributeError, DecodeError, struct.error, IndexError):
         return [None]
 
 
-def _decoder(schema: str, encoding: str) -> Decoder | None:
-    """Return the decoder of positions, None for other messages."""
-    name = schema.rpartition(".")[2].rpartition("/")[2]
-    if name not in {"LocationFix", "LocationFixes", "NavSatFix"}:
-        return None
-    several = name == "LocationFixes"
-    decoders: dict[str, Decoder] = {"json": _from_json, "ros1": _from_ros1, "cdr": _from_cdr}
-    if name != "NavSatFix":
-        decoders = {
-            "json": _from_json,
-            "protobuf": _all_from_protobuf if several else _from_protobuf,
-        }
-    return decoders.get(encoding)
+def _from_protobuf(fixes: Iterable[LocationFix]) -> list[RecordedFix]:
+    return [
+        RecordedFix(fix.timestamp.ToNanoseconds(), fix.latitude, fix.longitude, fix.altitude)
+        for fix in fixes
+    ]
 
 
-def _from_protobuf(data: bytes) -> Iterator[RecordedFix]:
-    yield _from_message(LocationFix.FromString(data))
-
-
-def _all_from_protobuf(data: bytes) -> Iterator[RecordedFix]:
-    yield from map(_from_message, LocationFixes.FromString(data).fixes)
-
-
-def _from_message(message: LocationFix) -> RecordedFix:
-    at = message.timestamp.ToNanoseconds()
-    return RecordedFix(at, message.latitude, message.longitude, message.altitude)
-
-
-def _from_json(data: bytes) -> Iterator[RecordedFix]:
-    content = json.loads(data)
+def _from_json(data: bytes) -> list[RecordedFix]:
+    content, fixes = json.loads(data), []
     for fix in content.get("fixes", [content]):
         stamp = fix.get("timestamp") or fix.get("header", {}).get("stamp") or {}
         nanoseconds = stamp.get("nsec", stamp.get("nanosec", 0))
+        at = int(stamp.get("sec", 0)) * SECOND + int(nanoseconds)
         altitude = fix.get("altitude")
-        yield RecordedFix(
-            int(stamp.get("sec", 0)) * SECOND + int(nanoseconds),
-            float(fix["latitude"]),
-            float(fix["longitude"]),
-            math.nan if altitude is None else float(altitude),
-        )
+        height = math.nan if altitude is None else float(altitude)
+        fixes.append(RecordedFix(at, float(fix["latitude"]), float(fix["longitude"]), height))
+    return fixes
 
 
-def _from_ros1(data: bytes) -> Iterator[RecordedFix]:
+def _from_ros1(data: bytes) -> list[RecordedFix]:
     """Header: sequence, time and name of a frame; then status, service and the position."""
     _, sec, nsec, length = struct.unpack_from("<IIII", data)
-    yield RecordedFix(sec * SECOND + nsec, *struct.unpack_from("<ddd", data, 16 + length + 3))
+    return [RecordedFix(sec * SECOND + nsec, *struct.unpack_from("<ddd", data, 16 + length + 3))]
 
 
-def _from_cdr(data: bytes) -> Iterator[RecordedFix]:
+def _from_cdr(data: bytes) -> list[RecordedFix]:
     """As in ROS 1, aligned behind the four bytes that state the byte order."""
     order = "<" if data[1] & 1 else ">"
     sec, nsec, length = struct.unpack_from(f"{order}iII", data, 4)
     service_at = (12 + length + 1 + 1) // 2 * 2
     position_at = (service_at + 2 + 7) // 8 * 8
-    yield RecordedFix(
-        sec * SECOND + nsec, *struct.unpack_from(f"{order}ddd", data, 4 + position_at)
-    )
+    position = struct.unpack_from(f"{order}ddd", data, 4 + position_at)
+    return [RecordedFix(sec * SECOND + nsec, *position)]
+
+
+DECODERS: dict[tuple[str, str], Decoder] = {
+    ("LocationFix", "json"): _from_json,
+    ("LocationFix", "protobuf"): lambda data: _from_protobuf([LocationFix.FromString(data)]),
+    ("LocationFixes", "json"): _from_json,
+    ("LocationFixes", "protobuf"): lambda data: _from_protobuf(
+        LocationFixes.FromString(data).fixes
+    ),
+    ("NavSatFix", "json"): _from_json,
+    ("NavSatFix", "ros1"): _from_ros1,
+    ("NavSatFix", "cdr"): _from_cdr,
+}
+"""Decoders by schema and encoding."""

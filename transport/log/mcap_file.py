@@ -1,7 +1,7 @@
 """The records of an MCAP file, which may be truncated or damaged.
 
-A complete file is read by its index. A file without one is read from its beginning to the first
-record that cannot be read. Chunks with a wrong checksum are left out.
+A complete file is read by its index, a file without one from its beginning to the first record that
+cannot be read. Chunks with a wrong checksum are left out.
 """
 
 import fcntl
@@ -10,234 +10,249 @@ import os
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Container, Iterator, Mapping, Set
+from collections.abc import Mapping, Sequence, Set
 from contextlib import suppress
 from difflib import get_close_matches
-from functools import cached_property
 from io import BytesIO
 from pathlib import Path
 from typing import IO, NamedTuple, cast
 
 import numpy as np
-from mcap import records
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import EndOfFile, McapError
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, Metadata, Schema
 from mcap.stream_reader import StreamReader, get_chunk_data_stream
+from mcap.summary import Summary
 from mcap.writer import Writer
 
-from transport.columns import Integers
+from transport.columns import Array, Integers
 from transport.log.errors import LogError, UnwritableError
-from transport.log.wire import WireData
 
 MAGIC = b"\x89MCAP0\r\n"
 """An MCAP file begins and ends with these bytes (MCAP specification, section Magic)."""
-_HEAD = struct.Struct("<BQ")  # opcode, length of the content
-HEAD_BYTES = _HEAD.size
-_MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-MESSAGE_HEAD_BYTES = _MESSAGE_HEAD.size
-_U64 = struct.Struct("<Q")
-_FOOTER_BYTES = HEAD_BYTES + 20
-_DATA_END_BYTES = HEAD_BYTES + 4
-MESSAGE = int(Opcode.MESSAGE)
-CHANNELS = 2**16
-"""Number of possible channel numbers in MCAP."""
-SECOND = 1_000_000_000
+_HEAD = struct.Struct("<BQ")  # opcode and length of a record
+_LENGTH = struct.Struct("<Q")
+_MESSAGE = struct.Struct("<BQHIQQ")  # head, channel, number, instants of recording and publication
+_CHANNEL_AT, _NUMBER_AT, _LOGGED_AT = 9, 11, 15
+_FOOTER_BYTES = _HEAD.size + 20
+_DATA_END_BYTES = _HEAD.size + 4
+_PADDING = bytes(32)
+"""Bytes after unpacked records, so that a record that ends too early can be read beyond its end."""
 LARGEST_RECORD = 2**30
 """Bytes; a larger stated size is damage."""
 MAX_LISTED = 3
 """Maximum number of damaged places that are listed."""
+SECOND = 1_000_000_000
 
 THINNED_NAME = "thinned"
 """Name of the metadata record with the maximum rates of thinned topics."""
 REPAIRED = "repaired"
 """Name of the metadata record of a log that was written again from one without an end."""
-EXTENTS = "channels"
-"""Name of the metadata record with the `ChannelExtent` of each channel, by its name."""
-
-
-class ChannelExtent(NamedTuple):
-    """Smallest and largest number of the messages of a channel, and bounds (ns) of their instants.
-
-    Every instant in a message is between `earliest` and `latest` after the instant of its
-    recording; negative values are before it. So the messages with an instant in an interval are
-    found without reading others.
-    """
-
-    first: int
-    last: int
-    earliest: int
-    latest: int
 
 
 class ChunkPlace(NamedTuple):
-    """A chunk at byte `start` of the file, with the instants (ns) of its messages.
+    """A chunk at byte `start` of the file, with the instants (ns) and channels of its messages.
 
-    `size` is that of its unpacked records. `channels` are None if they are unknown.
+    `before` is the size of all unpacked chunks before it.
     """
 
     start: int
     end: int
     first_at: int
     last_at: int
-    size: int
-    channels: frozenset[int] | None = None
+    before: int
+    channels: Set[int]
 
 
-class MessageHeads(NamedTuple):
-    """Channel, sequence number, instant of recording (ns) and size (bytes) of N messages."""
+class Messages(NamedTuple):
+    """N messages of some chunks: message k is `content[starts[k]:ends[k]]`.
 
-    channel: Integers
-    sequence: Integers
+    `order` are their places in the unpacked log, `logged_at` the instants of recording (ns).
+    """
+
+    content: bytes
+    order: Integers
+    channels: Integers
+    numbers: Integers
     logged_at: Integers
-    size: Integers
+    starts: Integers
+    ends: Integers
+
+    def of(self, rows: Array) -> "Messages":
+        return Messages(self.content, *(column[rows] for column in self[1:]))
 
 
 class McapFile:
     """The readable records of an MCAP file.
 
     `damage` describes unreadable bytes in one line; empty if there are none. A `truncated` file was
-    not completed.
+    not completed. `chunks` are in the order of the file, schemas and channels by number. `stated`
+    are the numbers of messages by channel when the file was completed; empty if they are unknown.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.bytes = map_log(path)
-        self.truncated = not _has_ending(self.bytes)
-        self.damage = ""
+        self._bytes = map_log(path)
+        self.truncated = not _has_ending(self._bytes)
         self.chunks: list[ChunkPlace] = []
-        self._schemas: dict[int, Schema] = {}
-        self._channels: dict[int, Channel] = {}
-        self._attachments: dict[str, Attachment] = {}
-        self._metadata: dict[str, dict[str, str]] = {}
-        self._stated: Mapping[int, int] = {}
-        self._starts: dict[int, Integers] = {}
-        self._is_changed = False
-        self.is_intact = False
-        if self.truncated or not self._read_index():
-            self._read_through()
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, Channel] = {}
+        self.attachments: dict[str, Attachment] = {}
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.stated: Mapping[int, int] = {}
+        self._size = 0
+        self._places: dict[int, Integers] = {}
+        summary = None if self.truncated else _summary(self._bytes)
+        self.damage = self._read_by(*summary) if summary else self._read_through()
 
-    def _read_index(self) -> bool:
-        """Read a complete file by its index; False if the index is absent or damaged.
+    def _read_by(self, summary: Summary, summary_at: int) -> str:
+        """Read a complete file by its index; returns the damage.
 
         Unless the checksum of the data is right, each chunk is checked by its own.
         """
-        try:
-            summary_at = _checked_summary(self.bytes)
-            reader = SeekingReader(cast("IO[bytes]", self.bytes), record_size_limit=LARGEST_RECORD)
-            summary = reader.get_summary()
-        except (McapError, ValueError, struct.error):
-            return False
-        if summary is None or summary.statistics is None:
-            return False
-        self.is_intact = self._has_right_checksum(summary_at - _DATA_END_BYTES)
-        self._schemas, self._channels = summary.schemas, summary.channels
-        self._stated = summary.statistics.channel_message_counts
+        self.schemas, self.channels = summary.schemas, summary.channels
+        if summary.statistics:
+            self.stated = summary.statistics.channel_message_counts
         offsets = [one.offset for one in summary.attachment_indexes]
         for offset in [*offsets, *(one.offset for one in summary.metadata_indexes)]:
-            self._take(_record(self.bytes, offset))
+            self._take(offset)
+        is_right = self._is_checksum_right(summary_at - _DATA_END_BYTES)
         wrong = []
         for index in sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset):
-            chunk = ChunkPlace(
-                index.chunk_start_offset,
-                index.chunk_start_offset + index.chunk_length,
-                index.message_start_time,
-                index.message_end_time,
-                index.uncompressed_size,
-                frozenset(index.message_index_offsets),
-            )
-            if self.is_intact or self._is_sound(chunk):
-                self.chunks.append(chunk)
-            else:
-                wrong.append((chunk.start, chunk.end))
-        if wrong:
-            self.damage = self._describe(wrong)
-        elif self._is_changed:
-            self.damage = f"{self.path}: damaged, its checksum does not match its content"
-        return True
+            start, end = index.chunk_start_offset, index.chunk_start_offset + index.chunk_length
+            channels = index.message_index_offsets.keys()
+            if is_right and channels:
+                instants = index.message_start_time, index.message_end_time
+                self.chunks.append(ChunkPlace(start, end, *instants, self._size, channels))
+                self._size += index.uncompressed_size
+            elif not self._take_chunk(start, end):
+                wrong.append((start, end))
+        if is_right is False and not wrong:
+            return f"{self.path}: damaged, its checksum does not match its content"
+        return self._describe(wrong)
 
-    def _take(self, record: records.McapRecord | None) -> None:
-        if isinstance(record, Attachment):
-            self._attachments[record.name] = record
-        elif isinstance(record, Metadata):
-            self._metadata[record.name] = record.metadata
-
-    def _has_right_checksum(self, end_at: int) -> bool:
-        end = _record(self.bytes, end_at)
+    def _is_checksum_right(self, end_at: int) -> bool | None:
+        """Whether the data have the checksum of their end at byte `end_at`; None without one."""
+        end = _record(self._bytes, end_at)
         if not isinstance(end, DataEnd):
-            self._is_changed = True
             return False
-        if not end.data_section_crc:  # its writer computed none
-            return False
-        with memoryview(self.bytes) as content, content[:end_at] as data:
-            self._is_changed = zlib.crc32(data) != end.data_section_crc
-        return not self._is_changed
+        if not end.data_section_crc:
+            return None
+        with memoryview(self._bytes) as content, content[:end_at] as data:
+            return zlib.crc32(data) == end.data_section_crc
 
-    def _is_sound(self, chunk: ChunkPlace) -> bool:
-        try:
-            return all(True for _ in entries_in(self.unpack(chunk)))
-        except (LogError, struct.error):
-            return False
-
-    def _read_through(self) -> None:
-        """Read all records up to the first one that cannot be read."""
+    def _read_through(self) -> str:
+        """Read all records up to the first one that cannot be read; returns the damage."""
         wrong: list[tuple[int, int]] = []
-        at, is_whole = len(MAGIC), False
-        self.bytes.seek(0)
-        try:
-            for record in _stream(self.bytes, skip_magic=False).records:
-                start, at = at, self.bytes.tell()
-                if isinstance(record, Chunk) and not self._read_chunk(record, start, at):
-                    wrong.append((start, at))
-                self._take(record)
-                if is_whole := isinstance(record, DataEnd):
-                    break
-        except EndOfFile:
-            pass  # a truncated file ends within a record
-        except Exception:  # noqa: BLE001 - the library, zstandard and struct raise their own
-            if self.truncated and self.bytes.tell() < len(self.bytes):
-                wrong.append((at, len(self.bytes)))
-        if not self.truncated and not is_whole:
-            wrong.append((at, len(self.bytes)))
-        if wrong:
-            self.damage = self._describe(wrong)
-        elif not self.truncated:
-            self.damage = f"{self.path}: damaged, its index does not match its content"
+        at, size, length, opcode = len(MAGIC), len(self._bytes), 0, 0
+        while at + _HEAD.size <= size and opcode != Opcode.DATA_END:
+            opcode, length = _HEAD.unpack_from(self._bytes, at)
+            start, end = at, at + _HEAD.size + length
+            if end > size:
+                break
+            if opcode == Opcode.CHUNK and not self._take_chunk(start, end):
+                wrong.append((start, end))
+            elif opcode in {Opcode.ATTACHMENT, Opcode.METADATA}:
+                self._take(start)
+            at = end
+        if length > LARGEST_RECORD or not (self.truncated or opcode == Opcode.DATA_END):
+            wrong.append((at, size))
+        if not wrong and not self.truncated:
+            return f"{self.path}: damaged, its index does not match its content"
+        return self._describe(wrong)
 
-    def _read_chunk(self, chunk: Chunk, start: int, end: int) -> bool:
-        """Take a chunk and the channels that it describes; False if its content is wrong."""
+    def _take(self, start: int) -> None:
+        record = _record(self._bytes, start)
+        if isinstance(record, Attachment):
+            self.attachments[record.name] = record
+        elif isinstance(record, Metadata):
+            self.metadata[record.name] = record.metadata
+
+    def _take_chunk(self, start: int, end: int) -> bool:
+        """Take a chunk and the channels that it describes; False if it cannot be read."""
         try:
-            data = _unpacked(chunk)
-            entries = list(entries_in(data))
-        except (LogError, struct.error):
+            chunk, content = self._unpack(start)
+            for at in self._places[start].tolist():
+                if content[at] == Opcode.SCHEMA:
+                    schema = Schema.read(_stream(content, at))
+                    self.schemas[schema.id] = schema
+                elif content[at] == Opcode.CHANNEL:
+                    channel = Channel.read(_stream(content, at))
+                    self.channels[channel.id] = channel
+        except (LogError, McapError, ValueError, struct.error):
             return False
-        numbers = set()
-        for opcode, first, last in entries:
-            if opcode == MESSAGE:
-                numbers.add(_MESSAGE_HEAD.unpack_from(data, first)[0])
-                continue
-            content = ReadDataStream(BytesIO(data[first:last]))
-            if opcode == Opcode.SCHEMA:
-                schema = Schema.read(content)
-                self._schemas[schema.id] = schema
-            elif opcode == Opcode.CHANNEL:
-                channel = Channel.read(content)
-                self._channels[channel.id] = channel
-        self.chunks.append(
-            ChunkPlace(
-                start,
-                end,
-                chunk.message_start_time,
-                chunk.message_end_time,
-                len(data),
-                frozenset(numbers),
-            )
+        place = ChunkPlace(
+            start, end, chunk.message_start_time, chunk.message_end_time, self._size, frozenset()
         )
+        channels = frozenset(self.read([place]).channels.tolist())
+        self.chunks.append(place._replace(channels=channels))
+        self._size += len(content)
         return True
+
+    def _unpack(self, start: int) -> tuple[Chunk, bytes]:
+        """Chunk at a byte of the file, and its records; raises LogError if it is damaged."""
+        chunk = _record(self._bytes, start)
+        if not isinstance(chunk, Chunk) or chunk.uncompressed_size > LARGEST_RECORD:
+            raise LogError(f"{self.path}: no chunk at byte {start}")
+        try:
+            stream, length = get_chunk_data_stream(chunk, validate_crc=True)
+            content: bytes = stream.read(length)
+            if start not in self._places:
+                self._places[start] = _places_in(content, chunk.uncompressed_size)
+        except Exception as error:  # the library, zstandard and struct raise their own
+            raise LogError(f"{self.path}: damaged chunk at byte {start}: {error}") from error
+        return chunk, content
+
+    def read(self, chunks: Sequence[ChunkPlace]) -> Messages:
+        """Messages of chunks, in the order of the log; raises LogError."""
+        contents, places, shifts, size = [], [np.zeros(0, np.int64)], [0], 0
+        for chunk in chunks:
+            contents.append(self._unpack(chunk.start)[1])
+            places.append(self._places[chunk.start] + size)
+            shifts.append(chunk.before - size)
+            size += len(contents[-1])
+        content = b"".join([*contents, _PADDING])
+        order = np.concatenate(places) + np.repeat(shifts, [len(part) for part in places])
+        at = np.concatenate(places)
+        is_message = numbers_at(content, "u1", at) == Opcode.MESSAGE
+        at, order = at[is_message], order[is_message]
+        return Messages(
+            content,
+            order,
+            channels=numbers_at(content, "<u2", at + _CHANNEL_AT),
+            numbers=numbers_at(content, "<u4", at + _NUMBER_AT),
+            logged_at=numbers_at(content, "<i8", at + _LOGGED_AT),
+            starts=at + _MESSAGE.size,
+            ends=at + _HEAD.size + numbers_at(content, "<i8", at + 1),
+        )
+
+    def counts(self) -> Mapping[int, int]:
+        """Number of readable messages by channel."""
+        if self.stated and not self.damage:
+            return self.stated
+        return Counter(self.without_content().channels.tolist())
+
+    def without_content(self) -> Messages:
+        """All readable messages, whose places are those in their chunks."""
+        parts = [self.read([])[1:], *(self.read([chunk])[1:] for chunk in self.chunks)]
+        return Messages(b"", *map(np.concatenate, zip(*parts, strict=True)))
+
+    def last_numbers(self, channels: Set[int]) -> dict[int, int]:
+        """Largest number in the last chunk with messages of each channel."""
+        last: dict[int, int] = {}
+        for chunk in reversed(self.chunks):
+            if searched := (channels & chunk.channels) - last.keys():
+                read = self.read([chunk])
+                for channel in searched:
+                    numbers = read.numbers[read.channels == channel].astype(np.int64)
+                    last[channel] = int(numbers.max(initial=-1))
+        return last
 
     def _describe(self, wrong: list[tuple[int, int]]) -> str:
+        if not wrong:
+            return ""
         lost = sum(end - start for start, end in wrong)
         named = [self._place(*span) for span in wrong[:MAX_LISTED]]
         if len(wrong) > MAX_LISTED:
@@ -255,94 +270,6 @@ class McapFile:
         first = f"{(before[-1] - origin) / SECOND:.1f} s" if before else "the beginning"
         last = f"{(after[0] - origin) / SECOND:.1f} s" if after else "the end"
         return f"{text}, between {first} and {last}"
-
-    def unpack(self, chunk: ChunkPlace) -> bytes:
-        """Records of a chunk."""
-        record = _record(self.bytes, chunk.start)
-        if not isinstance(record, Chunk):
-            raise LogError(f"{self.path}: no chunk at byte {chunk.start}")
-        return _unpacked(record)
-
-    def messages(self) -> Iterator[tuple[int, int, bytes]]:
-        """Yield (channel, log time, data) of all readable messages."""
-        for chunk in self.chunks:
-            for channel, _, log_time, _, data in stored_in(self.unpack(chunk)):
-                yield channel, log_time, data
-
-    def metadata(self) -> dict[str, dict[str, str]]:
-        return dict(self._metadata)
-
-    def attachments(self) -> dict[str, Attachment]:
-        return dict(self._attachments)
-
-    def channels(self) -> tuple[dict[int, str], Mapping[int, int]]:
-        """Topics and message counts of the channels, by channel number."""
-        topics = {number: one.topic for number, one in self._channels.items()}
-        if self._stated and not self.damage:
-            return topics, self._stated
-        return topics, Counter(self.heads.channel.tolist())
-
-    def described(self) -> dict[int, Channel]:
-        """Channels by number."""
-        return self._channels
-
-    def schemas(self) -> dict[int, Schema]:
-        """Schemas by number."""
-        return self._schemas
-
-    @cached_property
-    def heads(self) -> MessageHeads:
-        """Heads of all readable messages."""
-        columns = [[np.zeros(0, np.int64)] for _ in MessageHeads._fields]
-        for number, chunk in enumerate(self.chunks):
-            content = self.unpack(chunk)
-            data, starts = WireData(content), self.record_starts(number, content)
-            starts = starts[data.numbers("u1", starts) == MESSAGE]
-            at = starts + HEAD_BYTES
-            columns[0].append(data.numbers("<u2", at).astype(np.int64))
-            columns[1].append(data.numbers("<u4", at + 2).astype(np.int64))
-            columns[2].append(data.numbers("<i8", at + 6))
-            columns[3].append(data.numbers("<i8", starts + 1) - MESSAGE_HEAD_BYTES)
-        return MessageHeads(*(np.concatenate(parts) for parts in columns))
-
-    @cached_property
-    def extents(self) -> Mapping[str, ChannelExtent]:
-        """Extents of the channels of an intact file by name, as its writer stated them."""
-        if not self.is_intact:
-            return {}
-        stated = self._metadata.get(EXTENTS, {})
-        return {name: ChannelExtent(*map(int, text.split())) for name, text in stated.items()}
-
-    def totals(self, numbered: Container[int]) -> dict[int, int]:
-        """Messages of each channel, by its count or, of `numbered` channels, by their numbers."""
-        totals = Counter(dict(self._stated or self.channels()[1]))
-        for channel, largest in self._largest_numbers().items():
-            if channel in numbered:
-                totals[channel] = max(totals[channel], largest + 1)
-        return totals
-
-    def _largest_numbers(self) -> dict[int, int]:
-        """Largest sequence number of the messages of each channel."""
-        if extents := self.extents:
-            return {
-                number: extents[channel.topic].last
-                for number, channel in self._channels.items()
-                if channel.topic in extents
-            }
-        largest = np.full(CHANNELS, -1, np.int64)
-        np.maximum.at(largest, self.heads.channel, self.heads.sequence)
-        return {channel: int(largest[channel]) for channel in np.flatnonzero(largest >= 0).tolist()}
-
-    def may_hold(self, chunk: ChunkPlace, channels: Set[int]) -> bool:
-        """Whether a chunk may hold messages of some channels."""
-        return chunk.channels is None or not chunk.channels.isdisjoint(channels)
-
-    def record_starts(self, number: int, content: bytes) -> Integers:
-        """Places of the records in chunk `number`, whose unpacked content is `content`."""
-        starts = self._starts.get(number)
-        if starts is None:
-            starts = self._starts[number] = np.array(starts_in(content), np.int64)
-        return starts
 
 
 def map_log(path: Path) -> mmap.mmap:
@@ -377,11 +304,7 @@ def ending_fault(path: Path) -> str:
     log = map_log(path)
     if not _has_ending(log):
         return "was not completed"
-    try:
-        _checked_summary(log)
-    except (McapError, ValueError, struct.error):
-        return "damaged: its index does not match its content"
-    return ""
+    return "" if _summary(log) else "damaged: its index does not match its content"
 
 
 def _has_ending(log: mmap.mmap) -> bool:
@@ -389,82 +312,59 @@ def _has_ending(log: mmap.mmap) -> bool:
     return at >= len(MAGIC) and log[-len(MAGIC) :] == MAGIC and log[at] == Opcode.FOOTER
 
 
-def _checked_summary(log: mmap.mmap) -> int:
-    """Return the first byte of the summary section; raises ValueError if it is damaged."""
+def _summary(log: mmap.mmap) -> tuple[Summary, int] | None:
+    """Summary of a file and its first byte; None if it is absent or damaged."""
     end = len(log) - len(MAGIC) - _FOOTER_BYTES
     footer = _record(log, end)
     if not isinstance(footer, Footer) or not 0 < footer.summary_start < end:
-        raise ValueError("no summary section")
+        return None
     covered = log[footer.summary_start : end + _FOOTER_BYTES - 4]
     if footer.summary_crc not in {0, zlib.crc32(covered)}:
-        raise ValueError("wrong checksum of the summary section")
-    return footer.summary_start
+        return None
+    try:
+        reader = SeekingReader(cast("IO[bytes]", log), record_size_limit=LARGEST_RECORD)
+        summary = reader.get_summary()
+    except (McapError, ValueError, struct.error):
+        return None
+    return (summary, footer.summary_start) if summary and summary.statistics else None
 
 
-def _record(log: mmap.mmap, at: int) -> records.McapRecord | None:
-    """Return the record at byte `at`; None if it cannot be read."""
+def _record(log: mmap.mmap, at: int) -> object:
+    """Record at byte `at`; None if it cannot be read."""
     try:
         log.seek(at)
-        return next(_stream(log, skip_magic=True).records, None)
+        stream = cast("IO[bytes]", log)
+        reader = StreamReader(
+            stream, skip_magic=True, emit_chunks=True, record_size_limit=LARGEST_RECORD
+        )
+        return next(reader.records, None)
     except Exception:  # noqa: BLE001 - the library and struct raise their own
         return None
 
 
-def _stream(log: mmap.mmap, *, skip_magic: bool) -> StreamReader:
-    """Reader of the records from the present position on."""
-    return StreamReader(
-        cast("IO[bytes]", log),
-        skip_magic=skip_magic,
-        emit_chunks=True,
-        record_size_limit=LARGEST_RECORD,
-    )
+def _stream(content: bytes, at: int) -> ReadDataStream:
+    """Content of the record at byte `at`, for the library."""
+    return ReadDataStream(BytesIO(content[at + _HEAD.size :]))
 
 
-def _unpacked(chunk: Chunk) -> bytes:
-    """Records of a chunk; raises LogError if its size or checksum is wrong."""
-    if chunk.uncompressed_size > LARGEST_RECORD:
-        raise LogError(f"a chunk of {chunk.uncompressed_size} bytes")
-    try:
-        stream, length = get_chunk_data_stream(chunk, validate_crc=True)
-        data: bytes = stream.read(length)
-    except Exception as error:  # zstandard raises its own, and MemoryError
-        raise LogError(str(error)) from error
-    if len(data) != chunk.uncompressed_size:
-        raise LogError("the size of a chunk is wrong")
-    return data
+def _places_in(content: bytes, size: int) -> Integers:
+    """Places of the records in a chunk of `size` bytes; raises ValueError or struct.error."""
+    places: list[int] = []
+    at, end, head, length_at = 0, len(content), _HEAD.size, _LENGTH.unpack_from
+    while at < end:
+        places.append(at)
+        at += head + length_at(content, at + 1)[0]
+    if at != end or end != size:
+        raise ValueError("its size is wrong")
+    return np.array(places, np.int64)
 
 
-def entries_in(chunk: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield (opcode, start, end) of the contents of all records in an unpacked chunk."""
-    at, size = 0, len(chunk)
-    while at < size:
-        opcode, length = _HEAD.unpack_from(chunk, at)
-        start = at + HEAD_BYTES
-        at = start + length
-        if at > size:
-            raise LogError("a record goes beyond its chunk")
-        yield opcode, start, at
-
-
-def starts_in(chunk: bytes) -> list[int]:
-    """Places of the records in an unpacked chunk."""
-    starts: list[int] = []
-    at, last = 0, len(chunk) - HEAD_BYTES
-    unpack = _U64.unpack_from
-    while at <= last:
-        starts.append(at)
-        at += HEAD_BYTES + unpack(chunk, at + 1)[0]
-    return starts
-
-
-def stored_in(chunk: bytes) -> Iterator[tuple[int, int, int, int, bytes]]:
-    """Yield (channel, sequence number, log time, publish time, data) of the messages in a chunk."""
-    for opcode, start, end in entries_in(chunk):
-        if opcode == MESSAGE:
-            yield (
-                *_MESSAGE_HEAD.unpack_from(chunk, start),
-                chunk[start + MESSAGE_HEAD_BYTES : end],
-            )
+def numbers_at(data: bytes, dtype: str, places: Integers) -> Array:
+    """Little-endian numbers at `places` (bytes)."""
+    shape = (len(data) - np.dtype(dtype).itemsize + 1,)
+    at_every_byte: Array = np.ndarray(shape, dtype, data, strides=(1,))
+    numbers: Array = at_every_byte[places]
+    return numbers
 
 
 # ---- Logs written again
@@ -480,10 +380,10 @@ def lock(file: IO[bytes], path: Path) -> None:
         return
 
 
-def write_again(log: McapFile, path: Path) -> int:
-    """Write the readable messages, attachments and metadata of a log; returns the messages.
+def write_again(log: McapFile, path: Path) -> None:
+    """Write the readable messages, attachments and metadata of a log; raises OSError.
 
-    The metadata `repaired` has their number. Raises OSError.
+    The metadata `repaired` has the number of messages.
     """
     count = 0
     with path.open("xb") as file:
@@ -491,29 +391,31 @@ def write_again(log: McapFile, path: Path) -> int:
         writer.start()
         schemas = {
             number: writer.register_schema(schema.name, schema.encoding, schema.data)
-            for number, schema in log.schemas().items()
+            for number, schema in log.schemas.items()
         }
         channels = {
             number: writer.register_channel(
                 one.topic, one.message_encoding, schemas.get(one.schema_id, 0), one.metadata
             )
-            for number, one in log.described().items()
+            for number, one in log.channels.items()
         }
-        for name, values in log.metadata().items():
-            if name != EXTENTS:
-                writer.add_metadata(name, values)
-        for one in log.attachments().values():
+        for name, values in log.metadata.items():
+            writer.add_metadata(name, values)
+        for one in log.attachments.values():
             writer.add_attachment(one.create_time, one.log_time, one.name, one.media_type, one.data)
         for chunk in log.chunks:
-            for channel, sequence, log_time, publish_time, data in stored_in(log.unpack(chunk)):
+            read = log.read([chunk])
+            for start, end in zip(read.starts.tolist(), read.ends.tolist(), strict=True):
+                head = _MESSAGE.unpack_from(read.content, start - _MESSAGE.size)
+                _, _, channel, number, logged_at, sent_at = head
                 if channel in channels:
-                    writer.add_message(channels[channel], log_time, data, publish_time, sequence)
+                    data = read.content[start:end]
+                    writer.add_message(channels[channel], logged_at, data, sent_at, number)
                     count += 1
         writer.add_metadata(REPAIRED, {"messages": str(count)})
         writer.finish()  # type: ignore[no-untyped-call]
         file.flush()
         os.fsync(file.fileno())
-    return count
 
 
 def repair(path: Path) -> bool:
@@ -522,13 +424,13 @@ def repair(path: Path) -> bool:
     Raises LogError if the file is not an MCAP log, is being written or cannot be replaced; then it
     stays as it is, which readers read up to its end.
     """
+    beside = path.with_name(path.name + ".repaired")
     try:
         with path.open("r+b", buffering=0) as file:
             lock(file, path)
             log = McapFile(path)
             if not log.truncated:
                 return False
-            beside = path.with_name(path.name + ".repaired")
             try:
                 write_again(log, beside)
                 beside.replace(path)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from transport.codec import RefusedMessageError, decode
 from transport.columns import DEVIATION, Columns
-from transport.log.columns import Selection, read_columns
+from transport.log.columns import read_columns
 from transport.log.errors import LogError
-from transport.log.mcap_file import EXTENTS, REPAIRED, THINNED_NAME, McapFile
+from transport.log.mcap_file import REPAIRED, THINNED_NAME, McapFile
 from transport.topics import TOPICS, Topic, key
 from vehicles.messages import Message
 
@@ -27,26 +27,25 @@ class LogReader:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.file = McapFile(path)
-        self.truncated = self.file.truncated
-        self.damage = self.file.damage
-        channels, counts = self.file.channels()
-        nameless = sum(count for number, count in counts.items() if number not in channels)
+        self.truncated, self.damage = self.file.truncated, self.file.damage
+        counts = self.file.counts()
+        nameless = sum(
+            count for number, count in counts.items() if number not in self.file.channels
+        )
         if self.damage and nameless:
             self.damage += f"; the topics of {nameless} messages are lost"
-        self._sources = {number: _source(name) for number, name in channels.items()}
-        self._channels = {
-            number: key for number, name in channels.items() if (key := _channel_key(name))
+        self._keys = {
+            number: key
+            for number, channel in self.file.channels.items()
+            if (key := _key_of(channel.topic))
         }
-        self._counts = counts
         self.counts: dict[tuple[str, str], int] = {
-            (source[0], source[1].name): counts.get(number, 0)
-            for number, source in self._sources.items()
-            if source
+            key: counts.get(number, 0) for number, key in self._keys.items() if key[1] in TOPICS
         }
         """Number of messages by (vehicle, topic)."""
         if not self.counts:
             why = "is truncated before the first message"
-            if channels or not self.truncated:
+            if self.file.channels or not self.truncated:
                 why = (
                     "contains no messages of a convoy: no topic /convoy/<vehicle>/<topic> "
                     f"with <topic> one of {', '.join(TOPICS)}"
@@ -76,16 +75,26 @@ class LogReader:
         self, topics: Collection[str] | None = None, vehicles: Collection[str] | None = None
     ) -> Iterator[tuple[int, str, Topic, bytes]]:
         """Yield (log time in ns, vehicle, topic, Protobuf bytes), as `messages` does decoded."""
-        wanted = {
-            number: source
-            for number, source in self._sources.items()
-            if source
-            and (vehicles is None or source[0] in vehicles)
-            and (topics is None or source[1].name in topics)
+        wanted = self._channels(TOPICS if topics is None else topics, vehicles)
+        for chunk in self.file.chunks:
+            if chunk.channels.isdisjoint(wanted):
+                continue
+            read = self.file.read([chunk])
+            columns = read.channels, read.logged_at, read.starts, read.ends
+            for channel, at, start, end in zip(*(c.tolist() for c in columns), strict=True):
+                if channel in wanted:
+                    vehicle, topic = wanted[channel]
+                    yield at, vehicle, TOPICS[topic], read.content[start:end]
+
+    def _channels(
+        self, topics: Collection[str], vehicles: Collection[str] | None
+    ) -> dict[int, tuple[str, str]]:
+        """Numbers of the channels of some topics and vehicles."""
+        return {
+            number: key
+            for number, key in self._keys.items()
+            if key[1] in topics and (vehicles is None or key[0] in vehicles)
         }
-        for channel, log_time, data in self.file.messages():
-            if channel in wanted:
-                yield log_time, *wanted[channel], data
 
     def columns(
         self,
@@ -103,7 +112,8 @@ class LogReader:
         messages are left out, see `damage` and `missing`.
         """
         wanted = {topic: (fields or {}).get(topic) for topic in topics}
-        return read_columns(self.file, self._channels, Selection(wanted, vehicles, span_ns))
+        span = span_ns or (0, 2**64)
+        return read_columns(self.file, self._channels(wanted, vehicles), wanted, span)
 
     @cached_property
     def missing(self) -> dict[tuple[str, str], tuple[int, int]]:
@@ -112,20 +122,16 @@ class LogReader:
         A message is missing if its number was used but the log lacks it: the log is damaged, or the
         message did not reach the recorder. Thinned topics are left out.
         """
-        thinned, counts = self.thinned, self._counts
-        names = {
-            number: (source[0], source[1].name)
-            for number, source in self._sources.items()
-            if source and source[1].name not in thinned
-        }
-        numbered = {number for number, (_, topic) in names.items() if topic not in OF_DECISIONS}
-        totals = self.file.totals(numbered)
-        return {
-            name: (total - counts.get(number, 0), total)
-            for number, name in names.items()
-            for total in [totals.get(number, 0)]
-            if total > counts.get(number, 0)
-        }
+        numbered = self._channels(TOPICS.keys() - self.thinned.keys(), None)
+        stated, last = self.file.stated, self.file.last_numbers(numbered.keys())
+        missing = {}
+        for number, name in numbered.items():
+            total = stated.get(number, self.counts[name])
+            if name[1] not in OF_DECISIONS:
+                total = max(total, last.get(number, -1) + 1)
+            if total > self.counts[name]:
+                missing[name] = total - self.counts[name], total
+        return missing
 
     @property
     def faults(self) -> str:
@@ -168,23 +174,15 @@ class LogReader:
 
     def metadata(self) -> dict[str, dict[str, str]]:
         """Named text values of the log."""
-        values = self.file.metadata()
-        values.pop(EXTENTS, None)
-        return values
+        return dict(self.file.metadata)
 
     def attachments(self) -> dict[str, bytes]:
         """Attached files by name."""
-        return {name: one.data for name, one in self.file.attachments().items()}
+        return {name: one.data for name, one in self.file.attachments.items()}
 
 
-def _source(channel: str) -> tuple[str, Topic] | None:
-    """Split `/convoy/<vehicle>/<topic>`; None for another channel."""
-    key = _channel_key(channel)
-    return (key[0], TOPICS[key[1]]) if key and key[1] in TOPICS else None
-
-
-def _channel_key(channel: str) -> tuple[str, str] | None:
-    """Vehicle and topic of a channel that `columns` can read; None for another one."""
+def _key_of(channel: str) -> tuple[str, str] | None:
+    """Vehicle and topic of a channel `/convoy/<vehicle>/<topic>`; None for another one."""
     match channel.split("/"):
         case ["", "convoy", vehicle, name] if name in {*TOPICS, DEVIATION}:
             return vehicle, name

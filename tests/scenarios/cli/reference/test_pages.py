@@ -145,7 +145,7 @@ def test_topics_are_those_of_the_log() -> None:
     expected = [[name, topic.message.__name__, topic.meaning] for name, topic in TOPICS.items()]
     assert rows(sections("topics")["topics"]) == [*expected, list(DEVIATION_ROW)]
     standard = [
-        [one.name, one.schema.name, f"from {topic.name}"]
+        [one.name, one.kind.DESCRIPTOR.full_name, f"from {topic.name}"]
         for topic in TOPICS.values()
         for one in standard_messages().get(topic.message, ())
     ]
