@@ -11,20 +11,20 @@ from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
 from scenarios.results.encounters import BodySize
 from scenarios.results.log_summary import scenario_in
-from scenarios.results.run_drawing import RunDrawing, open_view, recording_id
+from scenarios.results.run_drawing import RecordedFigures, open_view, recording_id
 from scenarios.results.stream import FigureStream
 from transport.log.errors import LogError
 from transport.log.reader import LogReader
+from transport.picture.batch import DRAWN_TOPICS, Scene
 from transport.picture.option import RerunOption, require_cursor
 from transport.picture.view import RerunView
 from transport.topics import RUN_SENDER, valid_at
 from vehicles.car.parameters import LINCOLN_MKZ
-from vehicles.messages import RunStart, TruePose
 from vehicles.schedule import SECOND
 
 EARLIEST, LATEST = -(2**62), 2**62
-PROGRESS_EVERY = 1000
-"""Messages between two reports of progress."""
+SPAN_NS = 30 * SECOND
+"""Time of a log that is read and drawn at once; limits the memory."""
 
 
 def _to_stderr(line: str) -> None:
@@ -47,9 +47,6 @@ class Excerpt(NamedTuple):
             raise LogError(f"{log}: holds no vehicle {names}; it has {', '.join(convoy)}")
         chosen = [name for name in convoy if name == convoy[0] or name in self.vehicles]
         return self._replace(vehicles=chosen)
-
-    def shows(self, vehicle: str) -> bool:
-        return self.vehicles is None or vehicle in {*self.vehicles, RUN_SENDER}
 
     def check(self, start: int, reader: LogReader) -> None:
         """Raise LogError if nothing was recorded in this part of a run that began at `start`."""
@@ -114,25 +111,27 @@ def _draw(
     progress: Callable[[float], None],
 ) -> int:
     """Draw part of a run; its errors and events need the messages from the start of the run on."""
-    starts = (valid_at(message) for _, _, message in reader.messages(("start", "truth")))
-    start = next(starts, 0)
+    start = _start_of(reader)
     excerpt.check(start, reader)
-    span = excerpt.span(start)
-    drawing = RunDrawing(view, stream, span=span, shows=excerpt.shows)
-    total, count, has_start = sum(reader.counts.values()), 0, False
-    for number, (at, vehicle, message) in enumerate(reader.messages()):
-        stream.listen(at, message)
-        if not has_start and isinstance(message, RunStart | TruePose):
-            has_start = True  # which the picture needs in any case
-            drawing.draw(at, message)
-        elif span[0] <= at <= span[1] and excerpt.shows(vehicle):
-            drawing.draw(at, message)
-            count += 1
-        if not number % PROGRESS_EVERY:
-            progress(number / total)
-    drawing.finish()
-    progress(1.0)
+    first, last = excerpt.span(start)
+    figures = RecordedFigures(reader, stream, (first, last), excerpt.vehicles)
+    vehicles = None if excerpt.vehicles is None else {*excerpt.vehicles, RUN_SENDER}
+    count, begin = 0, reader.first_at
+    for end in range(start + SPAN_NS, reader.last_at + SPAN_NS, SPAN_NS):
+        span = max(begin, first), min(end - 1, last)
+        tables = reader.columns(DRAWN_TOPICS, vehicles=vehicles, span_ns=span)
+        view.draw(figures.batch(start, end, tables))
+        count += sum(map(len, tables.values()))
+        progress(min((end - start) / max(reader.last_at - start, 1), 1.0))
+        begin = end
+    view.draw(figures.last_batch(start))
     return count
+
+
+def _start_of(reader: LogReader) -> int:
+    """Start of a run (ns) or, if it was not recorded, the first true pose."""
+    starts = (valid_at(message) for _, _, message in reader.messages(("start", "truth")))
+    return next(starts, 0)
 
 
 def _stream(reader: LogReader, scenario: Scenario | None) -> FigureStream:
@@ -162,9 +161,8 @@ def _open(
     if scenario is not None:
         return open_view(option, scenario, log, vehicles=excerpt.vehicles)
     names = list(stream.sizes)
-    return RerunView(
-        option, recording_id=recording_id(log), vehicles=excerpt.vehicles or names, convoy=names
-    )
+    scene = Scene(vehicles=excerpt.vehicles or names, convoy=names)
+    return RerunView(option, recording_id=recording_id(log), scene=scene)
 
 
 def _in_order(reader: LogReader) -> list[str]:

@@ -1,95 +1,163 @@
-"""Draws a live run with its events and true gaps."""
+"""Draws a run with its true figures and events, live or from its log."""
 
-from collections import deque
-from collections.abc import Callable, Sequence
-from itertools import pairwise
+from collections import defaultdict
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from zlib import crc32
+
+import numpy as np
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.encounters import Episode
 from scenarios.results.metrics import Metrics
 from scenarios.results.stream import FigureStream, sizes_of
+from scenarios.results.tables import Collector, Tables
 from transport.closing import Closing
+from transport.columns import joined
+from transport.log.reader import LogReader
+from transport.picture.batch import BATCH_NS, DRAWN_TOPICS, Batch, Mark, Scene, Values
 from transport.picture.option import RerunOption
 from transport.picture.view import RerunView
-from vehicles.geometry.driven_path import CrossTrack
-from vehicles.messages import Message, TruePose
+from transport.topics import TOPIC_OF, TOPICS, valid_at
+from vehicles.messages import Message, RunStart, TruePose
+from vehicles.schedule import MILLISECOND
 
 DEFAULT_SPACING_M = 15.0
-MAX_PENDING_ERRORS = 10_000
-"""Largest number of true errors that wait to be drawn."""
-ALWAYS = -(2**62), 2**62
+PATIENCE_NS = 100 * MILLISECOND
+"""How much later than the end of a batch a pose is when the batch is drawn: the messages of several
+vehicles are mixed."""
+DRAWN_KINDS: frozenset[type[Message]] = frozenset(TOPICS[topic].message for topic in DRAWN_TOPICS)
+EARLIEST, LATEST = ALWAYS = -(2**62), 2**62
 
 
-class RunDrawing(Closing):
-    """Picture of a run with its figures; `draw` is an observer.
+class StreamFigures:
+    """Errors, gaps and events of a stream, and tables of the same messages, in batches.
 
-    `destination` describes to the user where it is shown.
+    A batch ends at a multiple of `BATCH_NS`; tables may be ahead of it.
     """
 
     def __init__(
         self,
-        view: RerunView,
         stream: FigureStream,
         *,
         span: tuple[int, int] = ALWAYS,
-        shows: Callable[[str], bool] = lambda _: True,
+        vehicles: Collection[str] | None = None,
     ) -> None:
-        """Draw into `view` with the figures of `stream`, which receives the messages elsewhere.
+        """Collect figures with an instant in `span` (ns) of `vehicles`, by default of all."""
+        self._stream = stream
+        self._span = span
+        self._vehicles = set(stream.sizes if vehicles is None else vehicles)
+        self._errors: defaultdict[str, list[tuple[int, float]]] = defaultdict(list)
+        self._gaps: defaultdict[str, list[tuple[int, float]]] = defaultdict(list)
+        self._events: list[Episode] = []
+        self._ahead: Tables = {}
+        stream.on_error(lambda foot: self._errors[foot.vehicle].append((foot.at_ns, foot.lateral)))
+        stream.on_gap(lambda gap: self._gaps[gap.vehicle].append((gap.now_at_ns, gap.now_m)))
+        stream.on_event(self._events.append)
 
-        Only figures with an instant in `span` (ns), of vehicles that it `shows`, are drawn.
-        """
+    def batch(self, start: int, until: int, tables: Tables) -> Batch:
+        """Take what became known since the last call, with instants before `until` (ns)."""
+        keys = dict.fromkeys((*self._ahead, *tables))
+        parts = {key: [t[key] for t in (self._ahead, tables) if key in t] for key in keys}
+        whole = {key: joined(some) for key, some in parts.items()}
+        self._ahead = {key: one.of(one.at_ns >= until) for key, one in whole.items()}
+        marks = [
+            Mark(event.kind, event.at_ns, event.place, event.vehicles)
+            for event in self._events
+            if self._span[0] <= event.at_ns <= min(self._span[1], until - 1)
+            and not self._vehicles.isdisjoint(event.vehicles)
+        ]
+        self._events[:] = [event for event in self._events if event.at_ns >= until]
+        return Batch(
+            start_ns=start,
+            tables={key: one.of(one.at_ns < until) for key, one in whole.items()},
+            errors=self._taken(self._errors, until),
+            gaps=self._taken(self._gaps, until),
+            marks=marks,
+        )
+
+    def last_batch(self, start: int, tables: Tables) -> Batch:
+        """Take the rest, and events that are still open."""
+        self._stream.finish()
+        return self.batch(start, LATEST, tables)
+
+    def _taken(self, figures: dict[str, list[tuple[int, float]]], until: int) -> dict[str, Values]:
+        taken = {}
+        for vehicle, rows in figures.items():
+            at, values = np.array([at for at, _ in rows], np.int64), np.array([v for _, v in rows])
+            is_before = at < until
+            is_drawn = is_before & (at >= self._span[0]) & (at <= self._span[1])
+            if vehicle in self._vehicles and is_drawn.any():
+                taken[vehicle] = Values(at[is_drawn], values[is_drawn])
+            rows[:] = [row for row in rows if row[0] >= until]
+        return taken
+
+
+class RecordedFigures:
+    """The same for a recorded run, from its messages in the order of the log."""
+
+    def __init__(
+        self,
+        reader: LogReader,
+        stream: FigureStream,
+        span: tuple[int, int],
+        vehicles: Collection[str] | None,
+    ) -> None:
+        self._stream = stream
+        self._figures = StreamFigures(stream, span=span, vehicles=vehicles)
+        self._messages = reader.messages([TOPIC_OF[kind].name for kind in stream.kinds])
+        self._next: tuple[int, str, Message] | None = next(self._messages, None)
+
+    def batch(self, start: int, end: int, tables: Tables) -> Batch:
+        """Batch of `tables`, recorded before instant `end` (ns), with the figures until then."""
+        while self._next is not None and self._next[0] < end:
+            self._stream.listen(self._next[0], self._next[2])
+            self._next = next(self._messages, None)
+        return self._figures.batch(start, end, tables)
+
+    def last_batch(self, start: int) -> Batch:
+        return self._figures.last_batch(start, {})
+
+
+class RunDrawing(Closing):
+    """Picture of a running run; `draw` is an observer.
+
+    The picture gets the messages and figures of half a second of run time at once. `destination`
+    describes to the user where it is shown.
+    """
+
+    def __init__(self, view: RerunView, stream: FigureStream) -> None:
+        """Draw into `view` with the figures of `stream`, which receives the messages elsewhere."""
         self.destination = view.destination
-        self._view, self._stream = view, stream
-        self._span, self._shows = span, shows
-        self._pending_errors: deque[CrossTrack] = deque(maxlen=MAX_PENDING_ERRORS)
-        self._pending_events: list[Episode] = []
-        if view.enabled:
-            stream.on_error(self._pending_errors.append)
-            stream.on_event(self._pending_events.append)
-        self._follower_of = dict(pairwise(stream.sizes))
-        self._drawn_at = {name: 0 for name in stream.sizes if view.has_curves(name)}
+        self._view = view
+        self._figures = StreamFigures(stream) if view.enabled else None
+        self._collector = Collector(DRAWN_KINDS)
+        self._start: int | None = None
+        self._until = 0
 
     def draw(self, now: int, message: Message) -> None:
-        if not self._view.enabled:
+        if self._figures is None or type(message) not in DRAWN_KINDS | {RunStart}:
             return
-        self._view.draw(now, message)
-        if isinstance(message, TruePose):
-            while self._pending_errors:
-                foot = self._pending_errors.popleft()
-                if self._is_within(foot.at_ns) and self._shows(foot.vehicle):
-                    self._view.error(foot.vehicle, foot.at_ns, foot.lateral)
-            for name in (message.vehicle, self._follower_of.get(message.vehicle, "")):
-                if name in self._drawn_at:
-                    self._draw_gap(name)
-            self._draw_marks()
+        if self._start is None and isinstance(message, RunStart | TruePose):
+            self._start = valid_at(message)
+            self._until = self._start + BATCH_NS
+        if not isinstance(message, RunStart):
+            self._collector.listen(now, message)
+        if isinstance(message, TruePose) and message.true_at_ns >= self._until + PATIENCE_NS:
+            self._view.draw(self._figures.batch(self._start or 0, self._until, self._taken()))
+            self._until += (message.true_at_ns - self._until) // BATCH_NS * BATCH_NS + BATCH_NS
 
-    def _is_within(self, at: int) -> bool:
-        return self._span[0] <= at <= self._span[1]
-
-    def _draw_gap(self, name: str) -> None:
-        gap = self._stream.gaps.get(name)
-        if gap is None or not self._is_within(gap.now_at_ns):
-            return
-        if gap.now_at_ns > self._drawn_at[name]:
-            self._drawn_at[name] = gap.now_at_ns
-            self._view.gap(name, gap.now_at_ns, gap.now_m)
-
-    def _draw_marks(self) -> None:
-        for event in self._pending_events:
-            if self._is_within(event.at_ns) and any(map(self._shows, event.vehicles)):
-                self._view.mark(event.kind, event.at_ns, event.place, event.vehicles)
-        self._pending_events.clear()
+    def _taken(self) -> Tables:
+        tables, self._collector = self._collector.tables(), Collector(DRAWN_KINDS)
+        return tables
 
     def finish(self) -> None:
-        """Draw events that are still open."""
-        if self._view.enabled:
-            self._stream.finish()
-            self._draw_marks()
+        """Draw the last messages, and events that are still open."""
+        if self._figures is not None and self._start is not None:
+            self._view.draw(self._figures.last_batch(self._start, self._taken()))
 
     def close(self) -> None:
-        """Draw events that are still open, and end the picture."""
+        """Draw all that is left, and end the picture."""
         self.finish()
         self._view.close()
 
@@ -116,9 +184,7 @@ def open_view(
     It shows `vehicles`, lead first, by default all.
     """
     path = scenario.route.path
-    return RerunView(
-        option,
-        recording_id=recording_id(log),
+    scene = Scene(
         vehicles=vehicles or scenario.vehicle_names,
         convoy=scenario.vehicle_names,
         spacing_m=widest_spacing(scenario),
@@ -126,8 +192,8 @@ def open_view(
         path=(path.east.tolist(), path.north.tolist()),
         lane_m=scenario.tables.events.lane_width_m,
         duration_s=scenario.duration_s,
-        title=scenario.title,
     )
+    return RerunView(option, recording_id=recording_id(log), scene=scene, title=scenario.title)
 
 
 def recording_id(log: Path) -> str:

@@ -6,7 +6,7 @@ virtual run in memory.
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -140,7 +140,8 @@ class Collector:
             columns = columns_from(TOPIC_OF[kind].name, messages, at)
             names = np.array([message.vehicle for message in messages])
             for vehicle in dict.fromkeys(names.tolist()):
-                self._parts[vehicle, columns.topic].append(columns.of(names == vehicle))
+                own = replace(columns.of(names == vehicle), vehicle=vehicle)
+                self._parts[vehicle, columns.topic].append(own)
 
     def tables(self) -> dict[tuple[str, str], Columns]:
         """Tables of all messages so far."""

@@ -106,12 +106,10 @@ def _divergence_point(comparison: RunComparison) -> DivergencePoint | None:
     vehicle = run.vehicles[first.vehicle]
     row = int(np.abs(vehicle.true.t_s - first.at_s).argmin())
     return DivergencePoint(
-        vehicle=first.vehicle,
         at_s=first.at_s,
         station_m=first.station_m,
         east_m=float(vehicle.east_m[row]),
         north_m=float(vehicle.north_m[row]),
-        text=first.sentence,
     )
 
 
