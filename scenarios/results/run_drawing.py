@@ -183,9 +183,15 @@ def open_view(
 
     It shows `vehicles`, lead first, by default all.
     """
+    scene = scene_of(scenario, vehicles or scenario.vehicle_names)
+    return RerunView(option, recording_id=recording_id(log), scene=scene, title=scenario.title)
+
+
+def scene_of(scenario: Scenario, vehicles: Sequence[str]) -> Scene:
+    """Scene of some vehicles of a scenario, lead first."""
     path = scenario.route.path
-    scene = Scene(
-        vehicles=vehicles or scenario.vehicle_names,
+    return Scene(
+        vehicles=vehicles,
         convoy=scenario.vehicle_names,
         spacing_m=widest_spacing(scenario),
         cars=sizes_of(scenario),
@@ -193,7 +199,6 @@ def open_view(
         lane_m=scenario.tables.events.lane_width_m,
         duration_s=scenario.duration_s,
     )
-    return RerunView(option, recording_id=recording_id(log), scene=scene, title=scenario.title)
 
 
 def recording_id(log: Path) -> str:

@@ -1,14 +1,14 @@
 """Draws several runs into one recording: each value has a time and a distance along the path."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import rerun as rr
 
 from transport.panels import PANELS, Colour, colour_of
-from transport.picture.batch import Floats, Road
+from transport.picture.batch import Floats, Scene
 from transport.picture.layout import WORST, Reach, comparison_blueprint
 from transport.picture.rows import TIMELINE, frames_of
 from transport.picture.shapes import (
@@ -16,7 +16,6 @@ from transport.picture.shapes import (
     car,
     dot,
     draw_road,
-    label_style,
     legend,
     line_style,
     name_tag,
@@ -29,86 +28,63 @@ FADED = 0.45  # Brightness of the first run, of which the others differ
 CAR_STEP = 2  # True poses (50 Hz) per position of a car
 
 
-class PlottedCurve(NamedTuple):
-    """Values over time (s after the start) and over the distance along the path (m), (N) each."""
+class Placed(NamedTuple):
+    """Values (N) at times (s after the start) and distances along the path (m)."""
 
     at_s: Floats
     station_m: Floats
-    values: Floats
+    values: Any
 
-
-class ModeStart(NamedTuple):
-    """A mode of a vehicle, from a time (s) and a distance along the path (m) on."""
-
-    at_s: float
-    station_m: float
-    mode: str
+    def times(self) -> list[rr.TimeColumn]:
+        since_start = np.round(self.at_s * 1e9).astype("timedelta64[ns]")
+        furthest = np.maximum.accumulate(self.station_m)  # a car that rolls back stays there
+        return [
+            rr.TimeColumn(TIMELINE, duration=since_start),
+            rr.TimeColumn(PLACE_TIMELINE, sequence=np.round(furthest).astype(np.int64)),
+        ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleTrack:
     """One vehicle of the run `run` (A, B, …), at `place` in its convoy.
 
-    `body` is its length and width (m), and the distance of its middle ahead of its pose. Positions
-    (N) are in the common plane (m), `yaw_rad` is counter-clockwise from east. `curves` are by
-    quantity: error, gap, and from the second run on the difference from the first one.
+    `body` is its length and width (m), and the distance of its middle ahead of its pose. `poses`
+    have rows of east and north in the common plane (m) and yaw (rad). `curves` are by quantity:
+    error, gap, and from the second run on the difference from the first one. `modes` begin there.
     """
 
     run: str
     vehicle: str
     place: int
     body: tuple[float, float, float]
-    at_s: Floats
-    station_m: Floats
-    east_m: Floats
-    north_m: Floats
-    yaw_rad: Floats
-    curves: dict[str, PlottedCurve]
-    modes: Sequence[ModeStart]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DivergencePoint:
-    """The first place at which two runs differ."""
-
-    at_s: float
-    station_m: float
-    east_m: float
-    north_m: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ComparedTracks:
-    """All that the picture of several runs shows.
-
-    `path` is east and north of the common path (m), `lane_m` the width of its lane, `spacing_m` the
-    usual spacing of two vehicles, and `text` a description in Markdown.
-    """
-
-    vehicles: Sequence[str]
-    tracks: Sequence[VehicleTrack]
-    path: Road
-    lane_m: float
-    spacing_m: float
-    divergence: DivergencePoint | None
-    text: str
+    poses: Placed
+    curves: Mapping[str, Placed]
+    modes: Placed
 
     @property
-    def runs(self) -> list[str]:
-        return list(dict.fromkeys(track.run for track in self.tracks))
+    def label(self) -> str:
+        return f"{self.vehicle} {self.run}"
 
 
-def draw_tracks(recording: rr.RecordingStream, compared: ComparedTracks) -> None:
-    """Draw all tracks into a recording and send its layout."""
-    vehicles, runs, path = compared.vehicles, compared.runs, compared.path
-    layout = comparison_blueprint(vehicles, spacing_m=compared.spacing_m, road=path, runs=len(runs))
-    recording.send_blueprint(layout)
-    tag_m = Reach.of(len(vehicles), compared.spacing_m, path).tag_m
-    draw_road(recording, path, compared.lane_m)
+def draw_tracks(
+    recording: rr.RecordingStream,
+    scene: Scene,
+    tracks: Sequence[VehicleTrack],
+    divergence: Placed | None,
+    text: str,
+) -> None:
+    """Draw the tracks of several runs into a recording and send its layout.
+
+    `divergence` is the place (east, north) at which two runs first differ, `text` Markdown.
+    """
+    runs = list(dict.fromkeys(track.run for track in tracks))
+    recording.send_blueprint(comparison_blueprint(scene, len(runs)))
+    tag_m = Reach.of(scene).tag_m
+    draw_road(recording, scene)
     recording.log("world/plan", plan_frame(), static=True)
-    followed = vehicles[len(vehicles) // 2]
+    followed = scene.vehicles[len(scene.vehicles) // 2]
     items: list[tuple[str, Colour]] = []
-    for track in sorted(compared.tracks, key=lambda one: (one.place, one.run)):
+    for track in sorted(tracks, key=lambda one: (one.place, one.run)):
         number = runs.index(track.run)
         colour = _colour(track.place, number)
         _draw_car(recording, track, colour, tag_m if number else -tag_m)
@@ -116,13 +92,13 @@ def draw_tracks(recording: rr.RecordingStream, compared: ComparedTracks) -> None
         _draw_modes(recording, track)
         if track.vehicle == followed and not number:
             _draw_positions(recording, ["world/convoy"], track, flip=True)
-        items.append((f"{track.vehicle} {track.run}", colour))
-    if compared.divergence is not None:
-        _draw_divergence(recording, compared.divergence, tag_m)
+        items.append((track.label, colour))
+    if divergence is not None:
+        _draw_divergence(recording, divergence)
         items.append(("first divergence", WORST))
     recording.log("legend", legend(items), static=True)
-    text = rr.TextDocument(compared.text, media_type=rr.MediaType.MARKDOWN)
-    recording.log("text", text, static=True)
+    document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
+    recording.log("text", document, static=True)
 
 
 def _colour(place: int, number: int) -> Colour:
@@ -133,28 +109,20 @@ def _colour(place: int, number: int) -> Colour:
     return red, green, blue
 
 
-def _times(at_s: Floats, station_m: Floats) -> list[rr.TimeColumn]:
-    since_start = np.round(at_s * 1e9).astype("timedelta64[ns]")
-    furthest = np.maximum.accumulate(station_m)  # a car that rolls back stays where it was
-    return [
-        rr.TimeColumn(TIMELINE, duration=since_start),
-        rr.TimeColumn(PLACE_TIMELINE, sequence=np.round(furthest).astype(np.int64)),
-    ]
-
-
 def _draw_car(
     recording: rr.RecordingStream, track: VehicleTrack, colour: Colour, tag_m: float
 ) -> None:
     name = f"{track.run}/{track.vehicle}"
-    points = np.column_stack((track.east_m, track.north_m))[::CAR_STEP]
-    driven = rr.LineStrips2D.from_fields(strips=[points])
-    recording.log(f"world/driven/{name}", driven, static=True)
+    shapes = {
+        f"driven/{name}": rr.LineStrips2D.from_fields(strips=[track.poses.values[::CAR_STEP, :2]]),
+        f"cars/{name}": car(CarShape(*track.body), colour),
+        f"cars/{name}/dot": dot(colour, width=4.0, order=19),
+        f"names/{name}": name_tag(track.label, colour, tag_m),
+    }
     style = line_style(colour, width=1.0, order=5)
     recording.log(f"world/driven/{name}", style, static=True)
-    recording.log(f"world/cars/{name}", car(CarShape(*track.body), colour), static=True)
-    recording.log(f"world/cars/{name}/dot", dot(colour, width=4.0, order=19), static=True)
-    tag = name_tag(f"{track.vehicle} {track.run}", colour, tag_m)
-    recording.log(f"world/names/{name}", tag, static=True)
+    for entity, shape in shapes.items():
+        recording.log(f"world/{entity}", shape, static=True)
     _draw_positions(recording, [f"world/cars/{name}", f"world/names/{name}"], track)
 
 
@@ -162,62 +130,51 @@ def _draw_positions(
     recording: rr.RecordingStream, entities: Sequence[str], track: VehicleTrack, flip: bool = False
 ) -> None:
     """Move frames with a vehicle."""
-    rows = np.flatnonzero(np.isfinite(track.station_m))[::CAR_STEP]
-    if not rows.size:
-        return
-    poses = np.column_stack((track.east_m, track.north_m, track.yaw_rad))[rows]
-    times = _times(track.at_s[rows], track.station_m[rows])
-    for entity in entities:
-        recording.send_columns(entity, times, frames_of(poses, flip=flip))
+    rows = np.flatnonzero(np.isfinite(track.poses.station_m))[::CAR_STEP]
+    placed = Placed(*(column[rows] for column in track.poses))
+    for entity in entities if rows.size else ():
+        frames = frames_of(placed.values, flip=flip)
+        recording.send_columns(entity, placed.times(), frames)
 
 
 def _draw_curves(
     recording: rr.RecordingStream, track: VehicleTrack, colour: Colour, width: float
 ) -> None:
-    style = rr.SeriesLines(colors=[colour], names=[f"{track.vehicle} {track.run}"], widths=[width])
+    style = rr.SeriesLines(colors=[colour], names=[track.label], widths=[width])
     for quantity, curve in track.curves.items():
         known = np.isfinite(curve.values) & np.isfinite(curve.station_m)
         if known.any():
             entity = f"plots/{quantity}/{track.vehicle}/{track.run}"
+            drawn = Placed(*(column[known] for column in curve))
             recording.log(entity, style, static=True)
-            times = _times(curve.at_s[known], curve.station_m[known])
-            recording.send_columns(entity, times, rr.Scalars.columns(scalars=curve.values[known]))
+            scalars = rr.Scalars.columns(scalars=drawn.values)
+            recording.send_columns(entity, drawn.times(), scalars)
 
 
 def _draw_modes(recording: rr.RecordingStream, track: VehicleTrack) -> None:
-    modes = [one for one in track.modes if np.isfinite(one.station_m)]
-    if not modes or not track.place:
-        return
-    entity = f"mode/{track.vehicle}_{track.run}"
-    states = PANELS["mode"].states
-    names, colours = list(states), list(states.values())
-    style = rr.StateConfiguration(values=names, labels=names, colors=colours)
-    recording.log(entity, style, static=True)
-    at_s, station_m, words = zip(*modes, strict=True)
-    times = _times(np.array(at_s), np.array(station_m))
-    recording.send_columns(entity, times, rr.StateChange.columns(state=words))
+    known = np.isfinite(track.modes.station_m)
+    if track.place and known.any():
+        modes = Placed(*(column[known] for column in track.modes))
+        entity, states = f"mode/{track.vehicle}_{track.run}", PANELS["mode"].states
+        names, colours = list(states), list(states.values())
+        style = rr.StateConfiguration(values=names, labels=names, colors=colours)
+        recording.log(entity, style, static=True)
+        changes = rr.StateChange.columns(state=modes.values.tolist())
+        recording.send_columns(entity, modes.times(), changes)
 
 
-def _draw_divergence(recording: rr.RecordingStream, first: DivergencePoint, tag_m: float) -> None:
+def _draw_divergence(recording: rr.RecordingStream, first: Placed) -> None:
     """Mark the first divergence in the plans and, on the zero line, in the plots of errors."""
-    marks = {
-        "world/divergence": (
-            point_style(width=7.0, order=40, colour=WORST),
-            [first.east_m, first.north_m],
-        ),
-        "world/divergence/name": (
-            label_style(WORST, order=41, text=f"first divergence, {first.station_m:.0f} m"),
-            [first.east_m, first.north_m + tag_m],
-        ),
-    }
-    for entity, (mark, place) in marks.items():
-        recording.log(entity, mark, static=True)
-        recording.log(entity, rr.Points2D.from_fields(positions=[place]), static=True)
-    style = rr.SeriesPoints(
+    style = point_style(width=7.0, order=40, colour=WORST)
+    spot = rr.Points2D.from_fields(
+        positions=first.values, labels=[f"first divergence, {first.station_m[0]:.0f} m"]
+    )
+    for mark in (style, spot):
+        recording.log("world/divergence", mark, static=True)
+    point = rr.SeriesPoints(
         colors=[WORST], markers=["Diamond"], names=["first divergence"], marker_sizes=[7.0]
     )
-    times = _times(np.array([first.at_s]), np.array([first.station_m]))
     for quantity in ("error", "difference"):
         entity = f"plots/{quantity}/divergence"
-        recording.log(entity, style, static=True)
-        recording.send_columns(entity, times, rr.Scalars.columns(scalars=[0.0]))
+        recording.log(entity, point, static=True)
+        recording.send_columns(entity, first.times(), rr.Scalars.columns(scalars=[0.0]))

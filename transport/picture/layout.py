@@ -92,11 +92,12 @@ class Reach(NamedTuple):
     lateral: float
 
     @classmethod
-    def of(cls, count: int, spacing_m: float, road: Road | None) -> "Reach":
-        """Return the range for `count` vehicles, or part of them, about `spacing_m` apart."""
+    def of(cls, scene: Scene) -> "Reach":
+        """Return the range for the vehicles of a scene, or some of a long convoy."""
+        count, road = len(scene.vehicles), scene.path
         shown = count if count <= MAX_ALL_DETAILED else 2 * SHOWN_ABOUT + 1
-        ahead = shown // 2 * spacing_m
-        behind = (shown - 1) * spacing_m - ahead
+        ahead = shown // 2 * scene.spacing_m
+        behind = (shown - 1) * scene.spacing_m - ahead
         flat = road is not None and _is_flat(road)
         lateral = 8.0 if flat else min(max(8.0, 0.5 * (ahead + behind)), 25.0)
         return cls(behind + 12.0, ahead + 20.0, lateral)
@@ -192,7 +193,7 @@ def _convoy_view(scene: Scene) -> rrb.Spatial2DView:
         name="Convoy (driving to the right)",
         origin="world/convoy",
         contents=["/world/**", *dots, f"- /world/cars/{scene.vehicles[0]}/plan_name"],
-        visual_bounds=Reach.of(len(scene.vehicles), scene.spacing_m, scene.path).bounds,
+        visual_bounds=Reach.of(scene).bounds,
         overrides=_all_until_now(scene.vehicles),
     )
 
@@ -356,38 +357,32 @@ PLOTS = {
 }
 
 
-def comparison_blueprint(
-    vehicles: Sequence[str], *, spacing_m: float, road: Road, runs: int
-) -> rrb.Blueprint:
-    """Layout for runs of `vehicles`, lead first, that drive about `spacing_m` apart on `road`."""
+def comparison_blueprint(scene: Scene, runs: int) -> rrb.Blueprint:
+    """Layout for several runs of the vehicles of a scene."""
     # On another timeline a fixed range would be one of nanoseconds.
-    time_axis = _whole_run(None)
+    time_axis, hidden = _whole_run(None), rrb.PlotLegend(visible=False)
     plots = [
         rrb.TimeSeriesView(
-            name=heading,
-            origin=f"plots/{quantity}",
-            plot_legend=rrb.PlotLegend(visible=False),
-            axis_x=time_axis,
+            name=heading, origin=f"plots/{quantity}", plot_legend=hidden, axis_x=time_axis
         )
         for quantity, heading in PLOTS.items()
     ]
     modes = rrb.StateTimelineView(name="Modes", origin="mode", time_view=time_axis)
-    modes_share = min(2.0 + 0.6 * max(len(vehicles) - 1, 1) * runs, 9.0)
-    left = rrb.Vertical(
-        rrb.Spatial2DView(
-            name="Convoys (driving to the right, A is faded)",
-            origin="world/convoy",
-            contents=["/world/**", "- /world/divergence/name"],
-            visual_bounds=Reach.of(len(vehicles), spacing_m, road).bounds,
-        ),
-        rrb.Spatial2DView(
-            name="Plan (north up)",
-            origin="world/plan",
-            contents=["/world/**", "- /world/names/**"],
-            visual_bounds=bounds_of(road, 0.04),
-        ),
-        legend_view(),
-        rrb.TextDocumentView(name="Runs", origin="text"),
-        row_shares=[3, 3, 0.72, 3],
+    modes_share = min(2.0 + 0.6 * max(len(scene.vehicles) - 1, 1) * runs, 9.0)
+    convoys = rrb.Spatial2DView(
+        name="Convoys (driving to the right, A is faded)",
+        origin="world/convoy",
+        contents=["/world/**"],
+        visual_bounds=Reach.of(scene).bounds,
     )
-    return two_columns(left, rrb.Vertical(*plots, modes, row_shares=[4, 4, 3, modes_share]))
+    plan = rrb.Spatial2DView(
+        name="Plan (north up)",
+        origin="world/plan",
+        contents=["/world/**", "- /world/names/**"],
+        visual_bounds=bounds_of(scene.path, 0.04) if scene.path else None,
+    )
+    text = rrb.TextDocumentView(name="Runs", origin="text")
+    return two_columns(
+        rrb.Vertical(convoys, plan, legend_view(), text, row_shares=[3, 3, 0.72, 3]),
+        rrb.Vertical(*plots, modes, row_shares=[4, 4, 3, modes_share]),
+    )

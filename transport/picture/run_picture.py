@@ -85,7 +85,7 @@ class RunPicture:
         self._convoy = tuple(scene.convoy or scene.vehicles)
         self._lead = scene.vehicles[0]
         self._detailed = detailed(scene.vehicles)
-        self._reach = Reach.of(len(scene.vehicles), scene.spacing_m, scene.path)
+        self._reach = Reach.of(scene)
         self._places: dict[str, int] = {}
         self._sender = Sender(recording)
         self._send, self._due = self._sender.send, self._sender.due
@@ -100,8 +100,8 @@ class RunPicture:
         recording.log("world/plan", plan_frame(), static=True)
         for name in scene.vehicles:
             self._place(name)
+        draw_road(recording, scene)
         if scene.path:
-            draw_road(recording, scene.path, scene.lane_m)
             marks = road_marks(*scene.path, self._reach.tag_m)
             recording.log("world/road/marks", marks, static=True)
             tag = name_tag(self._lead, colour_of(0), plan_tag_m(scene.path))

@@ -7,7 +7,7 @@ import numpy as np
 import rerun as rr
 
 from transport.panels import Colour
-from transport.picture.batch import Road
+from transport.picture.batch import Scene
 from transport.picture.layout import LEGEND_WIDTH
 from transport.picture.rows import axes_of
 from vehicles.geometry.lanes import lane_edges as edges_of
@@ -109,29 +109,30 @@ def legend(items: Sequence[tuple[str, Colour]]) -> rr.Points2D:
     )
 
 
-def draw_road(recording: rr.RecordingStream, path: Road, lane_m: float | None) -> None:
-    """Draw a path and the edges of a lane of `lane_m` along it."""
-    points = np.column_stack(path)
+def draw_road(recording: rr.RecordingStream, scene: Scene) -> None:
+    """Draw the path of the lead and the edges of its lane, as far as known."""
+    if scene.path is None:
+        return
+    points = np.column_stack(scene.path)
     radius = rr.Radius.ui_points
     road = rr.LineStrips2D([points], colors=[ROAD], radii=radius(1.0), draw_order=1)
     recording.log("world/road/path", road, static=True)
-    if lane_m is not None:
-        edges = edges_of(points, lane_m)
+    if scene.lane_m is not None:
+        edges = edges_of(points, scene.lane_m)
         lane = rr.LineStrips2D(edges, colors=[LANE_EDGE], radii=radius(0.7), draw_order=0)
         recording.log("world/road/lane", lane, static=True)
 
 
 def road_marks(east: Sequence[float], north: Sequence[float], right_m: float) -> rr.Points2D:
     """Mark the distance along a path (m) every 50 m, `right_m` to its right."""
-    points = np.column_stack([east, north])
-    steps = np.diff(points, axis=0)
-    length = np.hypot(*steps.T)
-    station = np.concatenate([[0.0], np.cumsum(length)])
+    station = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(east), np.diff(north)))])
     at = np.arange(0.0, station[-1], MARK_SPACING_M)
-    piece = np.clip(np.searchsorted(station, at, side="right") - 1, 0, len(steps) - 1)
-    along = steps[piece] / length[piece, None]
-    to_the_right = np.column_stack([along[:, 1], -along[:, 0]])
-    places = points[piece] + along * (at - station[piece])[:, None] + right_m * to_the_right
+    on_path, ahead = (
+        np.column_stack([np.interp(along, station, axis) for axis in (east, north)])
+        for along in (at, at + 0.1)
+    )
+    direction = (ahead - on_path) / np.hypot(*(ahead - on_path).T)[:, None]
+    places = on_path + right_m * np.column_stack([direction[:, 1], -direction[:, 0]])
     kept: list[int] = []
     for mark, place in enumerate(places):
         if not kept or np.hypot(*(places[kept] - place).T).min() >= MARK_CLEARANCE_M:
