@@ -11,7 +11,13 @@ from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
 from scenarios.results.encounters import BodySize
 from scenarios.results.log_summary import scenario_in
-from scenarios.results.run_drawing import RecordedFigures, open_view, recording_id
+from scenarios.results.run_drawing import (
+    EARLIEST,
+    LATEST,
+    BatchFigures,
+    open_view,
+    recording_id,
+)
 from scenarios.results.stream import FigureStream
 from transport.log.errors import LogError
 from transport.log.reader import LogReader
@@ -22,7 +28,6 @@ from transport.topics import RUN_SENDER, valid_at
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.schedule import SECOND
 
-EARLIEST, LATEST = -(2**62), 2**62
 SPAN_NS = 30 * SECOND
 """Time of a log that is read and drawn at once; limits the memory."""
 
@@ -114,17 +119,19 @@ def _draw(
     start = _start_of(reader)
     excerpt.check(start, reader)
     first, last = excerpt.span(start)
-    figures = RecordedFigures(reader, stream, (first, last), excerpt.vehicles)
     vehicles = None if excerpt.vehicles is None else {*excerpt.vehicles, RUN_SENDER}
-    count, begin = 0, reader.first_at
-    for end in range(start + SPAN_NS, reader.last_at + SPAN_NS, SPAN_NS):
+    figures = BatchFigures(stream, excerpt.vehicles, reader)
+    count, begin, end_of_log = 0, min(reader.first_at, start), reader.last_at + 1
+    while begin < end_of_log and begin <= last:
+        end = max(begin, start) + SPAN_NS
         span = max(begin, first), min(end - 1, last)
         tables = reader.columns(DRAWN_TOPICS, vehicles=vehicles, span_ns=span)
-        view.draw(figures.batch(start, end, tables))
+        is_last = end >= end_of_log and last >= reader.last_at
+        until = LATEST if is_last else min(end, last + 1)
+        view.draw(figures.batch(start, until, tables, first))
         count += sum(map(len, tables.values()))
-        progress(min((end - start) / max(reader.last_at - start, 1), 1.0))
+        progress(min((end - start) / (end_of_log - start), 1.0))
         begin = end
-    view.draw(figures.last_batch(start))
     return count
 
 

@@ -27,25 +27,23 @@ PATIENCE_NS = 100 * MILLISECOND
 """How much later than the end of a batch a pose is when the batch is drawn: the messages of several
 vehicles are mixed."""
 DRAWN_KINDS: frozenset[type[Message]] = frozenset(TOPICS[topic].message for topic in DRAWN_TOPICS)
-EARLIEST, LATEST = ALWAYS = -(2**62), 2**62
+EARLIEST, LATEST = -(2**62), 2**62
 
 
-class StreamFigures:
-    """Errors, gaps and events of a stream, and tables of the same messages, in batches.
-
-    A batch ends at a multiple of `BATCH_NS`; tables may be ahead of it.
-    """
+class BatchFigures:
+    """Errors, gaps and events of a stream, and tables of the same messages, cut into batches."""
 
     def __init__(
         self,
         stream: FigureStream,
-        *,
-        span: tuple[int, int] = ALWAYS,
         vehicles: Collection[str] | None = None,
+        reader: LogReader | None = None,
     ) -> None:
-        """Collect figures with an instant in `span` (ns) of `vehicles`, by default of all."""
+        """Collect figures of `vehicles`, by default of all.
+
+        The stream receives the messages of the log of `reader`; without it, others elsewhere.
+        """
         self._stream = stream
-        self._span = span
         self._vehicles = set(stream.sizes if vehicles is None else vehicles)
         self._errors: defaultdict[str, list[tuple[int, float]]] = defaultdict(list)
         self._gaps: defaultdict[str, list[tuple[int, float]]] = defaultdict(list)
@@ -54,69 +52,47 @@ class StreamFigures:
         stream.on_error(lambda foot: self._errors[foot.vehicle].append((foot.at_ns, foot.lateral)))
         stream.on_gap(lambda gap: self._gaps[gap.vehicle].append((gap.now_at_ns, gap.now_m)))
         stream.on_event(self._events.append)
+        topics = [TOPIC_OF[kind].name for kind in stream.kinds]
+        self._messages = reader.messages(topics) if reader else iter(())
 
-    def batch(self, start: int, until: int, tables: Tables) -> Batch:
-        """Take what became known since the last call, with instants before `until` (ns)."""
-        keys = dict.fromkeys((*self._ahead, *tables))
-        parts = {key: [t[key] for t in (self._ahead, tables) if key in t] for key in keys}
-        whole = {key: joined(some) for key, some in parts.items()}
-        self._ahead = {key: one.of(one.at_ns >= until) for key, one in whole.items()}
+    def batch(self, start: int, until: int, tables: Tables, first: int = EARLIEST) -> Batch:
+        """Take all with an instant before `until` (ns), and draw it from instant `first` on.
+
+        The next batch has the rest. The last one, until `LATEST`, has the events that are open.
+        """
+        for at, _, message in self._messages:
+            self._stream.listen(at, message)
+            if at >= until:
+                break
+        if until == LATEST:
+            self._stream.finish()
+        ahead, self._ahead = self._ahead, {}
+        drawn = {}
+        for key in {**ahead, **tables}:
+            whole = joined([part[key] for part in (ahead, tables) if key in part])
+            drawn[key] = whole.of(whole.at_ns < until)
+            self._ahead[key] = whole.of(whole.at_ns >= until)
+        events = [event for event in self._events if event.at_ns < until]
+        self._events[:] = [event for event in self._events if event.at_ns >= until]
         marks = [
             Mark(event.kind, event.at_ns, event.place, event.vehicles)
-            for event in self._events
-            if self._span[0] <= event.at_ns <= min(self._span[1], until - 1)
-            and not self._vehicles.isdisjoint(event.vehicles)
+            for event in events
+            if event.at_ns >= first and not self._vehicles.isdisjoint(event.vehicles)
         ]
-        self._events[:] = [event for event in self._events if event.at_ns >= until]
-        return Batch(
-            start_ns=start,
-            tables={key: one.of(one.at_ns < until) for key, one in whole.items()},
-            errors=self._taken(self._errors, until),
-            gaps=self._taken(self._gaps, until),
-            marks=marks,
-        )
+        errors, gaps = (self._taken(one, first, until) for one in (self._errors, self._gaps))
+        return Batch(start_ns=start, tables=drawn, errors=errors, gaps=gaps, marks=marks)
 
-    def last_batch(self, start: int, tables: Tables) -> Batch:
-        """Take the rest, and events that are still open."""
-        self._stream.finish()
-        return self.batch(start, LATEST, tables)
-
-    def _taken(self, figures: dict[str, list[tuple[int, float]]], until: int) -> dict[str, Values]:
+    def _taken(
+        self, figures: dict[str, list[tuple[int, float]]], first: int, until: int
+    ) -> dict[str, Values]:
         taken = {}
-        for vehicle, rows in figures.items():
-            at, values = np.array([at for at, _ in rows], np.int64), np.array([v for _, v in rows])
-            is_before = at < until
-            is_drawn = is_before & (at >= self._span[0]) & (at <= self._span[1])
-            if vehicle in self._vehicles and is_drawn.any():
-                taken[vehicle] = Values(at[is_drawn], values[is_drawn])
-            rows[:] = [row for row in rows if row[0] >= until]
+        for vehicle in self._vehicles & figures.keys():
+            rows = [row for row in figures[vehicle] if first <= row[0] < until]
+            figures[vehicle] = [row for row in figures[vehicle] if row[0] >= until]
+            if rows:
+                at, values = zip(*rows, strict=True)
+                taken[vehicle] = Values(np.array(at, np.int64), np.array(values))
         return taken
-
-
-class RecordedFigures:
-    """The same for a recorded run, from its messages in the order of the log."""
-
-    def __init__(
-        self,
-        reader: LogReader,
-        stream: FigureStream,
-        span: tuple[int, int],
-        vehicles: Collection[str] | None,
-    ) -> None:
-        self._stream = stream
-        self._figures = StreamFigures(stream, span=span, vehicles=vehicles)
-        self._messages = reader.messages([TOPIC_OF[kind].name for kind in stream.kinds])
-        self._next: tuple[int, str, Message] | None = next(self._messages, None)
-
-    def batch(self, start: int, end: int, tables: Tables) -> Batch:
-        """Batch of `tables`, recorded before instant `end` (ns), with the figures until then."""
-        while self._next is not None and self._next[0] < end:
-            self._stream.listen(self._next[0], self._next[2])
-            self._next = next(self._messages, None)
-        return self._figures.batch(start, end, tables)
-
-    def last_batch(self, start: int) -> Batch:
-        return self._figures.last_batch(start, {})
 
 
 class RunDrawing(Closing):
@@ -130,31 +106,32 @@ class RunDrawing(Closing):
         """Draw into `view` with the figures of `stream`, which receives the messages elsewhere."""
         self.destination = view.destination
         self._view = view
-        self._figures = StreamFigures(stream) if view.enabled else None
+        self._figures = BatchFigures(stream) if view.enabled else None
         self._collector = Collector(DRAWN_KINDS)
         self._start: int | None = None
         self._until = 0
 
     def draw(self, now: int, message: Message) -> None:
-        if self._figures is None or type(message) not in DRAWN_KINDS | {RunStart}:
+        """Take a message recorded at instant `now` (ns)."""
+        if self._figures is None:
             return
         if self._start is None and isinstance(message, RunStart | TruePose):
             self._start = valid_at(message)
             self._until = self._start + BATCH_NS
-        if not isinstance(message, RunStart):
+        if type(message) in DRAWN_KINDS:
             self._collector.listen(now, message)
         if isinstance(message, TruePose) and message.true_at_ns >= self._until + PATIENCE_NS:
-            self._view.draw(self._figures.batch(self._start or 0, self._until, self._taken()))
+            self._send(self._until)
             self._until += (message.true_at_ns - self._until) // BATCH_NS * BATCH_NS + BATCH_NS
 
-    def _taken(self) -> Tables:
+    def _send(self, until: int) -> None:
         tables, self._collector = self._collector.tables(), Collector(DRAWN_KINDS)
-        return tables
+        if self._figures is not None and self._start is not None:
+            self._view.draw(self._figures.batch(self._start, until, tables))
 
     def finish(self) -> None:
         """Draw the last messages, and events that are still open."""
-        if self._figures is not None and self._start is not None:
-            self._view.draw(self._figures.last_batch(self._start, self._taken()))
+        self._send(LATEST)
 
     def close(self) -> None:
         """Draw all that is left, and end the picture."""
