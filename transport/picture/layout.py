@@ -153,10 +153,7 @@ def _is_flat(road: Road) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class RunExtent:
-    """Duration of a run (s), its vehicles and links with problems; as far as known.
-
-    The vehicle with the largest problem comes first.
-    """
+    """Duration of a run (s), its vehicles with problems, the worst first, and its worst links."""
 
     duration_s: float | None = None
     vehicles: Sequence[str] = ()
@@ -321,7 +318,7 @@ def _strips(
     troubled = [f"/links/{link}" for link in extent.links]
     others = ["/links/**", *(f"- {link}" for link in troubled)]
     return [
-        _timeline(f"Links with problems{further}", troubled + _branches(panels[1:], lead), extent),
+        _timeline(f"Worst links{further}", troubled + _branches(panels[1:], lead), extent),
         _timeline("Other links", others, extent),
     ]
 

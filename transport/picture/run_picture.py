@@ -49,6 +49,7 @@ LATE_ERROR_NS = SECOND  # How late an error is known: the path of the lead has t
 WORST_FROM_M = 0.2  # Error from which the vehicle furthest off the lead's path is marked
 DEFAULT_CAR = CarShape(4.93, 1.86, -0.1568)  # A Lincoln MKZ, for vehicles of unknown size
 MAX_ZOOM = 4.0  # Largest zoom of the moving view that a vehicle other than the lead causes
+MOST_LINKS = 8  # Links with problems that are in view at once
 ROW_RATIO = 0.75  # Distance between rows of names, in distances of name tags
 LINE_LENGTH = 78  # Characters of a log line that fit in a window of 1280 pixels
 _LEVELS = {
@@ -129,7 +130,9 @@ class RunPicture:
         troubled = set[str]().union(*(self._marked[kind] for kind in EVENTS))
         vehicles = [name for name in by_error if name in troubled or name == by_error[0]]
         duration_s = (self._newest - self._sender.start) / SECOND
-        extent = RunExtent(duration_s, vehicles, sorted(self._series.troubled_links))
+        troubles = self._series.link_troubles
+        links = sorted((link for link in troubles if troubles[link]), key=lambda x: -troubles[x])
+        extent = RunExtent(duration_s, vehicles, links[:MOST_LINKS])
         self._recording.send_blueprint(blueprint(self._scene, extent))
         self._log_legend()
 

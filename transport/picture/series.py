@@ -37,6 +37,7 @@ MARGIN_NS = 100 * MILLISECOND
 arrive on different topics. A slow recorder or reader does not make a link look silent."""
 LOST = "lost"
 CARRIED = (OK, LOST, LATE)
+TROUBLE = {SILENT: 1.0, LATE: 0.1}  # Of half a second on a link; else it is the loss ratio
 
 
 def message_states(verdicts: Columns) -> Array:
@@ -91,8 +92,8 @@ class PanelSeries:
         self._states: dict[str, str] = {}
         self._judged = Counter[tuple[str, str, int, str]]()
         self._following: dict[tuple[str, str], int] = {}  # next half second of each link
-        self.troubled_links: set[str] = set()
-        """Names of the links that lost, delayed or carried no messages for half a second."""
+        self.link_troubles: defaultdict[str, float] = defaultdict(float)
+        """Half seconds without messages on each link; those of a loss count by its ratio."""
 
     def draw(self, batch: Batch) -> None:
         for (vehicle, topic), columns in batch.tables.items():
@@ -166,12 +167,12 @@ class PanelSeries:
     def _draw_states(
         self, panel: Panel, name: str, title: str, at: Integers, states: Array
     ) -> None:
-        """Draw the changes of a state; `title` precedes the state's name in the strip."""
+        """Draw the changes of a state; `title` follows the state's name in the strip."""
         if not len(states):
             return
         entity = f"{panel.name}/{name}"
         known, colours = list(panel.states), list(panel.states.values())
-        labels = [f"{title} {state}".lstrip() for state in known]
+        labels = [f"{state} · {title}" if title else state for state in known]
         self._sender.style(
             entity, rr.StateConfiguration(values=known, labels=labels, colors=colours)
         )
@@ -215,8 +216,7 @@ class PanelSeries:
             states = np.array([state for state, _ in windows], object)
             losses = PANELS["loss"].factor * np.array([loss for _, loss in windows])
             name, title = _link(sender, receiver)
-            if (states != OK).any():
-                self.troubled_links.add(name)
+            self.link_troubles[name] += sum(TROUBLE.get(state, loss) for state, loss in windows)
             self._draw_states(PANELS["links"], name, title, at, states)
             self._add(Curve("loss", name, title, colour_of(self._place_of(receiver))), at, losses)
 
