@@ -11,17 +11,11 @@ from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
 from scenarios.results.encounters import BodySize
 from scenarios.results.log_summary import scenario_in
-from scenarios.results.run_drawing import (
-    EARLIEST,
-    LATEST,
-    BatchFigures,
-    open_view,
-    recording_id,
-)
+from scenarios.results.run_drawing import LATEST, BatchFigures, open_view, recording_id
 from scenarios.results.stream import FigureStream
 from transport.log.errors import LogError
 from transport.log.reader import LogReader
-from transport.picture.batch import DRAWN_TOPICS, Scene
+from transport.picture.batch import DRAWN_TOPICS, RunScene
 from transport.picture.option import RerunOption, require_cursor
 from transport.picture.view import RerunView
 from transport.topics import RUN_SENDER, valid_at
@@ -65,7 +59,7 @@ class Excerpt(NamedTuple):
 
     def span(self, start: int) -> tuple[int, int]:
         """First and last instant (ns) of a run that began at `start`."""
-        first = EARLIEST if self.from_s is None else start + round(self.from_s * SECOND)
+        first = -LATEST if self.from_s is None else start + round(self.from_s * SECOND)
         last = LATEST if self.to_s is None else start + round(self.to_s * SECOND)
         return first, last
 
@@ -119,18 +113,18 @@ def _draw(
     start = _start_of(reader)
     excerpt.check(start, reader)
     first, last = excerpt.span(start)
+    figures = BatchFigures(stream, excerpt.vehicles or stream.sizes, reader)
+    figures.batch(start, first, {})  # not drawn
     vehicles = None if excerpt.vehicles is None else {*excerpt.vehicles, RUN_SENDER}
-    figures = BatchFigures(stream, excerpt.vehicles, reader)
-    count, begin, end_of_log = 0, min(reader.first_at, start), reader.last_at + 1
-    while begin < end_of_log and begin <= last:
+    count, begin = 0, max(first, min(reader.first_at, start))
+    while begin <= min(reader.last_at, last):
         end = max(begin, start) + SPAN_NS
-        span = max(begin, first), min(end - 1, last)
+        span = begin, min(end - 1, last)
         tables = reader.columns(DRAWN_TOPICS, vehicles=vehicles, span_ns=span)
-        is_last = end >= end_of_log and last >= reader.last_at
-        until = LATEST if is_last else min(end, last + 1)
-        view.draw(figures.batch(start, until, tables, first))
+        is_last = end > reader.last_at and last >= reader.last_at
+        view.draw(figures.batch(start, LATEST if is_last else span[1] + 1, tables))
         count += sum(map(len, tables.values()))
-        progress(min((end - start) / (end_of_log - start), 1.0))
+        progress(min((end - start) / max(reader.last_at - start, 1), 1.0))
         begin = end
     return count
 
@@ -168,7 +162,7 @@ def _open(
     if scenario is not None:
         return open_view(option, scenario, log, vehicles=excerpt.vehicles)
     names = list(stream.sizes)
-    scene = Scene(vehicles=excerpt.vehicles or names, convoy=names)
+    scene = RunScene(vehicles=excerpt.vehicles or names, convoy=names)
     return RerunView(option, recording_id=recording_id(log), scene=scene)
 
 

@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Collection, Sequence
 from pathlib import Path
+from typing import Any, TypeVar
 from zlib import crc32
 
 import numpy as np
@@ -15,7 +16,7 @@ from scenarios.results.tables import Collector, Tables
 from transport.closing import Closing
 from transport.columns import joined
 from transport.log.reader import LogReader
-from transport.picture.batch import BATCH_NS, DRAWN_TOPICS, Batch, Mark, Scene, Values
+from transport.picture.batch import BATCH_NS, DRAWN_TOPICS, Batch, Mark, RunScene, VehicleValues
 from transport.picture.option import RerunOption
 from transport.picture.view import RerunView
 from transport.topics import TOPIC_OF, TOPICS, valid_at
@@ -27,38 +28,43 @@ PATIENCE_NS = 100 * MILLISECOND
 """How much later than the end of a batch a pose is when the batch is drawn: the messages of several
 vehicles are mixed."""
 DRAWN_KINDS: frozenset[type[Message]] = frozenset(TOPICS[topic].message for topic in DRAWN_TOPICS)
-EARLIEST, LATEST = -(2**62), 2**62
+LATEST = 2**62
 
 
 class BatchFigures:
     """Errors, gaps and events of a stream, and tables of the same messages, cut into batches."""
 
     def __init__(
-        self,
-        stream: FigureStream,
-        vehicles: Collection[str] | None = None,
-        reader: LogReader | None = None,
+        self, stream: FigureStream, vehicles: Collection[str], reader: LogReader | None = None
     ) -> None:
-        """Collect figures of `vehicles`, by default of all.
+        """Collect figures of `vehicles`.
 
         The stream receives the messages of the log of `reader`; without it, others elsewhere.
         """
         self._stream = stream
-        self._vehicles = set(stream.sizes if vehicles is None else vehicles)
-        self._errors: defaultdict[str, list[tuple[int, float]]] = defaultdict(list)
-        self._gaps: defaultdict[str, list[tuple[int, float]]] = defaultdict(list)
-        self._events: list[Episode] = []
+        self._errors: list[tuple[str, int, float]] = []
+        self._gaps: list[tuple[str, int, float]] = []
+        self._marks: list[Mark] = []
         self._ahead: Tables = {}
-        stream.on_error(lambda foot: self._errors[foot.vehicle].append((foot.at_ns, foot.lateral)))
-        stream.on_gap(lambda gap: self._gaps[gap.vehicle].append((gap.now_at_ns, gap.now_m)))
-        stream.on_event(self._events.append)
+
+        def add_mark(event: Episode) -> None:
+            if not set(vehicles).isdisjoint(event.vehicles):
+                self._marks.append(Mark(event.kind, event.at_ns, event.place, event.vehicles))
+
+        def add(rows: list[tuple[str, int, float]], vehicle: str, at: int, value: float) -> None:
+            if vehicle in vehicles:
+                rows.append((vehicle, at, value))
+
+        stream.on_error(lambda foot: add(self._errors, foot.vehicle, foot.at_ns, foot.lateral))
+        stream.on_gap(lambda gap: add(self._gaps, gap.vehicle, gap.now_at_ns, gap.now_m))
+        stream.on_event(add_mark)
         topics = [TOPIC_OF[kind].name for kind in stream.kinds]
         self._messages = reader.messages(topics) if reader else iter(())
 
-    def batch(self, start: int, until: int, tables: Tables, first: int = EARLIEST) -> Batch:
-        """Take all with an instant before `until` (ns), and draw it from instant `first` on.
+    def batch(self, start: int, until: int, tables: Tables) -> Batch:
+        """Take all with an instant before `until` (ns); the next batch has the rest.
 
-        The next batch has the rest. The last one, until `LATEST`, has the events that are open.
+        The last batch, until `LATEST`, has the events that are still open.
         """
         for at, _, message in self._messages:
             self._stream.listen(at, message)
@@ -66,33 +72,35 @@ class BatchFigures:
                 break
         if until == LATEST:
             self._stream.finish()
-        ahead, self._ahead = self._ahead, {}
-        drawn = {}
+        ahead, self._ahead, drawn = self._ahead, {}, {}
         for key in {**ahead, **tables}:
             whole = joined([part[key] for part in (ahead, tables) if key in part])
             drawn[key] = whole.of(whole.at_ns < until)
             self._ahead[key] = whole.of(whole.at_ns >= until)
-        events = [event for event in self._events if event.at_ns < until]
-        self._events[:] = [event for event in self._events if event.at_ns >= until]
-        marks = [
-            Mark(event.kind, event.at_ns, event.place, event.vehicles)
-            for event in events
-            if event.at_ns >= first and not self._vehicles.isdisjoint(event.vehicles)
-        ]
-        errors, gaps = (self._taken(one, first, until) for one in (self._errors, self._gaps))
-        return Batch(start_ns=start, tables=drawn, errors=errors, gaps=gaps, marks=marks)
+        return Batch(
+            start_ns=start,
+            tables=drawn,
+            errors=_values(_taken(self._errors, until)),
+            gaps=_values(_taken(self._gaps, until)),
+            marks=_taken(self._marks, until),
+        )
 
-    def _taken(
-        self, figures: dict[str, list[tuple[int, float]]], first: int, until: int
-    ) -> dict[str, Values]:
-        taken = {}
-        for vehicle in self._vehicles & figures.keys():
-            rows = [row for row in figures[vehicle] if first <= row[0] < until]
-            figures[vehicle] = [row for row in figures[vehicle] if row[0] >= until]
-            if rows:
-                at, values = zip(*rows, strict=True)
-                taken[vehicle] = Values(np.array(at, np.int64), np.array(values))
-        return taken
+
+Row = TypeVar("Row", bound=tuple[Any, ...])
+
+
+def _taken(rows: list[Row], until: int) -> list[Row]:
+    """Remove the rows with an instant, their second value, before `until` (ns)."""
+    taken = [row for row in rows if row[1] < until]
+    rows[:] = [row for row in rows if row[1] >= until]
+    return taken
+
+
+def _values(rows: list[tuple[str, int, float]]) -> dict[str, VehicleValues]:
+    of: defaultdict[str, list[tuple[int, float]]] = defaultdict(list)
+    for vehicle, at, value in rows:
+        of[vehicle].append((at, value))
+    return {name: VehicleValues(*map(np.array, zip(*one, strict=True))) for name, one in of.items()}
 
 
 class RunDrawing(Closing):
@@ -106,7 +114,7 @@ class RunDrawing(Closing):
         """Draw into `view` with the figures of `stream`, which receives the messages elsewhere."""
         self.destination = view.destination
         self._view = view
-        self._figures = BatchFigures(stream) if view.enabled else None
+        self._figures = BatchFigures(stream, stream.sizes) if view.enabled else None
         self._collector = Collector(DRAWN_KINDS)
         self._start: int | None = None
         self._until = 0
@@ -164,10 +172,10 @@ def open_view(
     return RerunView(option, recording_id=recording_id(log), scene=scene, title=scenario.title)
 
 
-def scene_of(scenario: Scenario, vehicles: Sequence[str]) -> Scene:
-    """Scene of some vehicles of a scenario, lead first."""
+def scene_of(scenario: Scenario, vehicles: Sequence[str]) -> RunScene:
+    """RunScene of some vehicles of a scenario, lead first."""
     path = scenario.route.path
-    return Scene(
+    return RunScene(
         vehicles=vehicles,
         convoy=scenario.vehicle_names,
         spacing_m=widest_spacing(scenario),

@@ -18,7 +18,7 @@ DRAWN_TOPICS = ("truth", "trajectory", "tracking", "command", "verdict", "log", 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
+class RunScene:
     """What is known of a run before its messages.
 
     `vehicles` are in order, the lead first, and may be some of a `convoy` (by default all);
@@ -35,8 +35,8 @@ class Scene:
     duration_s: float | None = None
 
 
-class Values(NamedTuple):
-    """Values (N) of a figure of a vehicle at instants (ns) in order."""
+class VehicleValues(NamedTuple):
+    """VehicleValues (N) of a figure of a vehicle at instants (ns) in order."""
 
     at_ns: Integers
     values: Floats
@@ -67,8 +67,8 @@ class Batch:
 
     start_ns: int
     tables: Mapping[tuple[str, str], Columns]
-    errors: Mapping[str, Values] = field(default_factory=dict)
-    gaps: Mapping[str, Values] = field(default_factory=dict)
+    errors: Mapping[str, VehicleValues] = field(default_factory=dict)
+    gaps: Mapping[str, VehicleValues] = field(default_factory=dict)
     marks: Sequence[Mark] = ()
 
     def of_topic(self, topic: str) -> list[Columns]:

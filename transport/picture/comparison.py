@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 
 from transport.panels import PANELS, Colour, colour_of
-from transport.picture.batch import Floats, Scene
+from transport.picture.batch import Floats, RunScene
 from transport.picture.layout import WORST, Reach, comparison_blueprint
 from transport.picture.rows import TIMELINE, frames_of
 from transport.picture.shapes import (
@@ -29,7 +29,7 @@ CAR_STEP = 2  # True poses (50 Hz) per position of a car
 
 
 class Placed(NamedTuple):
-    """Values (N) at times (s after the start) and distances along the path (m)."""
+    """VehicleValues (N) at times (s after the start) and distances along the path (m)."""
 
     at_s: Floats
     station_m: Floats
@@ -68,7 +68,7 @@ class VehicleTrack:
 
 def draw_tracks(
     recording: rr.RecordingStream,
-    scene: Scene,
+    scene: RunScene,
     tracks: Sequence[VehicleTrack],
     divergence: Placed | None,
     text: str,

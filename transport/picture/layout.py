@@ -33,7 +33,7 @@ import rerun.blueprint as rrb
 from rerun.blueprint import encodings
 
 from transport.panels import PANELS, ROWS, Colour, Panel, Row, colour_of
-from transport.picture.batch import Floats, Road, Scene
+from transport.picture.batch import Floats, Road, RunScene
 from transport.picture.rows import TIMELINE
 
 MAX_ALL_DETAILED = 12  # Largest convoy of which all vehicles are drawn in detail
@@ -92,7 +92,7 @@ class Reach(NamedTuple):
     lateral: float
 
     @classmethod
-    def of(cls, scene: Scene) -> "Reach":
+    def of(cls, scene: RunScene) -> "Reach":
         """Return the range for the vehicles of a scene, or some of a long convoy."""
         count, road = len(scene.vehicles), scene.path
         shown = count if count <= MAX_ALL_DETAILED else 2 * SHOWN_ABOUT + 1
@@ -160,7 +160,7 @@ class RunExtent:
     links: Sequence[str] = ()
 
 
-def blueprint(scene: Scene, extent: RunExtent = RunExtent()) -> rrb.Blueprint:
+def blueprint(scene: RunScene, extent: RunExtent = RunExtent()) -> rrb.Blueprint:
     """Layout for the vehicles of a scene."""
     flat = scene.path is not None and _is_flat(scene.path)
     rows = [(row, tabs) for row in ROWS if (tabs := _tabs(row, scene, extent))]
@@ -183,7 +183,7 @@ def two_columns(left: rrb.Vertical, right: rrb.Vertical) -> rrb.Blueprint:
     )
 
 
-def _convoy_view(scene: Scene) -> rrb.Spatial2DView:
+def _convoy_view(scene: RunScene) -> rrb.Spatial2DView:
     """Follow the middle of the convoy, the direction of travel to the right."""
     dots = [f"- /world/cars/{name}/dot" for name in scene.vehicles]
     return rrb.Spatial2DView(
@@ -195,7 +195,7 @@ def _convoy_view(scene: Scene) -> rrb.Spatial2DView:
     )
 
 
-def _plan_view(scene: Scene) -> rrb.Spatial2DView:
+def _plan_view(scene: RunScene) -> rrb.Spatial2DView:
     """Show the convoy on the road, as dots where cars would be too small."""
     path = scene.path
     small = path is not None and scene.spacing_m < 0.04 * _extent(path)
@@ -253,7 +253,7 @@ def _all_until_now(vehicles: Sequence[str]) -> dict[Any, Any]:
     return {entity: rrb.VisibleTimeRanges(ranges) for entity in entities}
 
 
-def _tabs(row: Row, scene: Scene, extent: RunExtent) -> rrb.Tabs | None:
+def _tabs(row: Row, scene: RunScene, extent: RunExtent) -> rrb.Tabs | None:
     """Panels of a row; None without any.
 
     Of panels by follower those of vehicles with problems come first, and the others share one. Of
@@ -285,7 +285,7 @@ def _plot(
     )
 
 
-def _plots_of_followers(panel: Panel, scene: Scene, extent: RunExtent) -> list[rrb.View]:
+def _plots_of_followers(panel: Panel, scene: RunScene, extent: RunExtent) -> list[rrb.View]:
     names = detailed(scene.vehicles)
     followers = names[1:]
     single = [name for name in extent.vehicles if name in followers]
@@ -354,7 +354,7 @@ PLOTS = {
 }
 
 
-def comparison_blueprint(scene: Scene, runs: int) -> rrb.Blueprint:
+def comparison_blueprint(scene: RunScene, runs: int) -> rrb.Blueprint:
     """Layout for several runs of the vehicles of a scene."""
     # On another timeline a fixed range would be one of nanoseconds.
     time_axis, hidden = _whole_run(None), rrb.PlotLegend(visible=False)

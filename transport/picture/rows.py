@@ -50,7 +50,7 @@ def packed(colours: list[Colour]) -> Array:
     return (parts[:, 0] << 24) | (parts[:, 1] << 16) | (parts[:, 2] << 8) | np.uint32(255)
 
 
-class Sender:
+class RowSender:
     """Sends rows to a recording of a run that began at `start` (ns)."""
 
     def __init__(self, recording: rr.RecordingStream) -> None:

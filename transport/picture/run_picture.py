@@ -10,7 +10,7 @@ import rerun as rr
 
 from transport.columns import Columns, Integers, ranges
 from transport.panels import PANELS, Colour, colour_of, colours_of_sources
-from transport.picture.batch import BATCH_NS, Batch, Floats, Mark, Scene, Values
+from transport.picture.batch import BATCH_NS, Batch, Floats, Mark, RunScene, VehicleValues
 from transport.picture.layout import (
     EVENTS,
     FEW_VEHICLES,
@@ -23,7 +23,7 @@ from transport.picture.layout import (
     detailed,
     plan_tag_m,
 )
-from transport.picture.rows import Sender, frames_of, packed, strips_of
+from transport.picture.rows import RowSender, frames_of, packed, strips_of
 from transport.picture.series import PanelSeries
 from transport.picture.shapes import (
     CarShape,
@@ -80,7 +80,7 @@ class RunPicture:
     of any length give the same rows.
     """
 
-    def __init__(self, recording: rr.RecordingStream, scene: Scene) -> None:
+    def __init__(self, recording: rr.RecordingStream, scene: RunScene) -> None:
         self._recording = recording
         self._scene = scene
         self._convoy = tuple(scene.convoy or scene.vehicles)
@@ -88,7 +88,7 @@ class RunPicture:
         self._detailed = detailed(scene.vehicles)
         self._reach = Reach.of(scene)
         self._places: dict[str, int] = {}
-        self._sender = Sender(recording)
+        self._sender = RowSender(recording)
         self._send, self._due = self._sender.send, self._sender.due
         self._series = PanelSeries(self._sender, self._detailed, self._place)
         self._tracks: dict[str, Track] = {}
@@ -238,7 +238,7 @@ class RunPicture:
 
     # ---- The vehicle furthest off
 
-    def _draw_worst(self, errors: Mapping[str, Values], until: int) -> None:
+    def _draw_worst(self, errors: Mapping[str, VehicleValues], until: int) -> None:
         """Ring the vehicle furthest off the lead's path in each half second before `until` (ns)."""
         for name, (at, values) in errors.items():
             largest = max(self._largest_errors.get(name, 0.0), float(np.abs(values).max()))

@@ -24,7 +24,7 @@ from transport.panels import (
     flagged,
 )
 from transport.picture.batch import BATCH_NS, Batch, Floats
-from transport.picture.rows import Sender
+from transport.picture.rows import RowSender
 from transport.topics import counts_as_loss
 from vehicles.messages import statuses_in
 from vehicles.schedule import MILLISECOND
@@ -69,8 +69,8 @@ SIGMAS = 3.0  # Half-width of a band in standard deviations
 BAND_ALPHA = 70  # Opacity (of 255) of a band's line; bands overlap
 
 
-class Curve(NamedTuple):
-    """Values of a panel under the name of a vehicle, a link, or a vehicle and a source."""
+class PanelCurve(NamedTuple):
+    """VehicleValues of a panel under the name of a vehicle, a link, or a vehicle and a source."""
 
     panel: str
     name: str
@@ -83,7 +83,7 @@ class PanelSeries:
     """Draws the fields of tables into the panels that show them."""
 
     def __init__(
-        self, sender: Sender, detailed: Sequence[str], place_of: Callable[[str], int]
+        self, sender: RowSender, detailed: Sequence[str], place_of: Callable[[str], int]
     ) -> None:
         """Draw `detailed` vehicles; `place_of` returns the position of a vehicle in the convoy."""
         self._sender = sender
@@ -105,14 +105,14 @@ class PanelSeries:
         for panel_name, figures in (("cross_track", batch.errors), ("true_gap", batch.gaps)):
             for vehicle, figure in figures.items():
                 colour = colour_of(self._place_of(vehicle))
-                self._add(Curve(panel_name, vehicle, vehicle, colour), *figure)
+                self._add(PanelCurve(panel_name, vehicle, vehicle, colour), *figure)
         for verdicts in batch.of_topic("verdict"):
             if verdicts.vehicle in self._detailed:
                 self._count(verdicts)
         for truth in batch.of_topic("truth"):
             self._draw_windows(truth.vehicle, int(truth.at_ns.max()))
 
-    def _add(self, curve: Curve, at: Integers, values: Floats) -> None:
+    def _add(self, curve: PanelCurve, at: Integers, values: Floats) -> None:
         """Draw values of a curve at instants (ns); unknown ones are left out."""
         known = np.isfinite(values)
         if known.any():
@@ -146,7 +146,9 @@ class PanelSeries:
             self._draw_states(panel, name, "", at, values)
             return
         label, colour = series.label_of(vehicle), series.colour_at(self._place_of(vehicle))
-        self._add(Curve(panel.name, name, label, colour, series.width), at, values * panel.factor)
+        self._add(
+            PanelCurve(panel.name, name, label, colour, series.width), at, values * panel.factor
+        )
 
     def _draw_band(self, panel: Panel, series: Series, columns: Columns) -> None:
         """Draw a band of some standard deviations around a value."""
@@ -218,7 +220,9 @@ class PanelSeries:
             name, title = _link(sender, receiver)
             self.link_troubles[name] += sum(TROUBLE.get(state, loss) for state, loss in windows)
             self._draw_states(PANELS["links"], name, title, at, states)
-            self._add(Curve("loss", name, title, colour_of(self._place_of(receiver))), at, losses)
+            self._add(
+                PanelCurve("loss", name, title, colour_of(self._place_of(receiver))), at, losses
+            )
 
 
 def _link(sender: str, receiver: str) -> tuple[str, str]:
@@ -229,7 +233,7 @@ def _link(sender: str, receiver: str) -> tuple[str, str]:
 def _by_source(tracking: Columns, name: str) -> Iterator[tuple[str, Integers, Array]]:
     """Yield instants and values of each source that is neither lead nor predecessor.
 
-    Values are those of the field `name`, or the statuses for `other_sources`.
+    VehicleValues are those of the field `name`, or the statuses for `other_sources`.
     """
     texts = tracking["other_sources"]
     parts: defaultdict[str, list[tuple[Integers, Array]]] = defaultdict(list)

@@ -7,7 +7,7 @@ import numpy as np
 import rerun as rr
 
 from transport.panels import Colour
-from transport.picture.batch import Scene
+from transport.picture.batch import RunScene
 from transport.picture.layout import LEGEND_WIDTH
 from transport.picture.rows import axes_of
 from vehicles.geometry.lanes import lane_edges as edges_of
@@ -109,7 +109,7 @@ def legend(items: Sequence[tuple[str, Colour]]) -> rr.Points2D:
     )
 
 
-def draw_road(recording: rr.RecordingStream, scene: Scene) -> None:
+def draw_road(recording: rr.RecordingStream, scene: RunScene) -> None:
     """Draw the path of the lead and the edges of its lane, as far as known."""
     if scene.path is None:
         return

@@ -12,7 +12,7 @@ from urllib.parse import quote, urlsplit
 
 from transport.closing import Closing
 from transport.picture import viewer_process
-from transport.picture.batch import Batch, Scene
+from transport.picture.batch import Batch, RunScene
 from transport.picture.option import (
     DATA_PORT,
     LOOPBACK,
@@ -146,7 +146,7 @@ class RerunView(OpenRecording):
     """
 
     def __init__(
-        self, option: RerunOption, *, recording_id: str, scene: Scene, title: str = ""
+        self, option: RerunOption, *, recording_id: str, scene: RunScene, title: str = ""
     ) -> None:
         super().__init__(option, recording_id, title)
         self._picture: Any = None

@@ -8,7 +8,7 @@ from typing import Any
 from rerun.chunk import RrdReader
 
 from transport.columns import columns_from
-from transport.picture.batch import DRAWN_TOPICS, Batch, Scene, Values
+from transport.picture.batch import DRAWN_TOPICS, Batch, RunScene, VehicleValues
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
 from transport.topics import TOPIC_OF, valid_at
@@ -16,7 +16,7 @@ from vehicles.messages import Message
 
 
 def batch_of(
-    messages: Iterable[Message], start: int, errors: Mapping[str, Values] | None = None
+    messages: Iterable[Message], start: int, errors: Mapping[str, VehicleValues] | None = None
 ) -> Batch:
     """Batch of the messages of a run that began at instant `start` (ns)."""
     rows: dict[tuple[str, str], list[Message]] = defaultdict(list)
@@ -30,7 +30,7 @@ def batch_of(
     return Batch(start_ns=start, tables=tables, errors=errors or {})
 
 
-def drawn(path: Path, scene: Scene, *batches: Batch) -> "Table":
+def drawn(path: Path, scene: RunScene, *batches: Batch) -> "Table":
     """Draw batches into a recording at `path`; returns its contents."""
     with RerunView(parse_rerun_option(f"save={path}"), recording_id="x", scene=scene) as view:
         for batch in batches:

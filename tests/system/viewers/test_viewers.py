@@ -14,7 +14,7 @@ from tests.system.screenshot import (
     take_picture,
 )
 from transport.panels import colour_of
-from transport.picture.batch import Scene
+from transport.picture.batch import RunScene
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
 
@@ -50,7 +50,7 @@ def test_each_viewer_sees_the_whole_run() -> None:
     option = parse_rerun_option("serve")
     messages = [message for _, message in drive.drive(150)]
     half = len(messages) // 2
-    scene = Scene(vehicles=drive.VEHICLES)
+    scene = RunScene(vehicles=drive.VEHICLES)
     with RerunView(option, recording_id="circle", scene=scene) as view:
         data_url = view.destination.partition("url=")[2].replace("%3A", ":").replace("%2F", "/")
         view.draw(batch_of(messages[:half], drive.START))

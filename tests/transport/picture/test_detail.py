@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.made.scenarios.messages import START, at, truth
 from tests.made.transport import drive
 from tests.made.transport.recording import batch_of, drawn
-from transport.picture.batch import Scene, Values
+from transport.picture.batch import RunScene, VehicleValues
 from transport.picture.layout import MAX_ALL_DETAILED, detailed
 from vehicles.messages import Message
 
@@ -40,9 +40,11 @@ def test_the_picture_of_forty_has_all_cars_and_the_curves_of_some(tmp_path: Path
             messages.append(truth(name, tick, 0.6 * tick - 15.0 * place, 0.0))
             messages.append(replace(ahead, vehicle=name))
     times = np.array([at(tick / 50) for tick in range(100)])
-    errors = {name: Values(times, np.full(100, 0.3 * (name == "v20"))) for name in vehicles[1:]}
+    errors = {
+        name: VehicleValues(times, np.full(100, 0.3 * (name == "v20"))) for name in vehicles[1:]
+    }
     batch = batch_of(messages, START, errors)
-    table = drawn(tmp_path / "long.rrd", Scene(vehicles=vehicles), batch)
+    table = drawn(tmp_path / "long.rrd", RunScene(vehicles=vehicles), batch)
     some = set(detailed(vehicles))
     for name in vehicles:
         assert len(table[f"/world/cars/{name}"]["Transform3D:translation"]) == 50

@@ -10,7 +10,7 @@ from tests.made.scenarios.messages import START, at, start, tracking, truth
 from tests.made.transport.recording import Table, batch_of
 from tests.made.transport.recording import drawn as drawn_at
 from transport.panels import PANELS, flagged
-from transport.picture.batch import Scene
+from transport.picture.batch import RunScene
 from transport.picture.layout import FEW_VEHICLES, blueprint
 from vehicles.messages import Change, Message
 
@@ -54,11 +54,11 @@ def story() -> Iterator[Message]:
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory: pytest.TempPathFactory) -> Table:
     path = tmp_path_factory.mktemp("story") / "run.rrd"
-    return drawn_at(path, Scene(vehicles=VEHICLES), batch_of(story(), START))
+    return drawn_at(path, RunScene(vehicles=VEHICLES), batch_of(story(), START))
 
 
 def curve(table: Table, entity: str) -> dict[int, float]:
-    """Values of a curve by ticks."""
+    """VehicleValues of a curve by ticks."""
     rows = table[f"/plots/{entity}"]
     pairs = zip(rows["run_time"], rows["Scalars:scalars"], strict=True)
     return {when // 20_000_000: value[0] for when, value in pairs if value}
@@ -126,7 +126,7 @@ def views(part: Any) -> Iterator[Any]:
 @pytest.mark.parametrize(("count", "followed"), [(2, "v2"), (4, "v3"), (9, "v5")])
 def test_the_main_views_are_visible_at_once(count: int, followed: str) -> None:
     names = [f"v{place}" for place in range(1, count + 1)]
-    shown = list(views(blueprint(Scene(vehicles=names)).root_container))
+    shown = list(views(blueprint(RunScene(vehicles=names)).root_container))
     assert {view.origin for view in shown} >= {
         "plots/cross_track", f"plots/closing/{followed}", "plots/true_gap", "legend", "log",
         "world/convoy",

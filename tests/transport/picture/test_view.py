@@ -20,7 +20,7 @@ from tests.made.scenarios import messages as made
 from tests.made.transport import drive
 from tests.made.transport.recording import Table, batch_of
 from tests.made.transport.recording import drawn as recorded
-from transport.picture.batch import BATCH_NS, Scene, Values
+from transport.picture.batch import BATCH_NS, RunScene, VehicleValues
 from transport.picture.option import RerunOption, parse_rerun_option
 from transport.picture.view import RerunView
 from transport.picture.viewer_process import ViewerError
@@ -35,7 +35,7 @@ ROAD = (
 )
 
 
-SCENE = Scene(vehicles=drive.VEHICLES, path=ROAD)
+SCENE = RunScene(vehicles=drive.VEHICLES, path=ROAD)
 
 
 def picture(path: Path, messages: Sequence[Message], parts: int = 1) -> Table:
@@ -53,7 +53,7 @@ def picture(path: Path, messages: Sequence[Message], parts: int = 1) -> Table:
             if begin <= foot.at_ns < end:
                 feet[foot.vehicle].append(foot)
         values = {
-            name: Values(
+            name: VehicleValues(
                 np.array([foot.at_ns for foot in some]), np.array([foot.lateral for foot in some])
             )
             for name, some in feet.items()
@@ -81,10 +81,10 @@ def test_batches_of_any_length_give_the_same_rows(drawn: Table, tmp_path: Path, 
 def test_without_a_picture_rerun_is_not_loaded() -> None:
     program = """
 import sys
-from transport.picture.batch import Batch, Scene
+from transport.picture.batch import Batch, RunScene
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
-scene = Scene(vehicles=("v1",))
+scene = RunScene(vehicles=("v1",))
 with RerunView(parse_rerun_option("off"), recording_id="x", scene=scene) as view:
     view.draw(Batch(start_ns=0, tables={}))
 assert view.destination == ""
@@ -275,10 +275,10 @@ SERVE = """
 import time
 from tests.made.transport import drive
 from tests.made.transport.recording import batch_of
-from transport.picture.batch import Scene
+from transport.picture.batch import RunScene
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
-scene = Scene(vehicles=drive.VEHICLES)
+scene = RunScene(vehicles=drive.VEHICLES)
 view = RerunView(parse_rerun_option("serve"), recording_id="x", scene=scene)
 view.draw(batch_of([message for _, message in drive.drive(20)], drive.START))
 print(view.destination, flush=True)
