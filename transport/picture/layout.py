@@ -2,22 +2,12 @@
 
 Entities are named by quantity first and vehicle last, because a view contains whole branches:
 
-    world/                  east, north in metres, as in the messages
-      plan, convoy          frames of the two plan views: north up, and moving with the convoy
-      convoy/names          the names of the cars
-      road/…                the lead's path and its distance marks
-      driven/<vehicle>      the path driven
-      trajectory/<vehicle>  the composite trajectory
-      samples/<vehicle>     the received samples to which it was fitted
-      events/<kind>         the places of events
-      cars/<vehicle>/…      the car, with a ring if it is furthest off the lead's path
-    plots/<quantity>/<vehicle>, plots/<quantity>/events/<kind>
-    plots/closing/<vehicle>/<curve>    the known road ahead, and braking distances
-    links/<sender>_to_<receiver>       state of the link in each half second
-    messages/<sender>_to_<receiver>    verdict on each message
-    sources/<vehicle>/<source>         status of lead, predecessor and other sources by name
-    mode/<vehicle>, log/<vehicle>
-    legend                             colours of vehicles, curves and marks
+    world/                              east, north in metres, as in the messages
+      plan, convoy                      frames of both plan views: north up, moving with the convoy
+      road, driven, trajectory, samples, events, cars, convoy/names
+    plots/<quantity>/<vehicle>[/<curve>], plots/<quantity>/events/<kind>
+    links, messages/<sender>_to_<receiver>    states of each half second and of each message
+    sources/<vehicle>/<source>, mode/<vehicle>, log/<vehicle>, legend
 
 In a picture of several runs the label of the run comes before the vehicle below `world`, and after
 it in `plots/<quantity>/<vehicle>/<run>` and `mode/<vehicle>_<run>`.
@@ -94,12 +84,11 @@ class Reach(NamedTuple):
     @classmethod
     def of(cls, scene: RunScene) -> "Reach":
         """Return the range for the vehicles of a scene, or some of a long convoy."""
-        count, road = len(scene.vehicles), scene.path
+        count = len(scene.vehicles)
         shown = count if count <= MAX_ALL_DETAILED else 2 * SHOWN_ABOUT + 1
         ahead = shown // 2 * scene.spacing_m
         behind = (shown - 1) * scene.spacing_m - ahead
-        flat = road is not None and _is_flat(road)
-        lateral = 8.0 if flat else min(max(8.0, 0.5 * (ahead + behind)), 25.0)
+        lateral = 8.0 if _is_flat(scene.path) else min(max(8.0, 0.5 * (ahead + behind)), 25.0)
         return cls(behind + 12.0, ahead + 20.0, lateral)
 
     @property
@@ -123,29 +112,30 @@ class Reach(NamedTuple):
 
 def plan_tag_m(road: Road) -> float:
     """Distance of the lead's name tag from its dot in the plan (m)."""
-    return 1.2 * TAG_PX * _extent(road) / VIEW_WIDTH_PX
+    return 1.2 * TAG_PX * max(_size(road)) / VIEW_WIDTH_PX
 
 
 def bounds_of(road: Road, margin_ratio: float) -> rrb.VisualBounds2D:
     """Bounds of the road with a margin; the second axis of a picture points down."""
-    east, north = road
-    margin = margin_ratio * _extent(road)
+    (east, north), margin = road, margin_ratio * max(_size(road))
     return rrb.VisualBounds2D(
         x_range=[min(east) - margin, max(east) + margin],
         y_range=[-max(north) - margin, -min(north) + margin],
     )
 
 
-def _extent(road: Road) -> float:
-    """Width or height of a road (m), the larger."""
+def _size(road: Road) -> tuple[float, float]:
+    """Width and height of a road (m)."""
     east, north = road
-    return max(max(east) - min(east), max(north) - min(north))
+    return max(east) - min(east), max(north) - min(north)
 
 
-def _is_flat(road: Road) -> bool:
+def _is_flat(road: Road | None) -> bool:
     """Whether a road is at least four times as wide as high, so that a low view suffices."""
-    east, north = road
-    return max(east) - min(east) >= 4.0 * (max(north) - min(north))
+    if road is None:
+        return False
+    width, height = _size(road)
+    return width >= 4.0 * height
 
 
 # ---- Blueprint of one run
@@ -162,11 +152,11 @@ class RunExtent:
 
 def blueprint(scene: RunScene, extent: RunExtent = RunExtent()) -> rrb.Blueprint:
     """Layout for the vehicles of a scene."""
-    flat = scene.path is not None and _is_flat(scene.path)
+    shares = [4, 2, 0.72, 3] if _is_flat(scene.path) else [3, 3.5, 0.72, 2.5]
     rows = [(row, tabs) for row in ROWS if (tabs := _tabs(row, scene, extent))]
     views = [_convoy_view(scene), _plan_view(scene), legend_view(), _log_view()]
     return two_columns(
-        rrb.Vertical(*views, row_shares=[4, 2, 0.72, 3] if flat else [3, 3.5, 0.72, 2.5]),
+        rrb.Vertical(*views, row_shares=shares),
         rrb.Vertical(*(tabs for _, tabs in rows), row_shares=[row.share for row, _ in rows]),
     )
 
@@ -198,7 +188,7 @@ def _convoy_view(scene: RunScene) -> rrb.Spatial2DView:
 def _plan_view(scene: RunScene) -> rrb.Spatial2DView:
     """Show the convoy on the road, as dots where cars would be too small."""
     path = scene.path
-    small = path is not None and scene.spacing_m < 0.04 * _extent(path)
+    small = path is not None and scene.spacing_m < 0.04 * max(_size(path))
     hidden = [f"- /world/cars/{name}/worst/name" for name in scene.vehicles]
     hidden += [f"- /world/cars/{name}/dot" for name in scene.vehicles if not small]
     hidden += [f"- /world/events/{kind}/name" for kind in MARKS]
@@ -224,29 +214,20 @@ def legend_view() -> rrb.Spatial2DView:
 
 def _log_view() -> rrb.TextLogView:
     """Log lines, which begin with their time: the viewer's own column cuts long times."""
-    return rrb.TextLogView(
-        name="Log",
-        origin="log",
-        format_options=rrb.TextLogFormat(monospace_body=True),
-        columns=rrb.TextLogColumns(
-            timeline_columns=[encodings.TimelineColumn(TIMELINE, visible=False)],
-            text_log_columns=[
-                encodings.TextLogColumn(encodings.TextLogColumnKind.LogLevel),
-                encodings.TextLogColumn(encodings.TextLogColumnKind.Body),
-            ],
-        ),
+    kinds = (encodings.TextLogColumnKind.LogLevel, encodings.TextLogColumnKind.Body)
+    columns = rrb.TextLogColumns(
+        timeline_columns=[encodings.TimelineColumn(TIMELINE, visible=False)],
+        text_log_columns=[encodings.TextLogColumn(kind) for kind in kinds],
     )
+    body = rrb.TextLogFormat(monospace_body=True)
+    return rrb.TextLogView(name="Log", origin="log", format_options=body, columns=columns)
 
 
 def _all_until_now(vehicles: Sequence[str]) -> dict[Any, Any]:
     """Show driven paths and events up to the time cursor."""
+    start, end = rr.TimeRangeBoundary.infinite(), rr.TimeRangeBoundary.cursor_relative()
     ranges = [
-        rr.VisibleTimeRange(
-            timeline,
-            start=rr.TimeRangeBoundary.infinite(),
-            end=rr.TimeRangeBoundary.cursor_relative(),
-        )
-        for timeline in (TIMELINE, "time")
+        rr.VisibleTimeRange(timeline, start=start, end=end) for timeline in (TIMELINE, "time")
     ]
     entities = [f"world/driven/{name}" for name in vehicles]
     entities += [f"world/events/{kind}" for kind in MARKS]
@@ -336,9 +317,8 @@ def _timeline(name: str, contents: Sequence[str], extent: RunExtent) -> rrb.Stat
 
 def _whole_run(duration_s: float | None) -> rrb.TimeAxis:
     """Time axis of the whole run; of all data if no duration is known."""
-    if duration_s is None:
-        start, end = rr.TimeRangeBoundary.infinite(), rr.TimeRangeBoundary.infinite()
-    else:
+    start = end = rr.TimeRangeBoundary.infinite()
+    if duration_s is not None:
         start = rr.TimeRangeBoundary.absolute(seconds=0.0)
         end = rr.TimeRangeBoundary.absolute(seconds=duration_s)
     return rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))

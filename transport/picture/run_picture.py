@@ -52,25 +52,19 @@ MAX_ZOOM = 4.0  # Largest zoom of the moving view that a vehicle other than the 
 MOST_LINKS = 8  # Links with problems that are in view at once
 ROW_RATIO = 0.75  # Distance between rows of names, in distances of name tags
 LINE_LENGTH = 78  # Characters of a log line that fit in a window of 1280 pixels
-_LEVELS = {
-    "debug": "DEBUG",
-    "info": "INFO",
-    "warning": "WARN",
-    "error": "ERROR",
-    "alert": "ERROR",
-    "fatal": "CRITICAL",
-}
+_LEVELS = {"debug": "DEBUG", "warning": "WARN", "fatal": "CRITICAL"}
+_LEVELS |= dict.fromkeys(("error", "alert"), "ERROR")  # others are "INFO"
 
 
 class Track(NamedTuple):
-    """Positions (m) and yaw (rad) of a vehicle at instants (ns) in order, (N) each."""
+    """East, north (m) and yaw (rad) of a vehicle, (N, 3), at instants (ns) in order, (N)."""
 
     at_ns: Integers
-    poses: Floats  # (N, 3)
+    poses: Floats
 
-    def before(self, at: Integers) -> Integers:
-        """Rows at or before instants (ns), -1 before the first one."""
-        return np.searchsorted(self.at_ns, at, side="right") - 1
+    def rows(self, at: Integers) -> Integers:
+        """Rows of the last poses at instants (ns), or of the first one before it."""
+        return np.maximum(np.searchsorted(self.at_ns, at, side="right") - 1, 0)
 
 
 class RunPicture:
@@ -196,7 +190,8 @@ class RunPicture:
             return
         self._send(f"world/trajectory/{vehicle}", drawn.at_ns, strips_of(*lines_of(drawn)))
         offsets, source = drawn.lists["sample_source"]
-        points = np.column_stack([drawn.lists[f"sample_{axis}_m"].values for axis in AXES])
+        axes = ("sample_east_m", "sample_north_m")
+        points = np.column_stack([drawn.lists[axis].values for axis in axes])
         colours = packed(colours_of_sources(self._place(vehicle)))
         used = colours[np.clip(source, 0, len(colours) - 1)]
         samples = rr.Points2D.columns(positions=points, colors=used).partition(np.diff(offsets))
@@ -210,12 +205,12 @@ class RunPicture:
         It follows the middle of the detailed vehicles, and if that sends nothing the next vehicle
         towards an end of the convoy that does.
         """
-        names = [name for name, track in self._tracks.items() if len(track.at_ns)]
-        if not names or not at.size:
+        known = {name: track for name, track in self._tracks.items() if len(track.at_ns)}
+        if not known or not at.size:
             return
-        rows = [np.maximum(self._tracks[name].before(at), 0) for name in names]
-        poses = np.stack([self._tracks[name].poses[r] for name, r in zip(names, rows, strict=True)])
-        seen = np.stack([self._tracks[name].at_ns[r] for name, r in zip(names, rows, strict=True)])
+        names, tracks = list(known), list(known.values())
+        poses = np.stack([track.poses[track.rows(at)] for track in tracks])
+        seen = np.stack([track.at_ns[track.rows(at)] for track in tracks])
         sends = (seen <= at) & (at - seen <= SILENT_NS)  # (vehicles, instants)
         places = np.array([self._place(name) for name in names])
         middle = self._place(self._detailed[len(self._detailed) // 2])
@@ -255,13 +250,14 @@ class RunPicture:
                 is_ringed = name == worst and abs(error) > WORST_FROM_M
                 rings[name].append((window, f"{name} {error:+.2f} m" if is_ringed else ""))
         for name, rows_of_name in rings.items():
-            instants, labels = zip(*rows_of_name, strict=True)
-            at, shown = np.array(instants, np.int64), [label for label in labels if label]
-            counts = np.array([bool(label) for label in labels], np.int64)
-            spots = np.zeros((len(shown), 2))
+            at = np.array([window for window, _ in rows_of_name], np.int64)
+            counts = np.array([bool(label) for _, label in rows_of_name], np.int64)
+            spots = np.zeros((int(counts.sum()), 2))
             ring = rr.Points2D.columns(positions=spots)
-            below = spots - [0.0, 0.6 * self._reach.tag_m]
-            text = rr.Points2D.columns(positions=below, labels=shown)
+            text = rr.Points2D.columns(
+                positions=spots - [0.0, 0.6 * self._reach.tag_m],
+                labels=[label for _, label in rows_of_name if label],
+            )
             self._send(f"world/cars/{name}/worst", at, ring.partition(counts))
             self._send(f"world/cars/{name}/worst/name", at, text.partition(counts))
 
@@ -281,8 +277,8 @@ class RunPicture:
             for at, kind, by_hand, table in zip(changes.at_ns.tolist(), *fields, strict=True):
                 text = f"change{' by hand' if by_hand else ''}: {table}"
                 texts[name].append((at, "INFO", text))
-                if pose := self._pose_at(name, at):
-                    marks.append(Mark("change", at, pose[:2], (name,), kind))
+                if (pose := self._pose_at(name, at)) is not None:
+                    marks.append(Mark("change", at, (pose[0], pose[1]), (name,), kind))
         for vehicle, rows in texts.items():
             self._draw_lines(vehicle, sorted(rows, key=lambda row: row[0]))
         return marks
@@ -316,7 +312,7 @@ class RunPicture:
             places = np.array([mark.place for mark in some])
             right_m = self._reach.tag_m * (1.0 + ROW_RATIO * list(MARKS).index(kind))
             poses = [self._pose_at(mark.vehicles[-1], mark.at_ns) for mark in some]
-            yaw = np.array([pose[2] if pose else 0.0 for pose in poses])
+            yaw = np.array([0.0 if pose is None else pose[2] for pose in poses])
             names = rr.Points2D.columns(
                 positions=places + right_m * np.column_stack((np.sin(yaw), -np.cos(yaw))),
                 labels=[mark.label for mark in some],
@@ -337,14 +333,10 @@ class RunPicture:
                 self._sender.style(f"{plot}/events/{kind}", point)
                 self._send(f"{plot}/events/{kind}", times, zeros)
 
-    def _pose_at(self, vehicle: str, at: int) -> tuple[float, float, float] | None:
-        """East, north (m) and yaw (rad) of a vehicle at an instant (ns), as far as known."""
+    def _pose_at(self, vehicle: str, at: int) -> Floats | None:
+        """East, north (m) and yaw (rad) of a vehicle at an instant (ns), if known."""
         track = self._tracks.get(vehicle)
-        if track is None or not len(track.at_ns):
-            return None
-        row = max(int(track.before(np.array([at]))[0]), 0)
-        east, north, yaw = track.poses[row].tolist()
-        return east, north, yaw
+        return track.poses[int(track.rows(np.array(at)))] if track and len(track.at_ns) else None
 
     def _log_legend(self) -> None:
         """Show the colours of vehicles, of curves with their own colours, and of marks."""
@@ -359,9 +351,6 @@ class RunPicture:
         kinds = [kind for kind in MARKS if self._marked.get(kind)]
         items += [(kind.replace("_", " "), MARKS[kind][0]) for kind in kinds]
         self._recording.log("legend", legend(items), static=True)
-
-
-AXES = ("east", "north")
 
 
 def _marked_plots(vehicles: Sequence[str]) -> tuple[str, ...]:
