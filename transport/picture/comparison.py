@@ -14,13 +14,11 @@ from transport.picture.rows import TIMELINE, frames_of
 from transport.picture.shapes import (
     CarShape,
     car,
-    dot,
     draw_road,
     legend,
     line_style,
-    name_tag,
     plan_frame,
-    point_style,
+    points,
 )
 
 PLACE_TIMELINE = "path_m"  # Whole metres along the path of the first run
@@ -116,8 +114,8 @@ def _draw_car(
     shapes = {
         f"driven/{name}": rr.LineStrips2D.from_fields(strips=[track.poses.values[::CAR_STEP, :2]]),
         f"cars/{name}": car(CarShape(*track.body), colour),
-        f"cars/{name}/dot": dot(colour, width=4.0, order=19),
-        f"names/{name}": name_tag(track.label, colour, tag_m),
+        f"cars/{name}/dot": points(width=4.0, order=19, colour=colour, at=(0.0, 0.0)),
+        f"names/{name}": points(order=30, colour=colour, text=track.label, at=(0.0, tag_m)),
     }
     style = line_style(colour, width=1.0, order=5)
     recording.log(f"world/driven/{name}", style, static=True)
@@ -165,12 +163,10 @@ def _draw_modes(recording: rr.RecordingStream, track: VehicleTrack) -> None:
 
 def _draw_divergence(recording: rr.RecordingStream, first: Placed) -> None:
     """Mark the first divergence in the plans and, on the zero line, in the plots of errors."""
-    style = point_style(width=7.0, order=40, colour=WORST)
-    spot = rr.Points2D.from_fields(
-        positions=first.values, labels=[f"first divergence, {first.station_m[0]:.0f} m"]
-    )
-    for mark in (style, spot):
-        recording.log("world/divergence", mark, static=True)
+    text = f"first divergence, {first.station_m[0]:.0f} m"
+    (east, north), *_ = first.values.tolist()
+    mark = points(width=7.0, order=40, colour=WORST, text=text, at=(east, north))
+    recording.log("world/divergence", mark, static=True)
     point = rr.SeriesPoints(
         colors=[WORST], markers=["Diamond"], names=["first divergence"], marker_sizes=[7.0]
     )

@@ -28,14 +28,11 @@ from transport.picture.series import PanelSeries
 from transport.picture.shapes import (
     CarShape,
     car,
-    dot,
     draw_road,
-    label_style,
     legend,
     line_style,
-    name_tag,
     plan_frame,
-    point_style,
+    points,
     road_marks,
 )
 from transport.picture.trajectories import consistent, lines_of
@@ -99,7 +96,8 @@ class RunPicture:
         if scene.path:
             marks = road_marks(*scene.path, self._reach.tag_m)
             recording.log("world/road/marks", marks, static=True)
-            tag = name_tag(self._lead, colour_of(0), plan_tag_m(scene.path))
+            at = (0.0, plan_tag_m(scene.path))
+            tag = points(order=30, colour=colour_of(0), text=self._lead, at=at)
             recording.log(f"world/cars/{self._lead}/plan_name", tag, static=True)
         self._log_legend()
 
@@ -146,13 +144,13 @@ class RunPicture:
         size = CarShape(*self._scene.cars.get(vehicle, DEFAULT_CAR))
         shapes = {
             f"cars/{vehicle}/body": car(size, colour),
-            f"cars/{vehicle}/dot": dot(colour, width=5.0, order=21),
-            f"cars/{vehicle}/worst": point_style(width=18.0, order=15, colour=WORST),
-            f"cars/{vehicle}/worst/name": label_style(WORST, order=42),
-            f"convoy/names/{vehicle}": label_style(colour, order=30, text=vehicle),
+            f"cars/{vehicle}/dot": points(width=5.0, order=21, colour=colour, at=(0.0, 0.0)),
+            f"cars/{vehicle}/worst": points(width=18.0, order=15, colour=WORST),
+            f"cars/{vehicle}/worst/name": points(order=42, colour=WORST),
+            f"convoy/names/{vehicle}": points(order=30, colour=colour, text=vehicle),
             f"driven/{vehicle}": line_style(colour, width=1.0, order=5),
             f"trajectory/{vehicle}": line_style(colour, width=1.5, order=23),
-            f"samples/{vehicle}": point_style(width=3.0, order=24),
+            f"samples/{vehicle}": points(width=3.0, order=24),
         }
         for entity, shape in shapes.items():
             self._recording.log(f"world/{entity}", shape, static=True)
@@ -170,16 +168,16 @@ class RunPicture:
         self._tracks[vehicle] = Track(*map(np.concatenate, zip(track, (at, poses), strict=True)))
         # The path driven comes in pieces, each from the end of the last one.
         before = self._driven.get(vehicle, poses[:0, :2])
-        points = np.concatenate((before, poses[:, :2]))
+        line = np.concatenate((before, poses[:, :2]))
         rows = self._due(vehicle, "driven", at, DRIVEN_NS)
         if rows.size:
             ends = len(before) + rows
             starts = np.concatenate(([0], ends[:-1]))
             counts = ends - starts + 1
-            pieces = strips_of(counts, points[ranges(starts, counts, 1)])
+            pieces = strips_of(counts, line[ranges(starts, counts, 1)])
             self._send(f"world/driven/{vehicle}", at[rows], pieces)
-            points = points[ends[-1] :]
-        self._driven[vehicle] = points
+            line = line[ends[-1] :]
+        self._driven[vehicle] = line
         return at
 
     def _draw_trajectories(self, trajectories: Columns) -> None:
@@ -191,10 +189,10 @@ class RunPicture:
         self._send(f"world/trajectory/{vehicle}", drawn.at_ns, strips_of(*lines_of(drawn)))
         offsets, source = drawn.lists["sample_source"]
         axes = ("sample_east_m", "sample_north_m")
-        points = np.column_stack([drawn.lists[axis].values for axis in axes])
+        spots = np.column_stack([drawn.lists[axis].values for axis in axes])
         colours = packed(colours_of_sources(self._place(vehicle)))
         used = colours[np.clip(source, 0, len(colours) - 1)]
-        samples = rr.Points2D.columns(positions=points, colors=used).partition(np.diff(offsets))
+        samples = rr.Points2D.columns(positions=spots, colors=used).partition(np.diff(offsets))
         self._send(f"world/samples/{vehicle}", drawn.at_ns, samples)
 
     # ---- The moving view
@@ -318,9 +316,9 @@ class RunPicture:
                 labels=[mark.label for mark in some],
             )
             entity, (colour, shape, size) = f"world/events/{kind}", MARKS[kind]
-            self._sender.style(entity, point_style(width=6.0, order=40, colour=colour))
+            self._sender.style(entity, points(width=6.0, order=40, colour=colour))
             self._send(entity, at, rr.Points2D.columns(positions=places))
-            self._sender.style(f"{entity}/name", label_style(colour, order=41))
+            self._sender.style(f"{entity}/name", points(order=41, colour=colour))
             self._send(f"{entity}/name", at, names)
             title = kind.replace("_", " ")
             point = rr.SeriesPoints(

@@ -38,11 +38,25 @@ def line_style(colour: Colour, *, width: float, order: float) -> rr.LineStrips2D
     )
 
 
-def point_style(*, width: float, order: float, colour: Colour | None = None) -> rr.Points2D:
-    """Style of points whose places, and colours without a `colour`, are sent later."""
-    colours = None if colour is None else [colour]
+def points(
+    *,
+    order: float,
+    width: float = 0.0,
+    colour: Colour | None = None,
+    text: str | None = None,
+    at: tuple[float, float] | None = None,
+) -> rr.Points2D:
+    """A point at `at` (m), `width` wide on the screen, with a text.
+
+    What is not given is sent later; a point without width is a text only.
+    """
     return rr.Points2D.from_fields(
-        colors=colours, radii=rr.Radius.ui_points(width), draw_order=order
+        positions=None if at is None else [at],
+        colors=None if colour is None else [colour],
+        labels=None if text is None else [text],
+        radii=rr.Radius.ui_points(width),
+        show_labels=True,
+        draw_order=order,
     )
 
 
@@ -64,31 +78,6 @@ def car(shape: CarShape, colour: Colour) -> rr.LineStrips2D:
         colors=[colour] * lines + [(0, 0, 0)],
         radii=[radius] * lines + [0.07 * length],
         draw_order=20,
-    )
-
-
-def dot(colour: Colour, *, width: float, order: float) -> rr.Points2D:
-    """Draw the middle of a frame."""
-    radius = rr.Radius.ui_points(width)
-    return rr.Points2D([[0.0, 0.0]], colors=[colour], radii=radius, draw_order=order)
-
-
-def name_tag(text: str, colour: Colour, left_m: float) -> rr.Points2D:
-    return rr.Points2D(
-        [[0.0, left_m]],
-        colors=[colour],
-        radii=0.0,
-        labels=[text],
-        show_labels=True,
-        draw_order=30,
-    )
-
-
-def label_style(colour: Colour, *, order: float, text: str | None = None) -> rr.Points2D:
-    """Style of a text whose place is sent later, like the text itself without `text`."""
-    labels = None if text is None else [text]
-    return rr.Points2D.from_fields(
-        colors=[colour], radii=0.0, labels=labels, show_labels=True, draw_order=order
     )
 
 
