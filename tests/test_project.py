@@ -126,7 +126,7 @@ ROOMS = {
     "transport/bus": 780,
     "transport/links": 4_620,
     "transport/log": 2_180,
-    "transport/picture": 2_250,
+    "transport/picture": 2_000,
     "vehicles": 630,
     "vehicles/car": 2_845,
     "vehicles/driver": 4_700,

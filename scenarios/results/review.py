@@ -10,19 +10,18 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
 from scenarios.results.log_summary import scenario_in, tables_in
-from scenarios.results.run_drawing import RunDrawing, open_view, recording_id
+from scenarios.results.run_drawing import LATEST, batch_of, open_view, recording_id
 from scenarios.results.run_event import events
 from transport.log.errors import LogError
 from transport.log.reader import LogReader
+from transport.picture.batch import DRAWN_TOPICS, Batch, RunScene
 from transport.picture.option import RerunOption, require_cursor
 from transport.picture.view import RerunView
 from transport.topics import RUN_SENDER, valid_at
-from vehicles.messages import RunStart, TruePose
 from vehicles.schedule import SECOND
 
-EARLIEST, LATEST = -(2**62), 2**62
-PROGRESS_EVERY = 1000
-"""Messages between two reports of progress."""
+SPAN_NS = 30 * SECOND
+"""Time of a log that is read and drawn at once; limits the memory."""
 
 
 def _to_stderr(line: str) -> None:
@@ -46,9 +45,6 @@ class Excerpt(NamedTuple):
         chosen = [name for name in convoy if name == convoy[0] or name in self.vehicles]
         return self._replace(vehicles=chosen)
 
-    def shows(self, vehicle: str) -> bool:
-        return self.vehicles is None or vehicle in {*self.vehicles, RUN_SENDER}
-
     def check(self, start: int, reader: LogReader) -> None:
         """Raise LogError if nothing was recorded in this part of a run that began at `start`."""
         first, last = self.span(start)
@@ -61,7 +57,7 @@ class Excerpt(NamedTuple):
 
     def span(self, start: int) -> tuple[int, int]:
         """First and last instant (ns) of a run that began at `start`."""
-        first = EARLIEST if self.from_s is None else start + round(self.from_s * SECOND)
+        first = -LATEST if self.from_s is None else start + round(self.from_s * SECOND)
         last = LATEST if self.to_s is None else start + round(self.to_s * SECOND)
         return first, last
 
@@ -92,9 +88,13 @@ def review(
     if reader.faults:
         warn(reader.faults)
     scenario = _scenario_in(reader, warn)
-    excerpt = excerpt.with_lead(_names(reader, scenario), reader.path)
-    with _open(reader, option, scenario, excerpt) as view:
-        count = _draw(reader, view, scenario, excerpt, progress) if view.enabled else 0
+    names = _in_order(reader) if scenario is None else list(scenario.vehicle_names)
+    excerpt = excerpt.with_lead(names, reader.path)
+    with _open(reader, option, scenario, names, excerpt) as view:
+        count = 0
+        if view.enabled:
+            count = _draw(reader, view, scenario, excerpt, progress)
+        view.finish()
         if at_s is not None:
             view.show_at(at_s)
         if option.sink == "serve":
@@ -110,30 +110,32 @@ def _draw(
     progress: Callable[[float], None],
 ) -> int:
     """Draw part of a run; its errors and events need the messages from the start of the run on."""
-    starts = (valid_at(message) for _, _, message in reader.messages(("start", "truth")))
-    start = next(starts, 0)
+    start = _start_of(reader)
     excerpt.check(start, reader)
-    span = excerpt.span(start)
-    drawing = RunDrawing(view, span=span, shows=excerpt.shows)
-    total, count, has_start = sum(reader.counts.values()), 0, False
-    for number, (at, vehicle, message) in enumerate(reader.messages()):
-        if not has_start and isinstance(message, RunStart | TruePose):
-            has_start = True  # which the picture needs in any case
-            drawing.listen(at, message)
-        elif span[0] <= at <= span[1] and excerpt.shows(vehicle):
-            drawing.listen(at, message)
-            count += 1
-        if not number % PROGRESS_EVERY:
-            progress(number / total)
-    if scenario is not None:
-        run = tables_in(reader, scenario)
-        drawing.draw_metrics(run, events(run), LATEST)
-    progress(1.0)
+    first, last = excerpt.span(start)
+    run = None if scenario is None else tables_in(reader, scenario)
+    found = () if run is None else events(run)
+    vehicles = None if excerpt.vehicles is None else {*excerpt.vehicles, RUN_SENDER}
+    count, begin = 0, max(first, min(reader.first_at, start))
+    while begin <= min(reader.last_at, last):
+        end = max(begin, start) + SPAN_NS
+        span = begin, min(end - 1, last)
+        tables = reader.columns(DRAWN_TOPICS, vehicles=vehicles, span_ns=span)
+        if run is None:
+            view.draw(Batch(start_ns=start, tables=tables))
+        else:
+            shown = vehicles or run.names
+            view.draw(batch_of(run, found, tables, (span[0], span[1] + 1), shown))
+        count += sum(map(len, tables.values()))
+        progress(min((end - start) / max(reader.last_at - start, 1), 1.0))
+        begin = end
     return count
 
 
-def _names(reader: LogReader, scenario: Scenario | None) -> list[str]:
-    return _in_order(reader) if scenario is None else list(scenario.vehicle_names)
+def _start_of(reader: LogReader) -> int:
+    """Start of a run (ns) or, if it was not recorded, the first true pose."""
+    starts = (valid_at(message) for _, _, message in reader.messages(("start", "truth")))
+    return next(starts, 0)
 
 
 def _scenario_in(reader: LogReader, warn: Callable[[str], None]) -> Scenario | None:
@@ -142,7 +144,7 @@ def _scenario_in(reader: LogReader, warn: Callable[[str], None]) -> Scenario | N
     try:
         return scenario_in(reader)
     except (LogError, ScenarioError) as error:  # damaged, or of another version
-        warn(f"{reader.path}: the road is left out: {error}")
+        warn(f"{reader.path}: road, true errors, gaps and events are left out: {error}")
         return None
 
 
@@ -150,15 +152,14 @@ def _open(
     reader: LogReader,
     option: RerunOption,
     scenario: Scenario | None,
+    names: Sequence[str],
     excerpt: Excerpt,
 ) -> RerunView:
     log = reader.path
     if scenario is not None:
         return open_view(option, scenario, log, vehicles=excerpt.vehicles)
-    names = _names(reader, scenario)
-    return RerunView(
-        option, recording_id=recording_id(log), vehicles=excerpt.vehicles or names, convoy=names
-    )
+    scene = RunScene(vehicles=excerpt.vehicles or names, convoy=names)
+    return RerunView(option, recording_id=recording_id(log), scene=scene)
 
 
 def _in_order(reader: LogReader) -> list[str]:

@@ -1,79 +1,131 @@
-"""Draws a live run with its events, true errors and gaps."""
+"""Draws a run with its true errors, gaps and events, live or from its log."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
 from zlib import crc32
 
+import numpy as np
+
 from scenarios.definition.scenario import Scenario
 from scenarios.results.events import Event
-from scenarios.results.live import LiveRun, deviations
-from scenarios.results.tables import RunTables
+from scenarios.results.live import LiveRun
+from scenarios.results.tables import Collector, RunTables, Tables
 from scenarios.results.true_motion import sizes_of
+from scenarios.results.vehicle_figures import Signal, true_errors, true_gaps
 from transport.closing import Closing
+from transport.columns import Columns, joined
+from transport.picture.batch import DRAWN_TOPICS, Batch, Mark, RunScene, VehicleValues
 from transport.picture.option import RerunOption
 from transport.picture.view import RerunView
-from transport.topics import TOPIC_OF
+from transport.topics import TOPICS
 from vehicles.messages import Message
 
 DEFAULT_SPACING_M = 15.0
-ALWAYS = -(2**62), 2**62
+DRAWN_KINDS: frozenset[type[Message]] = frozenset(TOPICS[topic].message for topic in DRAWN_TOPICS)
+LATEST = 2**62
+
+
+def batch_of(
+    run: RunTables,
+    events: Sequence[Event],
+    tables: Tables,
+    span: tuple[int, int],
+    vehicles: Collection[str],
+) -> Batch:
+    """Batch of a picture: `tables`, and errors, gaps and events from `span[0]` to before `span[1]`.
+
+    Those of `vehicles` are drawn; instants are ns.
+    """
+    names = [name for name in run.followers if name in vehicles]
+    return Batch(
+        start_ns=run.beginning,
+        tables=tables,
+        errors=_values(run, true_errors, names, span),
+        gaps=_values(run, true_gaps, names, span),
+        marks=[
+            Mark(event.kind, event.at_ns, event.place, event.vehicles)
+            for event in events
+            if span[0] <= event.at_ns < span[1] and not set(vehicles).isdisjoint(event.vehicles)
+        ],
+    )
+
+
+def _values(
+    run: RunTables,
+    signal: Callable[[RunTables, str], Signal],
+    names: Sequence[str],
+    span: tuple[int, int],
+) -> dict[str, VehicleValues]:
+    found = {}
+    for name in names:
+        at, values = signal(run, name)
+        rows = (at >= span[0]) & (at < span[1]) & ~np.isnan(values)
+        if rows.any():
+            found[name] = VehicleValues(at[rows], values[rows])
+    return found
 
 
 class RunDrawing(Closing):
-    """Picture of a run: an observer that draws messages, and a watcher that draws metrics.
+    """Picture of a running run: an observer of its messages, and a watcher of its metrics.
 
-    `destination` describes to the user where it is shown.
+    It draws what came since the last evaluation at once. `destination` describes to the user where
+    it is shown.
     """
 
-    kinds = frozenset(TOPIC_OF)
+    kinds = DRAWN_KINDS
 
-    def __init__(
-        self,
-        view: RerunView,
-        *,
-        span: tuple[int, int] = ALWAYS,
-        shows: Callable[[str], bool] = lambda _: True,
-    ) -> None:
-        """Draw into `view`, of the metrics those in `span` (ns) of vehicles that it `shows`."""
+    def __init__(self, view: RerunView, vehicles: Sequence[str]) -> None:
         self.destination = view.destination
         self._view = view
-        self._span, self._shows = span, shows
+        self._vehicles = vehicles
+        self._collector = Collector(DRAWN_KINDS)
+        self._ahead: dict[tuple[str, str], Columns] = {}
         self._until = 0
         self._marked: set[tuple[object, ...]] = set()
+        self._last: LiveRun | None = None
 
     def listen(self, at: int, message: Message) -> None:
+        """Take a message recorded at an instant (ns)."""
         if self._view.enabled:
-            self._view.draw(at, message)
+            self._collector.listen(at, message)
 
     def update(self, live: LiveRun) -> None:
-        self.draw_metrics(live.window, live.events, live.evaluated_until)
+        self._last = live
+        self._draw(live, live.evaluated_until + 1)
 
-    def draw_metrics(self, run: RunTables, events: Sequence[Event], until: int) -> None:
-        """Draw true errors and gaps up to an instant (ns), and the events that are new."""
+    def _draw(self, live: LiveRun, until: int) -> None:
+        """Draw the rows before an instant (ns), and the events that are new."""
         if not self._view.enabled:
             return
-        for name, at, error, gap in deviations(run, self._until, until):
-            if self._span[0] <= at <= self._span[1] and self._shows(name):
-                self._view.error(name, at, error)
-                self._view.gap(name, at, gap)
+        run, tables = live.window, self._rows_until(until)
+        new = [event for event in live.events if event.key not in self._marked]
+        self._marked |= {event.key for event in new}
+        batch = batch_of(run, (), tables, (self._until, until), self._vehicles)
+        marks = [Mark(event.kind, event.at_ns, event.place, event.vehicles) for event in new]
+        self._view.draw(replace(batch, marks=marks))
         self._until = until
-        for event in events:
-            is_within = self._span[0] <= event.at_ns <= self._span[1]
-            if (
-                event.key not in self._marked
-                and is_within
-                and any(map(self._shows, event.vehicles))
-            ):
-                self._view.mark(event.kind, event.at_ns, event.place, event.vehicles)
-            self._marked.add(event.key)
+
+    def _rows_until(self, until: int) -> dict[tuple[str, str], Columns]:
+        """Take the rows before an instant (ns); the others are drawn later."""
+        taken, ahead, drawn = self._collector.take(), self._ahead, {}
+        self._ahead = {}
+        for key in {**ahead, **taken}:
+            whole = joined([part[key] for part in (ahead, taken) if key in part])
+            drawn[key] = whole.of(whole.at_ns < until)
+            self._ahead[key] = whole.of(whole.at_ns >= until)
+        return drawn
 
     def close(self) -> None:
+        """Draw all that is left, and end the picture."""
+        if self._last is not None:
+            self._draw(self._last, LATEST)
         self._view.close()
 
 
 def open_drawing(option: RerunOption, scenario: Scenario, log: Path) -> RunDrawing:
     """Open the picture of a run of `scenario`; raises ViewerError."""
-    return RunDrawing(open_view(option, scenario, log))
+    return RunDrawing(open_view(option, scenario, log), scenario.vehicle_names)
 
 
 def open_view(
@@ -87,18 +139,21 @@ def open_view(
 
     It shows `vehicles`, lead first, by default all.
     """
+    scene = scene_of(scenario, vehicles or scenario.vehicle_names)
+    return RerunView(option, recording_id=recording_id(log), scene=scene, title=scenario.title)
+
+
+def scene_of(scenario: Scenario, vehicles: Sequence[str]) -> RunScene:
+    """RunScene of some vehicles of a scenario, lead first."""
     path = scenario.route.path
-    return RerunView(
-        option,
-        recording_id=recording_id(log),
-        vehicles=vehicles or scenario.vehicle_names,
+    return RunScene(
+        vehicles=vehicles,
         convoy=scenario.vehicle_names,
         spacing_m=widest_spacing(scenario),
         cars=sizes_of(scenario),
         path=(path.east.tolist(), path.north.tolist()),
         lane_m=scenario.tables.events.lane_width_m,
         duration_s=scenario.duration_s,
-        title=scenario.title,
     )
 
 

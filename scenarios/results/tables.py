@@ -6,7 +6,7 @@ virtual run in memory.
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
 from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
@@ -162,7 +162,8 @@ class Collector:
             columns = columns_from(TOPIC_OF[kind].name, messages, at)
             names = np.array([message.vehicle for message in messages])
             for vehicle in dict.fromkeys(names.tolist()):
-                self._parts[vehicle, columns.topic].append(columns.of(names == vehicle))
+                own = replace(columns.of(names == vehicle), vehicle=vehicle)
+                self._parts[vehicle, columns.topic].append(own)
 
     def take(self) -> dict[tuple[str, str], Columns]:
         """Tables of the messages since the last call, which are released."""

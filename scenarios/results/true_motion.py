@@ -343,7 +343,7 @@ def gaps(run: RunTables, follower: str, ahead: str = "") -> Gaps:
 
 
 def distances(run: RunTables, first: str, second: str, within_m: float = np.inf) -> Gaps:
-    """Distance of the bodies of two vehicles, infinite unless centres are `within_m` on both axes."""
+    """Distance of the bodies of two vehicles; infinite if centres are not `within_m` on an axis."""
     one, other = run.table(first, "truth"), run.table(second, "truth")
     at, (rows, others) = common(one.at_ns, other.at_ns)
     near = np.abs(one["east_m"][rows] - other["east_m"][others]) < within_m

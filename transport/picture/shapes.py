@@ -1,20 +1,20 @@
-"""Shapes of the picture: cars, roads, name tags, and their frames."""
+"""Shapes of the picture: cars, roads, name tags and the legend."""
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
 
-from transport.columns import Array
-from transport.panels import PANELS, Colour
-from transport.picture.blueprint import LANE_EDGE, LEGEND_WIDTH, MARKS, ROAD, WORST
+from transport.panels import Colour
+from transport.picture.batch import RunScene
+from transport.picture.layout import LEGEND_WIDTH
+from transport.picture.rows import axes_of
 from vehicles.geometry.lanes import lane_edges as edges_of
 
 MARK_SPACING_M = 50.0
 MARK_CLEARANCE_M = 15.0  # Least distance between two marks: later laps have none
+ROAD, LANE_EDGE = (0x6A, 0x6A, 0x6A), (0x58, 0x58, 0x58)
 CHARACTER, ROW_HEIGHT = 0.95, 3.7  # Width and height (in the legend's unit)
 
 
@@ -28,21 +28,7 @@ class CarShape(NamedTuple):
 
 def plan_frame() -> rr.Transform3D:
     """Frame of the plans, with north up."""
-    places, matrices = axes_of(np.array([[0.0, 0.0, 0.0, True, 1.0]]))
-    return rr.Transform3D(translation=places[0], mat3x3=matrices[0].T)
-
-
-def axes_of(frames: Array) -> tuple[Array, Array]:
-    """Origins (N, 3) and axes (N, 3, 3) of frames with rows of east, north, yaw, flip and unit (m).
-
-    `axes[n, k]` is axis k of frame n in the world. With `flip` the second axis points to the right
-    instead of the left: a picture's second axis points down, so that left turns turn left.
-    """
-    east, north, yaw, flip, unit = frames.T
-    c, s, left = unit * np.cos(yaw), unit * np.sin(yaw), 1.0 - 2.0 * flip
-    zero = np.zeros(len(frames))
-    axes = [[c, s, zero], [-s * left, c * left, zero], [zero, zero, unit]]
-    return np.column_stack((east, north, zero)), np.moveaxis(np.array(axes), 2, 0)
+    return rr.Transform3D(mat3x3=axes_of(np.zeros((1, 3)), 1.0, flip=True)[0].T)
 
 
 def line_style(colour: Colour, *, width: float, order: float) -> rr.LineStrips2D:
@@ -52,8 +38,26 @@ def line_style(colour: Colour, *, width: float, order: float) -> rr.LineStrips2D
     )
 
 
-def point_style(*, width: float, order: float) -> rr.Points2D:
-    return rr.Points2D.from_fields(radii=rr.Radius.ui_points(width), draw_order=order)
+def points(
+    *,
+    order: float,
+    width: float = 0.0,
+    colour: Colour | None = None,
+    text: str | None = None,
+    at: tuple[float, float] | None = None,
+) -> rr.Points2D:
+    """A point at `at` (m), `width` wide on the screen, with a text.
+
+    What is not given is sent later; a point without width is a text only.
+    """
+    return rr.Points2D.from_fields(
+        positions=None if at is None else [at],
+        colors=None if colour is None else [colour],
+        labels=None if text is None else [text],
+        radii=rr.Radius.ui_points(width),
+        show_labels=True,
+        draw_order=order,
+    )
 
 
 def car(shape: CarShape, colour: Colour) -> rr.LineStrips2D:
@@ -77,38 +81,6 @@ def car(shape: CarShape, colour: Colour) -> rr.LineStrips2D:
     )
 
 
-def name_tag(text: str, colour: Colour, left_m: float) -> rr.Points2D:
-    return rr.Points2D([[0.0, left_m]], colors=[colour], radii=0.0, labels=[text], draw_order=30)
-
-
-def ring(*, shown: bool) -> rr.Points2D:
-    """Ring a car, in the car's frame; the car covers the middle."""
-    places = [[0.0, 0.0]] if shown else []
-    return rr.Points2D(places, colors=[WORST], radii=rr.Radius.ui_points(18.0), draw_order=15)
-
-
-def ring_label(label: str, right_m: float) -> rr.Points2D:
-    """Write a label `right_m` to the right of a ringed car; an empty label removes it."""
-    return rr.Points2D(
-        [[0.0, -right_m]] if label else [],
-        colors=[WORST],
-        radii=0.0,
-        labels=[label] if label else [],
-        show_labels=True,
-        draw_order=42,
-    )
-
-
-def lane_edges(east: Sequence[float], north: Sequence[float], width: float) -> rr.LineStrips2D:
-    """Draw both edges of a lane of `width` (m) along a path (m)."""
-    return rr.LineStrips2D(
-        edges_of(np.column_stack([east, north]), width),
-        colors=[LANE_EDGE],
-        radii=rr.Radius.ui_points(0.7),
-        draw_order=0,
-    )
-
-
 def legend(items: Sequence[tuple[str, Colour]]) -> rr.Points2D:
     places, x, y = [], 0.0, 0.8
     for label, _ in items:
@@ -126,25 +98,35 @@ def legend(items: Sequence[tuple[str, Colour]]) -> rr.Points2D:
     )
 
 
-def road_with_marks(
-    east: Sequence[float], north: Sequence[float], right_m: float
-) -> tuple[rr.LineStrips2D, rr.Points2D]:
-    """Draw a path (m), and `right_m` to its right the distance along it every 50 m."""
-    points = np.column_stack([east, north])
-    steps = np.diff(points, axis=0)
-    station = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])
+def draw_road(recording: rr.RecordingStream, scene: RunScene) -> None:
+    """Draw the path of the lead and the edges of its lane, as far as known."""
+    if scene.path is None:
+        return
+    points = np.column_stack(scene.path)
+    radius = rr.Radius.ui_points
+    road = rr.LineStrips2D([points], colors=[ROAD], radii=radius(1.0), draw_order=1)
+    recording.log("world/road/path", road, static=True)
+    if scene.lane_m is not None:
+        edges = edges_of(points, scene.lane_m)
+        lane = rr.LineStrips2D(edges, colors=[LANE_EDGE], radii=radius(0.7), draw_order=0)
+        recording.log("world/road/lane", lane, static=True)
+
+
+def road_marks(east: Sequence[float], north: Sequence[float], right_m: float) -> rr.Points2D:
+    """Mark the distance along a path (m) every 50 m, `right_m` to its right."""
+    station = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(east), np.diff(north)))])
     at = np.arange(0.0, station[-1], MARK_SPACING_M)
-    piece = np.clip(np.searchsorted(station, at, side="right") - 1, 0, len(steps) - 1)
-    along = steps[piece] / np.hypot(steps[piece, 0], steps[piece, 1])[:, None]
-    on_path = points[piece] + along * (at - station[piece])[:, None]
-    to_the_right = np.column_stack([along[:, 1], -along[:, 0]])
-    places = on_path + right_m * to_the_right
+    on_path, ahead = (
+        np.column_stack([np.interp(along, station, axis) for axis in (east, north)])
+        for along in (at, at + 0.1)
+    )
+    direction = (ahead - on_path) / np.hypot(*(ahead - on_path).T)[:, None]
+    places = on_path + right_m * np.column_stack([direction[:, 1], -direction[:, 0]])
     kept: list[int] = []
     for mark, place in enumerate(places):
         if not kept or np.hypot(*(places[kept] - place).T).min() >= MARK_CLEARANCE_M:
             kept.append(mark)
-    road = rr.LineStrips2D([points], colors=[ROAD], radii=rr.Radius.ui_points(1.0), draw_order=1)
-    marks = rr.Points2D(
+    return rr.Points2D(
         places[kept],
         colors=[ROAD],
         radii=rr.Radius.ui_points(2.0),
@@ -152,79 +134,3 @@ def road_with_marks(
         show_labels=True,
         draw_order=2,
     )
-    return road, marks
-
-
-# ---- Marks of events and changes, by place in the plans and by time in the plots
-
-
-ROW_RATIO = 0.75  # Distance between rows of names, in distances of name tags
-
-
-@dataclass(frozen=True, slots=True)
-class Mark:
-    """An event or change at instant `at_ns` and place (east, north) in metres."""
-
-    kind: str
-    at_ns: int
-    place: tuple[float, float]
-    vehicles: tuple[str, ...]
-    text: str = ""
-
-    @property
-    def label(self) -> str:
-        title = self.text or self.kind.replace("_", " ")
-        return f"{title} {' '.join(reversed(self.vehicles))}"
-
-    @property
-    def plots(self) -> tuple[str, ...]:
-        return _marked_plots(self.vehicles[-1:])
-
-
-def _marked_plots(vehicles: Sequence[str]) -> tuple[str, ...]:
-    """Names of the marked plots of all vehicles, and of those of each of `vehicles`."""
-    marked = [panel for panel in PANELS.values() if panel.marked]
-    common = [panel.name for panel in marked if panel.kind == "plot"]
-    own = [panel.name for panel in marked if panel.kind == "plot_of_one"]
-    return (*common, *(f"{panel}/{name}" for panel in own for name in vehicles))
-
-
-class Marks:
-    """Draws marks with the colour and shape of their kind."""
-
-    def __init__(self, recording: rr.RecordingStream, followers: Sequence[str]) -> None:
-        self._recording = recording
-        plots = _marked_plots(followers)
-        for kind, (colour, shape, size) in MARKS.items():
-            style = rr.SeriesPoints(
-                colors=[colour],
-                markers=[shape],
-                names=[kind.replace("_", " ")],
-                marker_sizes=[size],
-            )
-            for plot in plots:
-                recording.log(f"plots/{plot}/events/{kind}", style, static=True)
-
-    def draw(self, mark: Mark, yaw: float, tag_m: float) -> None:
-        """Draw a mark at the recording's present time, on a road in direction `yaw` (rad).
-
-        Names are to the right of the road in a row for each kind, the first at `tag_m`.
-        """
-        colour, _, _ = MARKS[mark.kind]
-        spot = rr.Points2D(
-            [mark.place], colors=[colour], radii=rr.Radius.ui_points(6.0), draw_order=40
-        )
-        right_m = tag_m * (1.0 + ROW_RATIO * list(MARKS).index(mark.kind))
-        (east, north), right = mark.place, (math.sin(yaw), -math.cos(yaw))
-        name = rr.Points2D(
-            [[east + right_m * right[0], north + right_m * right[1]]],
-            colors=[colour],
-            radii=0.0,
-            labels=[mark.label],
-            show_labels=True,
-            draw_order=41,
-        )
-        self._recording.log(f"world/events/{mark.kind}", spot)
-        self._recording.log(f"world/events/{mark.kind}/name", name)
-        for plot in mark.plots:  # on the zero line
-            self._recording.log(f"plots/{plot}/events/{mark.kind}", rr.Scalars(0.0))

@@ -5,7 +5,6 @@ Rerun itself (90 MB, half a second) is loaded only for a picture.
 
 import os
 import time
-from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from urllib.parse import quote, urlsplit
 
 from transport.closing import Closing
 from transport.picture import viewer_process
+from transport.picture.batch import Batch, RunScene
 from transport.picture.option import (
     DATA_PORT,
     LOOPBACK,
@@ -21,7 +21,6 @@ from transport.picture.option import (
     refuse_foreign_file,
 )
 from transport.picture.viewer_process import ViewerError
-from vehicles.messages import Message
 
 APPLICATION = "convoy"
 MEMORY_LIMIT = "512MB"  # Of a server for later viewers; then the oldest data go
@@ -141,79 +140,31 @@ class OpenRecording(Closing):
 
 
 class RerunView(OpenRecording):
-    """Shows a run, live or from its log: `draw` takes every recorded message.
+    """Shows a run, live or from its log: `draw` takes its messages batch by batch.
 
-    `vehicles` are in order, the lead first, and may be some of a `convoy`; `spacing_m` is their
-    usual spacing; `cars` are their lengths and widths (m), and the distances of their middles ahead
-    of their poses; `path` is the
-    lead's, as east and north in metres; `lane_m` is the width of its lane; `title` is the name of
-    the recording. Raises ViewerError if the
-    picture cannot be shown. `destination` describes to the user where it is shown; `enabled` is
-    False without a picture.
+    `title` is the name of the recording. Raises ViewerError if the picture cannot be shown.
     """
 
     def __init__(
-        self,
-        option: RerunOption,
-        *,
-        recording_id: str,
-        vehicles: Sequence[str],
-        spacing_m: float = 15.0,
-        cars: Mapping[str, tuple[float, float, float]] | None = None,
-        path: tuple[Sequence[float], Sequence[float]] | None = None,
-        lane_m: float | None = None,
-        duration_s: float | None = None,
-        title: str = "",
-        convoy: Sequence[str] = (),
+        self, option: RerunOption, *, recording_id: str, scene: RunScene, title: str = ""
     ) -> None:
         super().__init__(option, recording_id, title)
-        self._writer: Any = None
-        if not self.enabled:
-            return
-        from transport.picture.recording_writer import RecordingWriter  # noqa: PLC0415
-        from transport.picture.shapes import CarShape  # noqa: PLC0415
+        self._picture: Any = None
+        if self.enabled:
+            from transport.picture.run_picture import RunPicture  # noqa: PLC0415 - see above
 
-        self._writer = RecordingWriter(
-            self.recording,
-            vehicles,
-            spacing_m=spacing_m,
-            cars={name: CarShape(*size) for name, size in (cars or {}).items()},
-            path=path,
-            lane_m=lane_m,
-            duration_s=duration_s,
-            convoy=convoy,
-        )
+            self._picture = RunPicture(self.recording, scene)
 
-    def has_curves(self, vehicle: str) -> bool:
-        return self._writer is not None and vehicle in self._writer.detail
-
-    def draw(self, now: int, message: Message) -> None:
-        if self._writer is not None:
-            self._writer.draw(now, message)
-
-    def error(self, vehicle: str, at: int, error: float) -> None:
-        if self._writer is not None:
-            self._writer.error(vehicle, at, error)
-
-    def gap(self, vehicle: str, at: int, gap: float) -> None:
-        if self._writer is not None:
-            self._writer.gap(vehicle, at, gap)
-
-    def mark(
-        self, kind: str, at: int, place: tuple[float, float], vehicles: tuple[str, ...]
-    ) -> None:
-        """Mark an event of a `kind` of `MARKS` at instant `at` (ns) and place (east, north, m)."""
-        if self._writer is not None:
-            from transport.picture.shapes import Mark  # noqa: PLC0415
-
-            self._writer.mark(Mark(kind, at, place, vehicles))
+    def draw(self, batch: Batch) -> None:
+        if self._picture is not None:
+            self._picture.draw(batch)
 
     def finish(self) -> None:
-        """Draw the last values and fit the layout to the run; nothing is drawn after it."""
-        writer, self._writer = self._writer, None
-        if writer is not None:
+        """Draw what is still open and fit the layout to the run; nothing is drawn after it."""
+        picture, self._picture = self._picture, None
+        if picture is not None:
             with suppress(RuntimeError):  # the run continues without a viewer
-                writer.finish()
+                picture.finish()
 
     def close(self) -> None:
         self.finish()

@@ -160,28 +160,14 @@ def _start(command: Sequence[str]) -> "subprocess.Popen[bytes]":
 
 def await_listening(pid: int, address: str, port: int) -> bool:
     """Wait until process `pid` listens; False if it ends, or another process does so instead."""
+    import psutil  # noqa: PLC0415 - see above
 
     def settled() -> bool:
-        return _has_ended(pid) or is_listening(address, port)
-
-    poll(settled, every_s=POLL_S, at_most_s=START_S)
-    return _listens(pid, port)
-
-
-def _has_ended(pid: int) -> bool:
-    import psutil  # noqa: PLC0415 - see above
-
-    try:
-        ended: bool = psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
-    except psutil.NoSuchProcess:
-        return True
-    return ended
-
-
-def _listens(pid: int, port: int) -> bool:
-    import psutil  # noqa: PLC0415 - see above
+        ended = not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+        return ended or is_listening(address, port)
 
     with suppress(psutil.Error):
+        poll(settled, every_s=POLL_S, at_most_s=START_S)
         return any(
             connection.status == psutil.CONN_LISTEN and connection.laddr.port == port
             for connection in psutil.Process(pid).net_connections("tcp")

@@ -5,20 +5,13 @@ from zlib import crc32
 
 import numpy as np
 
-from scenarios.results.run_drawing import widest_spacing
+from scenarios.results.run_drawing import scene_of
 from scenarios.results.true_motion import BodySize, sizes_of
 from scenarios.studies.comparison.run_comparison import (
     ComparedRun,
     OffsetDifference,
     PlacedVehicle,
     RunComparison,
-)
-from transport.picture.comparison import (
-    ComparedTracks,
-    DivergencePoint,
-    ModeStart,
-    PlottedCurve,
-    VehicleTrack,
 )
 from transport.picture.option import RerunOption
 from transport.picture.view import OpenRecording
@@ -38,80 +31,58 @@ def show_comparison(
     with OpenRecording(option, identifier, title) as picture:
         if not picture.enabled:
             return
-        from transport.picture.comparison import draw_tracks  # noqa: PLC0415 - an extra
-
-        draw_tracks(picture.recording, tracks_of(comparison))
+        _draw(comparison, picture)
         if option.sink == "serve":
             wait(picture.destination)
 
 
-def tracks_of(comparison: RunComparison) -> ComparedTracks:
-    reference = comparison.runs[0].record.scenario
-    path = reference.route.path
+def _draw(comparison: RunComparison, picture: OpenRecording) -> None:
+    from transport.picture.comparison import Placed, VehicleTrack, draw_tracks  # noqa: PLC0415
+
     differences = {(one.label, one.vehicle): one for one in comparison.differences}
-    return ComparedTracks(
-        vehicles=list(comparison.runs[0].vehicles),
-        tracks=[
-            _track(run, place, vehicle, differences.get((run.label, vehicle.name)))
-            for run in comparison.runs
-            for place, vehicle in enumerate(run.vehicles.values())
-        ],
-        path=(path.east.tolist(), path.north.tolist()),
-        lane_m=reference.tables.events.lane_width_m,
-        spacing_m=widest_spacing(reference),
-        divergence=_divergence_point(comparison),
-        text=description(comparison),
-    )
 
-
-def _track(
-    run: ComparedRun, place: int, vehicle: PlacedVehicle, difference: OffsetDifference | None
-) -> VehicleTrack:
-    true, station = vehicle.true, vehicle.station_m
-    curves = {
-        "error": PlottedCurve(true.t_s, station, true.error_m),
-        "gap": PlottedCurve(true.t_s, station, true.gap_m),
-    }
-    if difference is not None:
-        curves["difference"] = PlottedCurve(
-            difference.at_s, difference.station_m, difference.offset_m
+    def track(run: ComparedRun, place: int, vehicle: PlacedVehicle) -> VehicleTrack:
+        true, station = vehicle.true, vehicle.station_m
+        curves = {
+            "error": Placed(true.t_s, station, true.error_m),
+            "gap": Placed(true.t_s, station, true.gap_m),
+        }
+        difference: OffsetDifference | None = differences.get((run.label, vehicle.name))
+        if difference is not None:
+            curves["difference"] = Placed(
+                difference.at_s, difference.station_m, difference.offset_m
+            )
+        known = run.record.known_scenario
+        starts = np.array([change.at_s for change in vehicle.modes])
+        places = vehicle.station_at(np.maximum(starts, true.t_s[0]))
+        modes = np.array([change.mode for change in vehicle.modes], object)
+        poses = np.column_stack((vehicle.east_m, vehicle.north_m, true.yaw_rad))
+        return VehicleTrack(
+            run=run.label,
+            vehicle=vehicle.name,
+            place=place,
+            body=sizes_of(known)[vehicle.name] if known else BodySize.of(LINCOLN_MKZ),
+            poses=Placed(true.t_s, station, poses),
+            curves=curves,
+            modes=Placed(starts, places, modes),
         )
-    known = run.record.known_scenario
-    starts = np.array([change.at_s for change in vehicle.modes])
-    stations = vehicle.station_at(np.maximum(starts, true.t_s[0])).tolist()
-    return VehicleTrack(
-        run=run.label,
-        vehicle=vehicle.name,
-        place=place,
-        body=sizes_of(known)[vehicle.name] if known else BodySize.of(LINCOLN_MKZ),
-        at_s=true.t_s,
-        station_m=station,
-        east_m=vehicle.east_m,
-        north_m=vehicle.north_m,
-        yaw_rad=true.yaw_rad,
-        curves=curves,
-        modes=[
-            ModeStart(change.at_s, at_m, change.mode)
-            for change, at_m in zip(vehicle.modes, stations, strict=True)
-        ],
-    )
 
-
-def _divergence_point(comparison: RunComparison) -> DivergencePoint | None:
+    tracks = [
+        track(run, place, vehicle)
+        for run in comparison.runs
+        for place, vehicle in enumerate(run.vehicles.values())
+    ]
     first = comparison.first
-    if first is None:
-        return None
-    run = next(run for run in comparison.runs if run.label == first.label)
-    vehicle = run.vehicles[first.vehicle]
-    row = int(np.abs(vehicle.true.t_s - first.at_s).argmin())
-    return DivergencePoint(
-        vehicle=first.vehicle,
-        at_s=first.at_s,
-        station_m=first.station_m,
-        east_m=float(vehicle.east_m[row]),
-        north_m=float(vehicle.north_m[row]),
-        text=first.sentence,
-    )
+    divergence = None
+    if first is not None:
+        of_first = next(run for run in comparison.runs if run.label == first.label)
+        vehicle = of_first.vehicles[first.vehicle]
+        row = [int(np.abs(vehicle.true.t_s - first.at_s).argmin())]
+        place = np.column_stack((vehicle.east_m, vehicle.north_m))[row]
+        divergence = Placed(np.array([first.at_s]), np.array([first.station_m]), place)
+    reference = comparison.runs[0]
+    scene = scene_of(reference.record.scenario, list(reference.vehicles))
+    draw_tracks(picture.recording, scene, tracks, divergence, description(comparison))
 
 
 def description(comparison: RunComparison) -> str:

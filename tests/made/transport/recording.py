@@ -1,10 +1,42 @@
-"""Contents of a Rerun recording as tables."""
+"""Messages as batches of a picture, and contents of a Rerun recording as tables."""
 
 from collections import defaultdict
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from rerun.chunk import RrdReader
+
+from transport.columns import columns_from
+from transport.picture.batch import DRAWN_TOPICS, Batch, RunScene, VehicleValues
+from transport.picture.option import parse_rerun_option
+from transport.picture.view import RerunView
+from transport.topics import TOPIC_OF, valid_at
+from vehicles.messages import Message
+
+
+def batch_of(
+    messages: Iterable[Message], start: int, errors: Mapping[str, VehicleValues] | None = None
+) -> Batch:
+    """Batch of the messages of a run that began at instant `start` (ns)."""
+    rows: dict[tuple[str, str], list[Message]] = defaultdict(list)
+    for message in messages:
+        rows[message.vehicle, TOPIC_OF[type(message)].name].append(message)
+    tables = {
+        (vehicle, topic): columns_from(topic, some, list(map(valid_at, some)), vehicle)
+        for (vehicle, topic), some in rows.items()
+        if topic in DRAWN_TOPICS
+    }
+    return Batch(start_ns=start, tables=tables, errors=errors or {})
+
+
+def drawn(path: Path, scene: RunScene, *batches: Batch) -> "Table":
+    """Draw batches into a recording at `path`; returns its contents."""
+    with RerunView(parse_rerun_option(f"save={path}"), recording_id="x", scene=scene) as view:
+        for batch in batches:
+            view.draw(batch)
+    return columns(path)
+
 
 Table = dict[str, dict[str, list[Any]]]
 """Columns of each entity by name, and `run_time` in ns (-1 for static data)."""

@@ -7,12 +7,14 @@ import pytest
 from rerun.experimental import ViewerClient
 
 from tests.made.transport import drive
+from tests.made.transport.recording import batch_of
 from tests.system.screenshot import (
     can_take_pictures,
     headless_viewer,
     take_picture,
 )
 from transport.panels import colour_of
+from transport.picture.batch import RunScene
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
 
@@ -46,16 +48,15 @@ def shows_cars(viewer: ViewerClient, at_s: float) -> bool:
 
 def test_each_viewer_sees_the_whole_run() -> None:
     option = parse_rerun_option("serve")
-    messages = list(drive.drive(150))
+    messages = [message for _, message in drive.drive(150)]
     half = len(messages) // 2
-    with RerunView(option, recording_id="circle", vehicles=drive.VEHICLES) as view:
+    scene = RunScene(vehicles=drive.VEHICLES)
+    with RerunView(option, recording_id="circle", scene=scene) as view:
         data_url = view.destination.partition("url=")[2].replace("%3A", ":").replace("%2F", "/")
-        for now, message in messages[:half]:
-            view.draw(now, message)
+        view.draw(batch_of(messages[:half], drive.START))
         with headless_viewer(data_url.replace("%2B", "+")) as viewer:
             assert shows_cars(viewer, 0.5)
-        for now, message in messages[half:]:
-            view.draw(now, message)
+        view.draw(batch_of(messages[half:], drive.START))
         with headless_viewer(data_url.replace("%2B", "+")) as viewer:
             assert shows_cars(viewer, 0.5)
             assert shows_cars(viewer, 2.5)

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 
 from tests.made.scenarios.messages import START, at, start, tracking, truth
-from tests.made.transport.recording import Table, columns
+from tests.made.transport.recording import Table, batch_of
+from tests.made.transport.recording import drawn as drawn_at
 from transport.panels import PANELS, flagged
-from transport.picture.blueprint import FEW_VEHICLES, blueprint
-from transport.picture.option import parse_rerun_option
-from transport.picture.view import RerunView
+from transport.picture.batch import RunScene
+from transport.picture.layout import FEW_VEHICLES, blueprint
 from vehicles.messages import Change, Message
 
 VEHICLES = ("v1", "v2", "v3")
@@ -54,15 +54,11 @@ def story() -> Iterator[Message]:
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory: pytest.TempPathFactory) -> Table:
     path = tmp_path_factory.mktemp("story") / "run.rrd"
-    option = parse_rerun_option(f"save={path}")
-    with RerunView(option, recording_id="cut", vehicles=VEHICLES) as view:
-        for message in story():
-            view.draw(START, message)
-    return columns(path)
+    return drawn_at(path, RunScene(vehicles=VEHICLES), batch_of(story(), START))
 
 
 def curve(table: Table, entity: str) -> dict[int, float]:
-    """Values of a curve by ticks."""
+    """VehicleValues of a curve by ticks."""
     rows = table[f"/plots/{entity}"]
     pairs = zip(rows["run_time"], rows["Scalars:scalars"], strict=True)
     return {when // 20_000_000: value[0] for when, value in pairs if value}
@@ -98,12 +94,12 @@ def test_modes_sources_and_warnings_are_strips(drawn: Table) -> None:
 
 def test_a_change_is_marked_at_its_place_and_time(drawn: Table) -> None:
     spot = drawn["/world/events/change"]
-    assert spot["run_time"] == [round(CUT_S * 1e9)]
-    assert spot["Points2D:positions"] == [[[pytest.approx(0.6 * 20 - 30.0), 0.0]]]
-    assert drawn["/world/events/change/name"]["Points2D:labels"] == [["cut v3"]]
+    assert spot["run_time"] == [-1, round(CUT_S * 1e9)]  # the style first
+    assert spot["Points2D:positions"][1:] == [[[pytest.approx(0.6 * 20 - 30.0), 0.0]]]
+    assert drawn["/world/events/change/name"]["Points2D:labels"][1:] == [["cut v3"]]
     for plot in ("cross_track", "true_gap", "closing/v3"):
         assert curve(drawn, f"{plot}/events/change") == {20: 0.0}
-    assert "Scalars:scalars" not in drawn["/plots/closing/v2/events/change"]
+    assert "/plots/closing/v2/events/change" not in drawn
     lines = drawn["/log/v3"]["TextLog:text"]
     assert [line.split(maxsplit=2) for (line,) in lines] == [
         ["0.40", "s", 'v3: change: {"kind": "cut", "at_s": 0.4}']
@@ -130,7 +126,7 @@ def views(part: Any) -> Iterator[Any]:
 @pytest.mark.parametrize(("count", "followed"), [(2, "v2"), (4, "v3"), (9, "v5")])
 def test_the_main_views_are_visible_at_once(count: int, followed: str) -> None:
     names = [f"v{place}" for place in range(1, count + 1)]
-    shown = list(views(blueprint(names, spacing_m=15.0, road=None).root_container))
+    shown = list(views(blueprint(RunScene(vehicles=names)).root_container))
     assert {view.origin for view in shown} >= {
         "plots/cross_track", f"plots/closing/{followed}", "plots/true_gap", "legend", "log",
         "world/convoy",

@@ -4,7 +4,10 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +18,14 @@ import pytest
 from tests.made.ended import has_ended
 from tests.made.scenarios import messages as made
 from tests.made.transport import drive
-from tests.made.transport.recording import Table, columns
+from tests.made.transport.recording import Table, batch_of
+from tests.made.transport.recording import drawn as recorded
+from transport.picture.batch import BATCH_NS, RunScene, VehicleValues
 from transport.picture.option import RerunOption, parse_rerun_option
 from transport.picture.view import RerunView
 from transport.picture.viewer_process import ViewerError
-from vehicles.geometry.driven_path import CrossTrackError
+from transport.topics import valid_at
+from vehicles.geometry.driven_path import CrossTrack, CrossTrackError
 from vehicles.messages import Message, TruePose
 
 CIRCLE = [2 * math.pi * step / 100 for step in range(101)]
@@ -29,31 +35,58 @@ ROAD = (
 )
 
 
-def picture(path: Path, messages: Iterator[tuple[int, Message]]) -> Table:
-    """Draw `messages` into a recording at `path`; returns each entity's columns, in time order."""
-    option = parse_rerun_option(f"save={path}")
-    errors = CrossTrackError(drive.VEHICLES[0])
-    with RerunView(option, recording_id="circle", vehicles=drive.VEHICLES, path=ROAD) as view:
-        for now, message in messages:
-            view.draw(now, message)
-            if isinstance(message, TruePose):
-                for foot in errors.add(message):
-                    view.error(foot.vehicle, foot.at_ns, foot.lateral)
-    return columns(path)
+SCENE = RunScene(vehicles=drive.VEHICLES, path=ROAD)
+
+
+def picture(path: Path, messages: Sequence[Message], parts: int = 1) -> Table:
+    """Draw `messages` in parts into a recording at `path`; returns each entity's columns."""
+    stream, errors = CrossTrackError(drive.VEHICLES[0]), list[CrossTrack]()
+    for message in messages:
+        if isinstance(message, TruePose):
+            errors += stream.add(message)
+    start = min(map(valid_at, messages))
+    ends = [start + part * 10 * BATCH_NS // parts for part in range(parts + 1)]
+    batches = []
+    for begin, end in pairwise(ends):
+        feet: dict[str, list[CrossTrack]] = defaultdict(list)
+        for foot in errors:
+            if begin <= foot.at_ns < end:
+                feet[foot.vehicle].append(foot)
+        values = {
+            name: VehicleValues(
+                np.array([foot.at_ns for foot in some]), np.array([foot.lateral for foot in some])
+            )
+            for name, some in feet.items()
+        }
+        some_messages = [one for one in messages if begin <= valid_at(one) < end]
+        batches.append(batch_of(some_messages, start, values))
+    return recorded(path, SCENE, *batches)
+
+
+def driven(ticks: int) -> list[Message]:
+    return [message for _, message in drive.drive(ticks)]
 
 
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory: pytest.TempPathFactory) -> Table:
-    return picture(tmp_path_factory.mktemp("view") / "run.rrd", drive.drive(100))
+    return picture(tmp_path_factory.mktemp("view") / "run.rrd", driven(100))
+
+
+@pytest.mark.parametrize("parts", [10, 70])
+def test_batches_of_any_length_give_the_same_rows(drawn: Table, tmp_path: Path, parts: int) -> None:
+    again = picture(tmp_path / "run.rrd", driven(100), parts)
+    assert {**again, "/__properties": None} == {**drawn, "/__properties": None}
 
 
 def test_without_a_picture_rerun_is_not_loaded() -> None:
     program = """
 import sys
+from transport.picture.batch import Batch, RunScene
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
-with RerunView(parse_rerun_option("off"), recording_id="x", vehicles=("v1",)) as view:
-    view.draw(0, None)
+scene = RunScene(vehicles=("v1",))
+with RerunView(parse_rerun_option("off"), recording_id="x", scene=scene) as view:
+    view.draw(Batch(start_ns=0, tables={}))
 assert view.destination == ""
 assert not {"rerun", "rerun_bindings", "pyarrow"} & set(sys.modules)
 """
@@ -167,15 +200,15 @@ def states(table: Table, entity: str) -> list[tuple[int, str]]:
 
 
 def test_links_and_messages_have_states(tmp_path: Path) -> None:
-    def messages() -> Iterator[tuple[int, Message]]:
+    def messages() -> Iterator[Message]:
         outcomes = {30: "loss", 31: "loss", 34: "late"}
         for tick in range(200):
             now = drive.START + tick * drive.TICK
-            yield now, drive.truth("v2", tick)
+            yield drive.truth("v2", tick)
             if tick < 50 or tick >= 100:
-                yield now, drive.verdict("v2", "v1", tick, now, outcomes.get(tick, "ok"))
+                yield drive.verdict("v2", "v1", tick, now, outcomes.get(tick, "ok"))
 
-    table = picture(tmp_path / "run.rrd", messages())
+    table = picture(tmp_path / "run.rrd", list(messages()))
     assert states(table, "/links/v1_to_v2") == [
         (0, "ok"), (500, "10 % lost"), (1000, "silent"), (2000, "ok"),
     ]  # fmt: skip
@@ -192,29 +225,27 @@ def test_links_and_messages_have_states(tmp_path: Path) -> None:
 
 
 def test_the_vehicle_furthest_off_is_marked(tmp_path: Path) -> None:
-    def messages() -> Iterator[tuple[int, Message]]:
+    def messages() -> Iterator[Message]:
         for seq in range(150):
             offset = 0.5 if 50 <= seq < 100 else 0.05
             for name, behind, left in (("v1", 0.0, 0.0), ("v2", 15.0, 0.0), ("v3", 30.0, offset)):
                 pose = made.truth(name, seq, 0.6 * seq - behind, left)
-                yield pose.true_at_ns, pose
+                yield pose
 
-    table = picture(tmp_path / "run.rrd", messages())
+    table = picture(tmp_path / "run.rrd", list(messages()))
     labels = table["/world/cars/v3/worst/name"]["Points2D:labels"]
-    assert labels[0] == ["v3 +0.50 m"]
+    assert [label for label in labels if label] == [["v3 +0.50 m"]] * 2  # for one second
     assert not labels[-1]
     rings = table["/world/cars/v3/worst"]["Points2D:positions"]
-    assert rings[0] == [[0.0, 0.0]]  # in the car's own frame, so it moves with it
+    assert [ring for ring in rings if ring] == [[[0.0, 0.0]]] * 2  # in the car's own frame
     assert not rings[-1]
-    assert "/world/cars/v2/worst" not in table
+    assert not any(table["/world/cars/v2/worst"]["Points2D:positions"])
 
 
 def test_lane_edges_lie_half_a_lane_beside_the_path(tmp_path: Path) -> None:
-    option = parse_rerun_option(f"save={tmp_path / 'run.rrd'}")
     straight = ([0.0, 50.0, 100.0], [0.0, 0.0, 0.0])
-    with RerunView(option, recording_id="x", vehicles=drive.VEHICLES, path=straight, lane_m=3.5):
-        pass
-    left, right = columns(tmp_path / "run.rrd")["/world/road/lane"]["LineStrips2D:strips"][0]
+    table = recorded(tmp_path / "run.rrd", replace(SCENE, path=straight, lane_m=3.5))
+    left, right = table["/world/road/lane"]["LineStrips2D:strips"][0]
     assert left == [[0.0, 1.75], [50.0, 1.75], [100.0, 1.75]]
     assert right == [[0.0, -1.75], [50.0, -1.75], [100.0, -1.75]]
 
@@ -222,7 +253,7 @@ def test_lane_edges_lie_half_a_lane_beside_the_path(tmp_path: Path) -> None:
 def test_connecting_without_a_viewer_is_an_error() -> None:
     option = parse_rerun_option("connect=rerun+http://127.0.0.1:1/proxy")
     with pytest.raises(ViewerError, match="no Rerun viewer listens"):
-        RerunView(option, recording_id="x", vehicles=("v1",))
+        RerunView(option, recording_id="x", scene=SCENE)
 
 
 def test_spawning_without_a_display_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -230,25 +261,26 @@ def test_spawning_without_a_display_is_an_error(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setattr(sys, "platform", "linux")
     with pytest.raises(ViewerError, match="no display here"):
-        RerunView(parse_rerun_option("spawn"), recording_id="x", vehicles=("v1",))
+        RerunView(parse_rerun_option("spawn"), recording_id="x", scene=SCENE)
 
 
 def test_a_recording_that_cannot_be_written(tmp_path: Path) -> None:
     with pytest.raises(ViewerError, match="cannot write the recording"):
         RerunView(
-            RerunOption("save", str(tmp_path / "no" / "x.rrd")), recording_id="x", vehicles=("v1",)
+            RerunOption("save", str(tmp_path / "no" / "x.rrd")), recording_id="x", scene=SCENE
         )
 
 
 SERVE = """
 import time
-from tests.made.scenarios import messages as made
 from tests.made.transport import drive
+from tests.made.transport.recording import batch_of
+from transport.picture.batch import RunScene
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
-view = RerunView(parse_rerun_option("serve"), recording_id="x", vehicles=drive.VEHICLES)
-for now, message in drive.drive(20):
-    view.draw(now, message)
+scene = RunScene(vehicles=drive.VEHICLES)
+view = RerunView(parse_rerun_option("serve"), recording_id="x", scene=scene)
+view.draw(batch_of([message for _, message in drive.drive(20)], drive.START))
 print(view.destination, flush=True)
 time.sleep(60)
 """
