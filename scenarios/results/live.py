@@ -148,8 +148,10 @@ class LiveRun:
         error, worst = np.nan, before.error_m_max
         gap, least = np.nan, before.gap_m_min
         if name != run.lead:
-            error, worst = _latest_and(np.fmax, np.abs(cross_track_error(run, name)), worst)
-            gap, least = _latest_and(np.fmin, gaps(run, name).distance, least)
+            errors, distances = cross_track_error(run, name), gaps(run, name).distance
+            error, gap = _last_known(errors), _last_known(distances)
+            worst = float(np.fmax.reduce(np.abs(errors), initial=worst))
+            least = float(np.fmin.reduce(distances, initial=least))
         verdicts, health = self.new_rows.get((name, "verdict")), run.table(name, "health")
         is_delivered = _rows(verdicts, "outcome") == "delivered"
         reasons = _rows(verdicts, "reason")[~is_delivered]
@@ -235,9 +237,6 @@ def _last(columns: Columns, field: str, unknown: Any) -> Any:
     return columns[field][-1] if len(columns) else unknown
 
 
-def _latest_and(worst: np.ufunc, values: Floats, before: float) -> tuple[float, float]:
-    """Latest known value, and the worst one so far."""
+def _last_known(values: Floats) -> float:
     known = values[~np.isnan(values)]
-    if not len(known):
-        return np.nan, before
-    return float(known[-1]), float(worst(before, worst.reduce(known)))
+    return float(known[-1]) if len(known) else np.nan

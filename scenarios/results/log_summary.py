@@ -22,6 +22,7 @@ from scenarios.results.vehicle_figures import VehicleSummary, tyre_warnings, veh
 from transport.log.errors import LogError, UnwritableError
 from transport.log.mcap_file import REPAIRED
 from transport.log.reader import LogReader
+from transport.topics import RUN_SENDER
 from vehicles.schedule import SECOND, nanoseconds
 
 # ---- Summarises the figures of a run, and writes the summary
@@ -88,7 +89,7 @@ def alerts(run: RunTables) -> Sequence[str]:
     """Lines of the log that cast doubt on the metrics, in order of recording."""
     lines = [
         (order, f"{name}: {text}")
-        for name in run.names
+        for name in (RUN_SENDER, *run.names)
         for table in [run.table(name, "log")]
         for order, level, text in zip(
             table.logged_at_ns.tolist(), table["level"], table["text"], strict=True

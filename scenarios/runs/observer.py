@@ -101,7 +101,7 @@ class ProgressLines:
         now, largest = (
             max([metres for metres in column if not isnan(metres)], default=0.0)
             for column in (
-                [row.error_m for row in values],
+                [abs(row.error_m) for row in values],
                 [row.error_m_max for row in values],
             )
         )

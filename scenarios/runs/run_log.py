@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,7 +18,7 @@ from scenarios.results.log_summary import METADATA_NAME, summarise, tables_in, w
 from scenarios.results.record import hole_lines, record_holes
 from scenarios.results.run_event import events, run_events
 from scenarios.results.summary import ClockName, RunIdentity, RunSummary, to_json
-from scenarios.results.tables import RunTables
+from scenarios.results.tables import KINDS, Collector, RunTables
 from scenarios.results.true_motion import sizes_of
 from scenarios.results.vehicle_figures import tyre_warnings
 from scenarios.runs.observer import Observer
@@ -26,6 +27,7 @@ from transport.log.errors import LogError
 from transport.log.foxglove import Scene, foxglove_layout
 from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
+from transport.topics import TOPICS
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.schedule import nanoseconds
 
@@ -64,7 +66,7 @@ def scene_of(scenario: Scenario) -> Scene:
 class RunLog:
     """Log and metrics of one run, from its first message to its summary.
 
-    The metrics are computed from the rows that the log holds.
+    The metrics are computed from the rows that the log holds, and those that `[log]` leaves out.
     """
 
     def __init__(
@@ -91,9 +93,9 @@ class RunLog:
         self._identity = RunIdentity.here(scenario, clock, run_id)
         folder.mkdir(parents=True, exist_ok=True)
         self._log = folder / LOG_NAME
-        self._writer = LogWriter(
-            self._log, scene=scene_of(scenario), rates_hz=scenario.tables.log.rates_hz
-        )
+        rates_hz = scenario.tables.log.rates_hz
+        self._writer = LogWriter(self._log, scene=scene_of(scenario), rates_hz=rates_hz)
+        self._thinned = Collector(KINDS & {TOPICS[topic].message for topic in rates_hz})
         write_foxglove_layout(folder, scenario)
         self._writer.metadata(METADATA_NAME, self._identity.metadata())
         self._writer.attach(ATTACHED_AS, "application/toml", scenario.text.encode())
@@ -106,7 +108,7 @@ class RunLog:
             plane=LocalPlane(scenario.origin),
             writer=self._writer,
             control_rate_hz=scenario.control_rate_hz,
-            observers=observers,
+            observers=[self._thinned, *observers],
             clock_errors_ns={
                 name: scenario.clock_error_ns(name) for name in scenario.vehicle_names
             },
@@ -182,7 +184,7 @@ class RunLog:
         return self.recorder.end(self._end_at, self.reason, self._identity.run_id)
 
     def _read(self) -> RunTables:
-        """Tables of the log as far as it is written, up to the end of the run."""
+        """Tables of the messages so far, up to the end of the run."""
         if self._tables is not None and self._recorded_at_end == self.recorder.accepted:
             return self._tables
         self._writer.flush()
@@ -190,6 +192,7 @@ class RunLog:
             run = tables_in(LogReader(self._log), self._scenario, self._ran_ns)
         except LogError:  # nothing was recorded, or the file is gone
             run = RunTables(self._scenario, {}, self._ran_ns)
+        run = replace(run, tables={**run.tables, **self._thinned.tables()}, results={})
         self._recorded_at_end = self.recorder.accepted
         self._tables = run.until(self._end_at) if self.early_end else run
         return self._tables

@@ -1,6 +1,5 @@
 """Cuts of links in convoys on several roads, and figures of the followers."""
 
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
@@ -9,14 +8,15 @@ from typing import Any
 
 import numpy as np
 import tomli_w
-from scenarios.results.encounters import Episode
-from scenarios.results.stream import FigureStream
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.results.events import encounters, lane_departures
+from scenarios.results.tables import Collector, RunTables
+from scenarios.results.true_motion import path_feet
+from scenarios.runs.observer import OnMessage
 from scenarios.runs.virtual import drive
 from vehicles.driver.settings import Braking
 from vehicles.driver.situation import stopping_distance
-from vehicles.geometry.driven_path import CrossTrack
 from vehicles.messages import Command, LinkVerdict, Message, Mode, Tracking, TruePose
 from vehicles.schedule import SECOND
 
@@ -279,27 +279,12 @@ class CarRecord:
         return off if off > max(BLIND_M, BLIND_RATIO * predicted) else 0.0
 
 
-class RoadObserver:
-    kinds: frozenset[type[Message]] = frozenset((Command, LinkVerdict, Tracking, TruePose))
+def simulated(scenario: Scenario) -> Mapping[str, CarRecord]:
+    """Simulate a scenario; returns the records of its vehicles, the lead first."""
+    cars = {name: CarRecord() for name in scenario.vehicle_names}
 
-    def __init__(self, stream: FigureStream) -> None:
-        self.cars: defaultdict[str, CarRecord] = defaultdict(CarRecord)
-        stream.on_error(self._record_error)
-        stream.on_event(self._record_event, ("lane_departure", "collision"))
-
-    def _record_error(self, foot: CrossTrack) -> None:
-        self.cars[foot.vehicle].errors[foot.at_ns] = foot.lateral
-        self.cars[foot.vehicle].stations[foot.at_ns] = foot.station
-
-    def _record_event(self, episode: Episode) -> None:
-        car = self.cars[episode.vehicles[-1]]
-        if episode.kind == "collision":
-            car.collisions += 1
-        else:
-            car.departures.append(episode.at_ns)
-
-    def listen(self, _at: int, message: Message) -> None:
-        car = self.cars[message.vehicle]
+    def record(_at: int, message: Message) -> None:
+        car = cars[message.vehicle]
         match message:
             case TruePose():
                 car.truth[message.true_at_ns] = message
@@ -310,9 +295,17 @@ class RoadObserver:
             case LinkVerdict() if message.outcome == "delivered":
                 car.deliveries.append(message)
 
-
-def simulated(scenario: Scenario) -> Mapping[str, CarRecord]:
-    stream = FigureStream.of(scenario)
-    road = RoadObserver(stream)
-    drive(scenario, [stream, road]).raise_fault()
-    return {name: road.cars[name] for name in scenario.vehicle_names}
+    collector = Collector()
+    kinds = frozenset({Command, LinkVerdict, Tracking, TruePose})
+    drive(scenario, [collector, OnMessage(record, kinds)]).raise_fault()
+    run = RunTables(scenario, collector.tables())
+    for name in run.followers:
+        at, (station, lateral) = run.table(name, "truth").at_ns, path_feet(run, name)
+        known = ~np.isnan(lateral)
+        instants = at[known].tolist()
+        cars[name].errors = dict(zip(instants, lateral[known].tolist(), strict=True))
+        cars[name].stations = dict(zip(instants, station[known].tolist(), strict=True))
+        cars[name].departures = [event.at_ns for event in lane_departures(run, name)]
+    for event in encounters(run):
+        cars[event.vehicles[-1]].collisions += event.kind == "collision"
+    return cars

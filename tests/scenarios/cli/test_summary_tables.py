@@ -9,14 +9,20 @@ from rich.console import Console
 
 from scenarios.cli.common_options import Tables
 from scenarios.cli.summary_tables import print_summary
-from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.holes import RecordHole
-from scenarios.results.metrics import Metrics
+from scenarios.results.link_account import accounts
+from scenarios.results.links import link_summaries
 from scenarios.results.outcome import with_outcome_line
 from scenarios.results.reaction import ReactionSummary
+from scenarios.results.record import RecordHole
 from scenarios.results.run_event import RunEvent
 from scenarios.results.summary import ClockName, RunChange, RunIdentity, RunSummary
+from scenarios.results.vehicle_figures import vehicle_summaries
+from tests.made.scenarios import recorded_run
 from tests.made.scenarios.messages import gps, health, tracking, truth, verdict
+from tests.made.scenarios.tables import straight_scenario
+from vehicles.messages import Message
+
+REQUESTED = 'link=[{sender="v1", receiver="v2", jitter_ms=80.0, loss_ratio=0.4}]'
 
 EVENTS = (
     RunEvent(kind="near_miss", at_s=1.5, vehicles=("v1", "v2"), figures={"gap_m_min": 0.25}),
@@ -32,16 +38,12 @@ EVENTS = (
 
 def summary(reason: str = "", clock: ClockName = "wall") -> RunSummary:
     """Figures of two followers behind a lead, of which v3 has been silent."""
-    requested, plain = LinkTable(jitter_ms=80.0, loss_ratio=0.4), LinkTable()
-    metrics = Metrics(
-        ("v1", "v2", "v3"), {("v1", "v2"): requested, ("v1", "v3"): plain, ("v2", "v3"): plain}
-    )
-    metrics.listen(0, truth("v1", -1, -20.0, 0.0))  # v2 begins after the start of the path
+    messages: list[Message] = [truth("v1", -1, -20.0, 0.0)]  # v2 begins after the start of the path
     for seq in range(21):
-        metrics.listen(0, truth("v1", seq, 0.6 * seq, 0.0))
-        metrics.listen(0, truth("v2", seq, 0.6 * seq - 15.0, 0.125))
-        metrics.listen(
-            0,
+        lost = "" if seq % 3 else "loss"
+        messages += [
+            truth("v1", seq, 0.6 * seq, 0.0),
+            truth("v2", seq, 0.6 * seq - 15.0, 0.125),
             tracking(
                 "v2",
                 seq,
@@ -49,16 +51,21 @@ def summary(reason: str = "", clock: ClockName = "wall") -> RunSummary:
                 estimated_gap_m=14.0 + seq,
                 lateral_deviation_m=0.04,
             ),
-        )
-        metrics.listen(0, gps("v1", seq))
-        metrics.listen(
-            0, verdict("v1", "v2", seq, latency_ms=42.0, dropped="" if seq % 3 else "loss")
-        )
-    metrics.listen(0, gps("v2", 2))
-    metrics.listen(0,
-        health("v2", 1, ticks=1050, late_ticks=12, rejected_messages=7, memory_bytes=64_000_000,
-               cpu_ratio=0.043)
-    )  # fmt: skip
+            gps("v1", seq),
+            verdict("v1", "v2", seq, latency_ms=42.0, dropped=lost),
+        ]
+    counters = health(
+        "v2",
+        1,
+        ticks=1050,
+        late_ticks=12,
+        rejected_messages=7,
+        memory_bytes=64_000_000,
+        cpu_ratio=0.043,
+    )
+    messages += [gps("v2", 2), counters]
+    recorded = [(0, message) for message in messages]
+    run = recorded_run.tables_of(recorded, straight_scenario(3, (REQUESTED,)), ran_s=1.0)
     return RunSummary(
         identity=RunIdentity(scenario="trial", seed=11, clock=clock, run_id="x", versions={}),
         outcome="failed" if reason else "completed",
@@ -66,8 +73,8 @@ def summary(reason: str = "", clock: ClockName = "wall") -> RunSummary:
         duration_s=5.0,
         ran_s=1.0,
         recorder_rejected_messages={},
-        vehicles=metrics.vehicle_summaries(),
-        links=metrics.link_summaries(),
+        vehicles=vehicle_summaries(run, {}),
+        links=[row for row in link_summaries(run, accounts(run)) if row.receiver != "v1"],
     )
 
 
@@ -91,21 +98,8 @@ def row(text: str, begin: str, table: int = 0) -> list[str]:
 def test_a_vehicle_s_row_has_true_figures_next_to_estimates() -> None:
     text = printed(summary())
     assert "trial, seed 11, wall clock, 1.0 s" in text
-    assert row(text, "v2 ") == [
-        "v2",
-        "12.5",
-        "/",
-        "12.5",
-        "-",
-        "10.1",
-        "/",
-        "10.1",
-        "9.0",
-        "/",
-        "9.0",
-        "14.0",
-        "0",
-    ]
+    figures = "v2 12.5 / 12.5 12.5 10.0 / 10.0 9.0 / 9.0 14.0 0"
+    assert row(text, "v2 ") == figures.split()
     headings = [re.split(r"  +", line.strip()) for line in text.splitlines()[2:5]]
     assert headings == [
         ["true", "road", "true", "estimated", "estimated", "friction"],
@@ -116,7 +110,7 @@ def test_a_vehicle_s_row_has_true_figures_next_to_estimates() -> None:
 
 def test_a_lead_has_no_distance_from_its_own_path() -> None:
     text = printed(summary())
-    assert row(text, "v1 ") == ["v1", "-", "-", "-", "-", "-", "0"]
+    assert row(text, "v1 ") == ["v1", "-", "0.0", "-", "-", "-", "0"]
     assert row(text, "v1 ", 2) == ["v1", "21", "0", "0", "0", "-", "-"]
 
 
@@ -176,7 +170,7 @@ def test_missing_records_are_listed_below() -> None:
 def test_a_link_s_row_puts_achieved_beside_requested() -> None:
     text = printed(summary())
     assert " ".join(row(text, "v1 → v2")[3:]) == "40 / 33.3 1.67 / 1 60 / 42.0"
-    assert " ".join(row(text, "v1 → v3")[3:]) == "0 / 0.0 - / - 20 / 0.0"
+    assert " ".join(row(text, "v1 → v3")[3:]) == "0 / 0.0 - / - 20 / -"
     assert " ".join(row(text, "v1 → v2", 1)[3:]) == "21 14 0 0 7 loss 0 0"
     assert " ".join(row(text, "v1 → v3", 1)[3:7]) == "21 0 0 0"
     assert text.count("requested / achieved") == 3

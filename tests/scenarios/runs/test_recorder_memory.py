@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.scenario import scenario_from_text
+from scenarios.results.live import LiveRun
 from scenarios.runs.run_log import RunLog
 from tests.made.scenarios.long_drive import TENTH_S, sent_in
 from tests.made.scenarios.messages import START, STRAIGHT, at
@@ -17,14 +18,15 @@ from vehicles.schedule import SECOND
 
 LATER = 40
 """Tenths of a second between two looks, after as many to begin with."""
-GROWTH_BYTES = 35
-"""Of each message, 10 of which are the mcap package's index of chunks; sets of numbers and paths
-that are kept whole would make it 150."""
+GROWTH_BYTES = 50
+"""Of each message: 10 are the mcap package's index of chunks, 30 the lead's path, which is kept;
+sets of numbers and all messages that are kept whole would make it 150."""
 
 
 def open_run(folder: Path) -> RunLog:
     scenario = scenario_from_text(f"{STRAIGHT}\n[convoy]\nvehicles = 2\n", label="test")
-    run = RunLog(scenario, folder, clock="wall", run_id="test")
+    live = LiveRun(scenario)
+    run = RunLog(scenario, folder, clock="wall", run_id="test", live=live, observers=[live])
     run.start(START - SECOND, START)
     return run
 
@@ -42,13 +44,14 @@ def record(run: RunLog, first: int, last: int) -> int:
             count += 1
         if tenth % 4 == 0:
             run.flush()
+            run.update(at(tenth * TENTH_S))
     return count
 
 
 def test_each_message_leaves_little_memory_behind(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("scenarios.results.traffic.LONGEST_MEMORY_NS", SECOND)  # to see it forget
+    monkeypatch.setattr("scenarios.results.live.WINDOW_NS", SECOND)  # to see it forget
     run = open_run(tmp_path / "run")
     tracemalloc.start()
     try:

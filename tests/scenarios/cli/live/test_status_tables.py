@@ -11,13 +11,12 @@ from rich.console import Console
 
 from scenarios.cli.change_requests import run_to_join, show, tables
 from scenarios.definition.scenario import load_scenario
-from scenarios.results.metrics import Metrics
+from scenarios.results.live import LiveRun
 from scenarios.runs.open_runs import OpenRun
 from scenarios.runs.run_status import RunStatus, StatusBoard
 from scenarios.runs.stop import Stop
 from tests.made.transport import drive
 from transport.bus.bus import BusError
-from vehicles.messages import RunStart
 
 NO_FLAGS: dict[str, Any] = {
     "connect": (), "listen": (), "config": None, "cfg": (), "mode": None,
@@ -25,20 +24,18 @@ NO_FLAGS: dict[str, Any] = {
 ONE, TWO = (OpenRun(name, f"tcp/127.0.0.1:{name}", "/runs") for name in ("one", "two"))
 
 
-def board() -> StatusBoard:
+def status_of_drive() -> RunStatus:
     names = ", ".join(f'"{name}"' for name in drive.VEHICLES)
     scenario = load_scenario("lane_change", [f"convoy.names=[{names}]"])
-    metrics = Metrics.of(scenario)
-    found = StatusBoard(scenario, "mine", metrics)
-    start = RunStart(vehicle="run", seq=0, start_at_ns=drive.START, run_id="x")
-    for message in (start, *(message for _, message in drive.drive(60))):
-        metrics.listen(0, message)
-        found.listen(drive.START, message)
-    return found
+    live = LiveRun(scenario)
+    for at, message in drive.drive(60):
+        live.listen(at, message)
+    assert live.update()
+    return StatusBoard(scenario, "mine").status(live)
 
 
 def test_the_status_has_every_vehicle_and_every_link_and_survives_the_bus() -> None:
-    status = board().status(drive.START)
+    status = status_of_drive()
     assert [one.name for one in status.vehicles] == list(drive.VEHICLES)
     assert status.vehicles[0].lead is status.vehicles[0].predecessor is None
     assert all(one.lead is not None for one in status.vehicles[1:])
@@ -56,7 +53,7 @@ def printed(read: Callable[[], RunStatus | None], stop: Stop, **how: Any) -> tup
 
 
 def test_the_tables_fit_80_columns() -> None:
-    status = board().status(drive.START)
+    status = status_of_drive()
     found, text = printed(lambda: status, Stop())
     assert found
     for name in drive.VEHICLES:
@@ -65,7 +62,7 @@ def test_the_tables_fit_80_columns() -> None:
 
 
 def test_a_refreshing_table_of_a_long_convoy_shows_the_worst() -> None:
-    status = board().status(drive.START)
+    status = status_of_drive()
     one, link = status.vehicles[-1], status.links[0]
     many = replace(
         status,
@@ -92,7 +89,7 @@ def test_a_refreshing_table_of_a_long_convoy_shows_the_worst() -> None:
 
 
 def test_the_status_refreshes_until_the_run_ends_or_a_signal() -> None:
-    status, left = board().status(drive.START), [1, 2, 3]
+    status, left = status_of_drive(), [1, 2, 3]
 
     def read() -> RunStatus:
         if not left:

@@ -11,13 +11,13 @@ from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
 from scenarios.definition.scenario import drills, load_scenario
+from scenarios.results.deadlines import deadline_figures
 from scenarios.results.limits import limit_figures
-from scenarios.results.log_summary import scenario_in, summary_of
-from scenarios.results.metrics import Metrics
+from scenarios.results.log_summary import summary_of, tables_of
+from scenarios.results.run_event import run_events
 from scenarios.results.summary import to_json
+from scenarios.results.vehicle_figures import vehicle_summaries
 from scenarios.runs.virtual import run_unlogged
-from transport.log.reader import LogReader
-from vehicles.schedule import SECOND
 
 SHORT = """
 extends = "lane_change"
@@ -99,16 +99,12 @@ def test_run_log_and_drill_agree_about_limits(tmp_path: Path) -> None:
     summary = summary_of(log)
     assert [one.limit for one in summary.limits if one.broken] == ["cross_track_error_m_max"]
     assert to_json(run_unlogged(load_scenario(file))) == to_json(summary)
-    scenario = scenario_in(LogReader(log))
-    metrics = Metrics.of(scenario)
-    for _, _, message in LogReader(log).messages(metrics.topics):
-        metrics.listen(0, message)
-    ran_ns = round(summary.ran_s * SECOND)
+    run = tables_of(log)
     found = limit_figures(
-        scenario.tables.limits,
-        metrics.events.events(),
-        metrics.vehicle_summaries(ran_ns),
-        metrics.deadlines.figures(ran_ns),
+        run.scenario.tables.limits,
+        run_events(run),
+        vehicle_summaries(run, {}),
+        deadline_figures(run),
     )
     assert found == summary.limits
     assert summary.limits[2].value == 0.02  # its second command

@@ -1,63 +1,37 @@
-"""The recorder's status: updated often while requests come, rarely otherwise."""
+"""The recorder's status: empty before the start, then that of the last evaluation."""
 
-import pytest
-
-from scenarios.definition.scenario import load_scenario
-from scenarios.results.metrics import Metrics
-from scenarios.runs import run_status
-from scenarios.runs.run_status import OFTEN_NS, RunStatus, StatusBoard
-from tests.made.scenarios.messages import START, start
+from scenarios.results.live import LiveRun
+from scenarios.runs.run_status import RECENT_NS, LinkStatus, RunStatus, StatusBoard
+from tests.made.scenarios.messages import at, start, truth, verdict
+from tests.made.scenarios.tables import straight_scenario
 from transport.bus.bus import MemoryBus
 from transport.topics import RUN_SENDER, control_key
 from vehicles.schedule import SECOND
 
-STEP_NS = SECOND // 5
+LOST_S = 4.0
+"""From here on the link loses all poses."""
+END_S = LOST_S + RECENT_NS / SECOND - 1.0
 
 
-class Asked:
-    """A board that is updated five times a second and answers requests."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        scenario = load_scenario("lane_change")
-        self.board = StatusBoard(scenario, "mine", Metrics.of(scenario))
-        self.bus = MemoryBus()
-        self.board.serve(self.bus)
-        self.drawn = 0
-        self.now = START
-        one = self.board.status(START)
-
-        def count(_board: StatusBoard, _start_at: int) -> RunStatus:
-            self.drawn += 1
-            return one
-
-        monkeypatch.setattr(run_status.StatusBoard, "status", count)
-
-    def go(self, seconds: float) -> None:
-        for _ in range(round(seconds * SECOND / STEP_NS)):
-            self.now += STEP_NS
-            self.board.update(self.now)
-
-    def ask(self) -> bytes | None:
-        return self.bus.query(control_key(RUN_SENDER), 1.0)
-
-
-def test_the_status_is_updated_once_a_second_and_often_on_request(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    requested = Asked(monkeypatch)
-    requested.go(2.0)
-    assert requested.ask() == b""  # not started
-    assert requested.drawn == 0
-    requested.board.listen(START, start())
-    requested.go(2.0 * OFTEN_NS / SECOND)  # the question before the start counts, too
-    requested.drawn = 0
-    requested.go(4.0)
-    assert requested.drawn == 4
-    assert RunStatus.of(requested.ask() or b"").run == "mine"
-    requested.drawn = 0
-    requested.go(4.0)
-    assert requested.drawn == 20
-    requested.go(4.0)
-    requested.drawn = 0
-    requested.go(4.0)
-    assert requested.drawn == 4
+def test_the_status_is_that_of_the_last_evaluation_with_the_recent_loss() -> None:
+    live, bus = LiveRun(straight_scenario(2)), MemoryBus()
+    board = StatusBoard(live.scenario, "mine")
+    board.serve(bus)
+    assert bus.query(control_key(RUN_SENDER), 1.0) == b""
+    live.listen(at(0.0), start())
+    for seq in range(round(END_S * 20) + 1):
+        lost = "loss" if seq >= 20 * LOST_S else ""
+        live.listen(at(seq / 20), verdict("v1", "v2", seq, latency_ms=0.0, dropped=lost))
+    for name, east in (("v1", 0.0), ("v2", -15.0)):
+        live.listen(at(END_S), truth(name, round(END_S * 50), east, 0.0))
+    assert live.update()
+    board.update(live)
+    status = RunStatus.of(bus.query(control_key(RUN_SENDER), 1.0) or b"")
+    assert (status.run, status.at_s) == ("mine", END_S)
+    assert [row.true_gap_m for row in status.vehicles] == [None, 10.0]
+    link = next(row for row in status.links if row.receiver == "v2")
+    judged = 20 * RECENT_NS // SECOND + 1
+    lost = round((END_S - LOST_S) * 20) + 1
+    assert link == LinkStatus(
+        sender="v1", receiver="v2", judged=judged, loss_ratio=lost / judged, changed=False
+    )

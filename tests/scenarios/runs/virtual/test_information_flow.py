@@ -8,10 +8,9 @@ import pytest
 from scenarios.cli.change_requests import VEHICLE_COLUMNS
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.explain import RecordedKnowledge
-from scenarios.results.metrics import Metrics
+from scenarios.results.live import LiveRun
 from scenarios.results.run_drawing import open_drawing
 from scenarios.results.summary import RunSummary
-from scenarios.runs.observer import Observer, OnMessage
 from scenarios.runs.run_status import RunStatus, StatusBoard
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
@@ -43,13 +42,17 @@ class FlowRun:
 def run(tmp_path_factory: pytest.TempPathFactory) -> FlowRun:
     folder = tmp_path_factory.mktemp("flow")
     scenario = load_scenario("lane_change", FLOW)
-    metrics = Metrics.of(scenario)
-    board = StatusBoard(scenario, "run", metrics)
+    board, statuses = StatusBoard(scenario, "run"), list[RunStatus]()
     option = parse_rerun_option(f"save={folder / 'live.rrd'}")
-    with open_drawing(option, scenario, folder / "run.mcap", metrics) as view:
-        observers: list[Observer] = [OnMessage(view.draw), board]
-        summary = run_virtual(scenario, folder, Stop(), metrics=metrics, observers=observers)
-    status = RunStatus.of(board.status(scenario.start_at_ns).text.encode())
+
+    class KeepsStatus:
+        def update(self, live: LiveRun) -> None:
+            statuses.append(board.status(live))
+
+    with open_drawing(option, scenario, folder / "run.mcap") as drawing:
+        watchers = [KeepsStatus(), drawing]
+        summary = run_virtual(scenario, folder, Stop(), watchers=watchers, observers=[drawing])
+    status = RunStatus.of(statuses[-1].text.encode())
     return FlowRun(folder, scenario, summary, status, columns(folder / "live.rrd"))
 
 

@@ -1,24 +1,27 @@
 """What communication loss does to a convoy that brakes, and that no run keeps it to itself."""
 
-from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import load_scenario, scenario_from_text
-from scenarios.results.encounters import BodySize, body_of
 from scenarios.results.files import LOG_NAME
-from scenarios.results.log_summary import summary_of
-from scenarios.results.metrics import Metrics
+from scenarios.results.log_summary import summary_of, tables_of
+from scenarios.results.record import record_holes
+from scenarios.results.run_event import run_events
 from scenarios.results.summary import RunSummary
+from scenarios.results.tables import RunTables
+from scenarios.results.true_motion import bodies, common, sizes_of
+from scenarios.results.vehicle_figures import vehicle_summaries
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from scenarios.runs.virtual import run_virtual
 from tests.made.scenarios.polygons import common_area
 from tests.made.scenarios.shipped import whole_run
 from transport.log.reader import LogReader
-from vehicles.messages import LogText, TruePose
+from vehicles.messages import LogText
+from vehicles.schedule import SECOND
 
 BRAKING = """
 name = "braking"
@@ -57,20 +60,21 @@ def crashed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunSummary,
 
 def overlapping(log: Path) -> set[tuple[str, str]]:
     """Pairs that ever share an area, by cutting each body with each other one at each instant."""
-    reader = LogReader(log)
-    scenario = scenario_from_text(reader.attachments()[ATTACHED_AS].decode())
-    names = scenario.vehicle_names
-    sizes = {name: BodySize.of(scenario.vehicle(name).parameters) for name in names}
-    poses: dict[int, dict[str, TruePose]] = {}
-    for _, _, message in reader.messages(["truth"]):
-        assert isinstance(message, TruePose)
-        poses.setdefault(message.true_at_ns, {})[message.vehicle] = message
-    return {
-        (one, other)
-        for at in poses.values()
-        for one, other in combinations(names, 2)
-        if common_area(body_of(at[one], sizes[one]), body_of(at[other], sizes[other])) > 1e-6
-    }
+    run = tables_of(log)
+    truths = [run.table(name, "truth") for name in run.names]
+    _, rows = common(*(truth.at_ns for truth in truths))
+    found = set()
+    for step in np.transpose(rows):
+        body = {
+            name: bodies(truth.of(step[[place]]), sizes_of(run.scenario)[name])
+            for place, (name, truth) in enumerate(zip(run.names, truths, strict=True))
+        }
+        found |= {
+            (one, other)
+            for one, other in combinations(run.names, 2)
+            if common_area(body[one], body[other]) > 1e-6
+        }
+    return found
 
 
 @pytest.mark.parametrize("seed", [1, 10])
@@ -111,21 +115,13 @@ def test_a_figure_s_limit_fails_a_run_that_went_on_to_its_end(tmp_path: Path) ->
     assert summary.reason.startswith("limits.true_gap_m_min = 50: v2 was ")
 
 
-def test_a_log_gives_the_same_events_as_the_run_in_any_order(
+def test_a_log_gives_the_same_summary_as_the_run(
     crashed: tuple[Path, RunSummary, Stop],
 ) -> None:
     folder, summary, _ = crashed
-    log = folder / LOG_NAME
-    assert summary_of(log) == summary
-    reader = LogReader(log)
-    metrics = Metrics.of(scenario_from_text(reader.attachments()[ATTACHED_AS].decode()))
-    messages = [message for _, _, message in reader.messages()]
-    for vehicle in ("run", "v3", "v1", "v2"):
-        for message in messages:
-            if message.vehicle == vehicle:
-                metrics.listen(0, message)
-    metrics.finish()
-    assert metrics.events.events() == summary.events
+    run = tables_of(folder / LOG_NAME)
+    assert run_events(run) == summary.events
+    assert vehicle_summaries(run, {}) == summary.vehicles
 
 
 @pytest.mark.spread(1)
@@ -153,17 +149,19 @@ def test_a_log_whose_messages_were_lost_names_the_hole(tmp_path: Path) -> None:
     scenario = load_scenario("lane_change", ["duration_s=12"])
     whole = run_virtual(scenario, tmp_path, Stop())
     start = scenario.start_at_ns
-    metrics = Metrics.of(scenario)
-    for at, _, message in LogReader(tmp_path / LOG_NAME).messages():
-        if not 5.0 <= (at - start) / 1e9 < 10.0:
-            metrics.listen(0, message)
-    rows = metrics.vehicle_summaries(round(12e9))
+    log = tables_of(tmp_path / LOG_NAME)
+    begin, end = start + 5 * SECOND, start + 10 * SECOND
+    rest = {
+        key: rows.of((rows.logged_at_ns < begin) | (rows.logged_at_ns >= end))
+        for key, rows in log.tables.items()
+    }
+    run = RunTables(scenario, rest, log.ran_ns)
+    rows = vehicle_summaries(run, {})
     assert [row.missing_poses for row in rows] == [100] * 4
-    holes = metrics.holes(round(12e9))
-    assert [(one.vehicle, one.from_s, one.to_s, one.poses) for one in holes] == [
+    assert [(one.vehicle, one.from_s, one.to_s, one.poses) for one in record_holes(run)] == [
         (name, 5.0, 9.95, 100) for name in scenario.vehicle_names
     ]
     for row, full in zip(rows[1:], whole.vehicles[1:], strict=True):
         assert (row.cross_track_error_m_max or 9.0) <= (full.cross_track_error_m_max or 0.0) + 1e-3
-    assert metrics.events.events() == ()
-    assert replace(rows[0], poses=0, missing_poses=0).silent_from_s is None
+    assert run_events(run) == ()
+    assert rows[0].silent_from_s is None

@@ -14,7 +14,7 @@ import pytest
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
-from scenarios.results.link_summary import LinkSummary
+from scenarios.results.links import LinkSummary
 from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
 from scenarios.runs.observer import OnMessage

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.link_summary import bursts
+from scenarios.results.links import bursts
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from scenarios.studies.channel.fit import FittedLink, as_toml, fit_link, fit_log
