@@ -83,7 +83,7 @@ class LiveRun:
         self.scenario = scenario
         self.values = {name: LiveValues() for name in scenario.vehicle_names}
         self.events: list[Event] = []
-        """Events so far that are certain at once; the summary has all kinds."""
+        """Events so far: those that are certain at once, and at the end of the run all."""
         self.new_rows: Mapping[tuple[str, str], Columns] = {}
         """Rows of the last update."""
         self.window = RunTables(scenario, {})
@@ -97,6 +97,8 @@ class LiveRun:
     def listen(self, at: int, message: Message) -> None:
         if type(message) is TruePose and message.vehicle in self._passed:
             self._passed[message.vehicle] = message.true_at_ns
+        elif type(message) is RunStart:
+            self._passed = dict.fromkeys(self._passed, message.start_at_ns - 1)
         self._collector.listen(at, message)
 
     @property

@@ -15,7 +15,7 @@ from scenarios.results.true_motion import sizes_of
 from scenarios.results.vehicle_figures import Signal, true_errors, true_gaps
 from transport.closing import Closing
 from transport.columns import Columns, joined
-from transport.picture.batch import DRAWN_TOPICS, Batch, Mark, RunScene, VehicleValues
+from transport.picture.batch import BATCH_NS, DRAWN_TOPICS, Batch, Mark, RunScene, VehicleValues
 from transport.picture.option import RerunOption
 from transport.picture.view import RerunView
 from transport.topics import TOPICS
@@ -92,14 +92,16 @@ class RunDrawing(Closing):
 
     def update(self, live: LiveRun) -> None:
         self._last = live
-        self._draw(live, live.evaluated_until + 1)
+        start = live.window.beginning
+        self._draw(live, start + (live.evaluated_until + 1 - start) // BATCH_NS * BATCH_NS)
 
     def _draw(self, live: LiveRun, until: int) -> None:
         """Draw the rows before an instant (ns), and the events that are new."""
         if not self._view.enabled:
             return
         run, tables = live.window, self._rows_until(until)
-        new = [event for event in live.events if event.key not in self._marked]
+        known = [event for event in live.events if event.at_ns < until]
+        new = [event for event in known if event.key not in self._marked]
         self._marked |= {event.key for event in new}
         batch = batch_of(run, (), tables, (self._until, until), self._vehicles)
         marks = [Mark(event.kind, event.at_ns, event.place, event.vehicles) for event in new]

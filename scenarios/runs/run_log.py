@@ -170,6 +170,7 @@ class RunLog:
             for beyond_at, line in tyre_warnings(run).values():
                 self.recorder.log(at, line, "warning", valid_at=beyond_at)
             self._log_events(at, run, events(run))
+            self._live.events = list(events(run))
             self._write_deviations(at, run, self._end_at)
             for line in hole_lines(record_holes(run), MOST_HOLE_LINES):
                 self.recorder.log(at, line, "warning")

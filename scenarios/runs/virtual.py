@@ -383,6 +383,8 @@ def run_virtual(
         at = run.recorder.last_at or scenario.start_at_ns
         stop.request(str(error), EXIT_FAILED)
     run.end(at, stop.reason)
+    for watcher in watchers:
+        watcher.update(live)
     summary = run.close(at)
     if summary.reason:  # also of a run that broke a limit and went on to its end
         stop.request(summary.reason, EXIT_FAILED)

@@ -140,6 +140,8 @@ class RecorderProcess:
         with suppress(LogError):  # the run has a reason to end already
             self._record_arrivals()
         end = self._run.end(self._clock.now(), self._conductor.reason)
+        for watcher in self._watchers:
+            watcher.update(self._live)
         self._own_message("end", end)
         self._is_completed = not self._run.reason
         if self._conductor.reason:

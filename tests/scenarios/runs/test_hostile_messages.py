@@ -10,11 +10,11 @@ from pathlib import Path
 from random import Random
 
 import pytest
+from scenarios.results.metrics import Metrics
 
 from scenarios.cli.common_options import DisplayOptions
 from scenarios.cli.display import observers
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.metrics import Metrics
 from scenarios.results.summary import RunSummary, from_json, to_json
 from scenarios.runs.node.node import AnyNode
 from scenarios.runs.node.sink import BusSink

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scenarios.results.metrics import Metrics
 
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.metrics import Metrics
 from scenarios.results.vehicle_figures import VehicleSummary
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.recorder import Recorder

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
+from mcap.records import Chunk, Message
+from mcap.stream_reader import StreamReader, breakup_chunk
 
 from scenarios.definition.scenario import scenario_from_text
 from scenarios.results.log_info import info_of, recover_log
@@ -93,16 +95,22 @@ def chunks_of(log: Path) -> list[tuple[int, int, Rows]]:
     with log.open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
-    messages = own_messages(log)
-    found = []
-    for index in summary.chunk_indexes:
-        rows_of = [
-            row for row in messages if index.message_start_time <= row[1] <= index.message_end_time
-        ]
-        found.append(
-            (index.chunk_start_offset, index.chunk_start_offset + index.chunk_length, rows_of)
+    topics = {number: channel.topic for number, channel in summary.channels.items()}
+    with log.open("rb") as file:
+        records = StreamReader(file, emit_chunks=True).records
+        chunks = [breakup_chunk(record) for record in records if isinstance(record, Chunk)]
+    return [
+        (
+            index.chunk_start_offset,
+            index.chunk_start_offset + index.chunk_length,
+            [
+                (topics[one.channel_id], one.log_time, one.data)
+                for one in chunk
+                if isinstance(one, Message)
+            ],
         )
-    return found
+        for index, chunk in zip(summary.chunk_indexes, chunks, strict=True)
+    ]
 
 
 def recovered(folder: Path, number: int, name: str) -> Rows:
