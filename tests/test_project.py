@@ -273,7 +273,7 @@ def test_the_container_lock_has_the_same_versions_without_extras() -> None:
     container = {str(line): hashes for line, hashes in locked("requirements-container.lock")}
     assert container.items() < full.items()
     extras = names(requirements(EXTRAS)) - names(requirements(()))
-    assert extras == {"rerun-sdk", "matplotlib", "scipy"}
+    assert extras == {"rerun-sdk", "scipy"}
     assert not extras & names(container)
 
 

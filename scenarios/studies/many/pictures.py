@@ -1,4 +1,4 @@
-"""The plot of `convoy bisect`: shares of broken runs over the value. Needs Matplotlib."""
+"""The plot of `convoy bisect`: shares of broken runs over the value."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -13,11 +13,7 @@ from numpy.typing import NDArray
 
 from scenarios.definition.run_limits import Limit
 from scenarios.definition.schema.limit_rows import OWN_FIGURES
-from scenarios.studies.many.boundary import BoundaryQuery, BoundaryResult, grouped
-from scenarios.studies.many.cell_table import SweepTable
-from scenarios.studies.many.plan import SweepAxis
-from scenarios.studies.many.variant import agresti_coull
-from scenarios.studies.picture_style import (
+from scenarios.results.figure_style import (
     BLUE,
     COLUMN_IN,
     GREEN,
@@ -34,6 +30,10 @@ from scenarios.studies.picture_style import (
     axis_label,
     ink_on,
 )
+from scenarios.studies.many.boundary import BoundaryQuery, BoundaryResult, grouped
+from scenarios.studies.many.cell_table import SweepTable
+from scenarios.studies.many.plan import SweepAxis
+from scenarios.studies.many.variant import agresti_coull
 
 SIZE = (COLUMN_IN, 3.4)
 MOST_GROUPS = 16
@@ -79,7 +79,7 @@ def drawn(query: BoundaryQuery, result: BoundaryResult) -> Figure:
     return figure
 
 
-# ---- The picture of a sweep: lines with 95 % intervals, or heat maps. Needs Matplotlib
+# ---- The picture of a sweep: lines with 95 % intervals, or heat maps
 #
 # One key gives one line. Of two keys, one with numbers is the x axis, and each value of the other
 # one has a line. Two keys with numbers give heat maps.

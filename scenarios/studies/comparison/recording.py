@@ -1,6 +1,6 @@
 """The comparison of several runs as one recording of Rerun."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from zlib import crc32
 
 import numpy as np
@@ -8,12 +8,8 @@ import numpy as np
 from scenarios.results.encounters import BodySize
 from scenarios.results.run_drawing import widest_spacing
 from scenarios.results.stream import sizes_of
-from scenarios.studies.comparison.run_comparison import (
-    ComparedRun,
-    OffsetDifference,
-    PlacedVehicle,
-    RunComparison,
-)
+from scenarios.studies.comparison.road import OffsetDifference, PlacedVehicle
+from scenarios.studies.comparison.runs import RunComparison, RunGroup
 from transport.picture.comparison import (
     ComparedTracks,
     DivergencePoint,
@@ -29,16 +25,14 @@ from vehicles.car.parameters import LINCOLN_MKZ
 def show_comparison(
     comparison: RunComparison, option: RerunOption, *, wait: Callable[[str], None]
 ) -> None:
-    """Draw the runs into one recording; raises ViewerError.
+    """Draw the first runs of the groups into one recording; raises ViewerError.
 
     A served picture is shown until `wait`, called with its address, returns.
     """
-    paths = " ".join(str(run.record.log.resolve()) for run in comparison.runs)
-    title = " · ".join(run.title for run in comparison.runs)
+    paths = " ".join(str(group.record.log.resolve()) for group in comparison.groups)
+    title = " · ".join(group.title for group in comparison.groups)
     identifier = f"compare-{crc32(paths.encode()):08x}"
     with OpenRecording(option, identifier, title) as picture:
-        if not picture.enabled:
-            return
         from transport.picture.comparison import draw_tracks  # noqa: PLC0415 - an extra
 
         draw_tracks(picture.recording, tracks_of(comparison))
@@ -47,26 +41,28 @@ def show_comparison(
 
 
 def tracks_of(comparison: RunComparison) -> ComparedTracks:
-    reference = comparison.runs[0].record.scenario
+    reference = comparison.groups[0].record.scenario
     path = reference.route.path
-    differences = {(one.label, one.vehicle): one for one in comparison.differences}
+    differences = {(one.label, one.vehicle): one for one in comparison.positions}
+    runs = [f"- {group.title}" for group in comparison.groups]
+    hint = "Choose the timeline `path_m` to see all values over the distance along the path."
     return ComparedTracks(
-        vehicles=list(comparison.runs[0].vehicles),
+        vehicles=list(comparison.groups[0].vehicles),
         tracks=[
-            _track(run, place, vehicle, differences.get((run.label, vehicle.name)))
-            for run in comparison.runs
-            for place, vehicle in enumerate(run.vehicles.values())
+            _track(group, place, vehicle, differences.get((group.label, vehicle.name)))
+            for group in comparison.groups
+            for place, vehicle in enumerate(group.vehicles.values())
         ],
         path=(path.east.tolist(), path.north.tolist()),
         lane_m=reference.tables.events.lane_width_m,
         spacing_m=widest_spacing(reference),
         divergence=_divergence_point(comparison),
-        text=description(comparison),
+        text="\n".join([*runs, "", comparison.sentence, "", hint]),
     )
 
 
 def _track(
-    run: ComparedRun, place: int, vehicle: PlacedVehicle, difference: OffsetDifference | None
+    group: RunGroup, place: int, vehicle: PlacedVehicle, difference: OffsetDifference | None
 ) -> VehicleTrack:
     true, station = vehicle.true, vehicle.station_m
     curves = {
@@ -77,11 +73,11 @@ def _track(
         curves["difference"] = PlottedCurve(
             difference.at_s, difference.station_m, difference.offset_m
         )
-    known = run.record.known_scenario
+    known = group.record.known_scenario
     starts = np.array([change.at_s for change in vehicle.modes])
     stations = vehicle.station_at(np.maximum(starts, true.t_s[0])).tolist()
     return VehicleTrack(
-        run=run.label,
+        run=group.label,
         vehicle=vehicle.name,
         place=place,
         body=sizes_of(known)[vehicle.name] if known else BodySize.of(LINCOLN_MKZ),
@@ -100,47 +96,16 @@ def _track(
 
 def _divergence_point(comparison: RunComparison) -> DivergencePoint | None:
     first = comparison.first
-    if first is None:
+    if first is None or (row := first.parts) is None:
         return None
-    run = next(run for run in comparison.runs if run.label == first.label)
-    vehicle = run.vehicles[first.vehicle]
-    row = int(np.abs(vehicle.true.t_s - first.at_s).argmin())
+    group = next(group for group in comparison.groups if group.label == first.label)
+    vehicle = group.vehicles[first.vehicle]
+    pose = int(np.abs(vehicle.true.t_s - first.at_s[row]).argmin())
     return DivergencePoint(
         vehicle=first.vehicle,
-        at_s=first.at_s,
-        station_m=first.station_m,
-        east_m=float(vehicle.east_m[row]),
-        north_m=float(vehicle.north_m[row]),
+        at_s=float(first.at_s[row]),
+        station_m=float(first.station_m[row]),
+        east_m=float(vehicle.east_m[pose]),
+        north_m=float(vehicle.north_m[pose]),
         text=first.sentence,
     )
-
-
-def description(comparison: RunComparison) -> str:
-    """Runs, first divergence, and errors along the string, in Markdown."""
-    lines = [f"- {run.title}" for run in comparison.runs]
-    first = comparison.first
-    lines += ["", first.sentence if first else f"No vehicle differs by {comparison.tolerance_m} m."]
-    lines += [
-        "",
-        "Choose the timeline `path_m` to see all values over the distance along the path.",
-    ]
-    lines += ["", *_string_table(comparison.runs)]
-    return "\n".join(lines)
-
-
-def _string_table(runs: Sequence[ComparedRun]) -> list[str]:
-    known = [(run.label, run.string_errors) for run in runs if run.string_errors]
-    if not known:
-        return []
-    rows = ["| error, largest / rms, cm | " + " | ".join(label for label, _ in known) + " |"]
-    rows.append("|---" * (len(known) + 1) + "|")
-    for place, first in enumerate(known[0][1]):
-        cells = []
-        for _, errors in known:
-            one = errors[place] if place < len(errors) else None
-            if one is None or one.error_m_max is None or one.error_m_rms is None:
-                cells.append("-")
-            else:
-                cells.append(f"{100 * one.error_m_max:.1f} / {100 * one.error_m_rms:.1f}")
-        rows.append(f"| {first.vehicle} | " + " | ".join(cells) + " |")
-    return rows

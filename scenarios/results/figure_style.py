@@ -1,4 +1,4 @@
-"""Style and file formats of the plots: colour-blind-safe colours, 9 pt at column width.
+"""Style of all Matplotlib figures: colours, sizes, file formats, and labels with units.
 
 Figures are made without pyplot, so no global state is touched and no display is needed. Matplotlib
 is imported when a figure is encoded.
@@ -8,11 +8,19 @@ import errno
 import io
 import os
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.results.files import write_whole
+from transport.panels import colour_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# ---- Colours, sizes and fonts
 
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY = (
     "#0072B2",
@@ -24,16 +32,23 @@ BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY = (
     "#666666",
 )
 """Okabe and Ito's palette."""
-
+MODE_COLOURS: Mapping[str, str] = {
+    "path": "#8c8c8c",
+    "composite": "#2e9e6b",
+    "lead": "#3b82f6",
+    "predecessor": "#b0703c",
+    "intermediate": "#8f9a1a",
+    "coast": "#e08a00",
+    "stop": "#e0314f",
+    "straight": "#b455c8",
+}
+"""Colours of the modes, distinct on white and on black."""
 SEQUENCE = "viridis"
 """Colour map for ordered values."""
-
 COLUMN_IN, PAGE_IN = 3.5, 7.2
 """Widths (inches) of a column and of a page of two columns."""
-
 SMALL_PT = 7.5
 """Size of numbers in cells and of notes."""
-
 STYLE: Any = {
     "font.size": 9.0,
     "axes.titlesize": 9.0,
@@ -55,11 +70,18 @@ STYLE: Any = {
 }
 
 
+def vehicle_colour(place: int) -> str:
+    """Colour of the vehicle at `place` in the convoy, the lead at 0, as in every picture."""
+    return "#{:02x}{:02x}{:02x}".format(*colour_of(place))
+
+
 def ink_on(colour: tuple[float, ...]) -> str:
     """Colour of a text that is legible on a background (RGB or RGBA from 0 to 1)."""
     red, green, blue = colour[:3]
     return "black" if 0.299 * red + 0.587 * green + 0.114 * blue > 0.5 else "white"
 
+
+# ---- Files
 
 PICTURE_FORMATS = ("png", "svg", "pdf")
 _METADATA: dict[str, dict[str, str | None]] = {
@@ -86,13 +108,18 @@ def require_new_picture(path: Path) -> None:
         raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
 
 
-def encoded(figure: Any, picture_format: str) -> bytes:
-    from matplotlib import rc_context  # noqa: PLC0415 - an extra
+def encoded(figure: "Figure", picture_format: str, style: Any = STYLE) -> bytes:
+    from matplotlib import rc_context  # noqa: PLC0415 - commands without figures start faster
 
     content = io.BytesIO()
-    with rc_context(STYLE):
+    with rc_context(style):
         figure.savefig(content, format=picture_format, metadata=_METADATA[picture_format])
     return content.getvalue()
+
+
+def write_picture(figure: "Figure", path: Path) -> None:
+    """Write a figure into a new file; raises FileExistsError or ScenarioError."""
+    write_whole(path, encoded(figure, picture_format_of(path)), new=True)
 
 
 # ---- Labels with units for keys of a scenario and for fields of the summary
