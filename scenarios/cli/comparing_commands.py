@@ -128,7 +128,7 @@ def _print(comparison: "RunComparison", *, all_metrics: bool) -> None:
             print_whole(table_of(columns, rows, caption=more or None), console)
 
     for group in comparison.groups:
-        click.echo(f"{group.title} ({group.logs[0]})")
+        click.echo(f"{group.title} ({group.record.log})")
     labels = ["setting", *(group.label for group in comparison.groups)]
     columns: list[Column[Any]] = [
         Column(label, itemgetter(number), left=True, wraps=True)

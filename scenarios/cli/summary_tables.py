@@ -22,40 +22,27 @@ from scenarios.results.explain import (
     fate_of,
 )
 from scenarios.results.holes import hole_lines
-from scenarios.results.link_summary import LinkSummary, lost_in_transport
+from scenarios.results.link_summary import LinkSummary
 from scenarios.results.outcome import with_outcome_line
-from scenarios.results.reaction import NO_REACTION
-from scenarios.results.string_figures import STRING_SIGNALS, StringFigures
 from scenarios.results.summary import RunChange, RunSummary
 from scenarios.results.summary_columns import (
-    ALARM_COLUMN,
-    DETAIL_COLUMNS,
     EVENT_COLUMNS,
     EVENT_NAMES,
-    FRESHNESS_COLUMNS,
-    LINK_COLUMNS,
-    PROCESS_COLUMNS,
-    REACTION_COLUMNS,
-    TRANSPORT_COLUMNS,
-    VEHICLE_COLUMNS,
     Column,
-    gain_columns,
-    link_name,
-    message_columns,
-    own_columns,
+    SummaryTable,
+    has_link_news,
+    tables_of,
 )
-from scenarios.results.traffic import OVERRIDDEN_RATIO
-from scenarios.results.vehicle_figures import VehicleSummary
 from transport.topics import counts_as_loss
 
 MOST_CHANGES = 3
 """Changes in the title."""
 REQUESTED_LOSS = re.compile(r", loss [\d.]+( to [\d.]+)? %")
 """Part of a scenario's title."""
-LATE_NEWS_RATIO = 0.01
-"""Share of late ticks or messages from which a table carries news."""
 MOST_EVENTS, MOST_NEW_EVENTS = 40, 10
 MOST_HOLES = 10
+UNTITLED = ("vehicles", "processes")
+"""Tables whose columns need no title."""
 MOST_LINKS = 40
 """Printed rows at most, of links those that lost most; the summary has them all."""
 
@@ -68,11 +55,14 @@ def print_summary(
     `tables` are all, or only that of the vehicles and those with news.
     """
     console.print(Text(title_of(summary), style="bold"), highlight=False, soft_wrap=True)
-    for is_news, table in _tables(summary, tables):
-        if is_news or tables == "all":
-            print_whole(table, console)
+    for table in tables_of(summary):
+        if table.is_news or tables == "all":
+            print_whole(_printed(table), console)
+    if summary.events:
+        most = MOST_EVENTS if tables == "all" else MOST_NEW_EVENTS
+        print_whole(event_table(summary, most), console)
     has_tables = tables == "all" or any(
-        _has_link_news(row, summary.warnings) for row in summary.links
+        has_link_news(row, summary.warnings) for row in summary.links
     )
     if not has_tables and (losses := _losses(summary)):
         _print_line(losses, console)
@@ -104,65 +94,6 @@ def _percent(ratios: Sequence[float]) -> str:
 
 def _print_line(line: str, console: Console) -> None:
     console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
-
-
-def _tables(summary: RunSummary, tables: Tables) -> Iterator[tuple[bool, Table]]:
-    """Yield the tables of a summary, each with whether it carries news."""
-    followers = [row for row in summary.vehicles if row.role != "lead"]
-    yield True, table_of(VEHICLE_COLUMNS, summary.vehicles)
-    yield False, table_of(DETAIL_COLUMNS, summary.vehicles, title="vehicles, details")
-    yield any(map(_has_process_news, summary.vehicles)), table_of(PROCESS_COLUMNS, summary.vehicles)
-    if any(row.own_figures for row in summary.vehicles):
-        yield True, table_of([*own_columns(summary)], summary.vehicles, title="own figures")
-    if signals := [one for one in STRING_SIGNALS if any(map(one.has_gain, _strings(summary)))]:
-        columns = [
-            VEHICLE_COLUMNS[0],
-            *(one for signal in signals for one in gain_columns(signal)),
-        ]
-        title = "string stability: gains in L2 / L∞; -: no more than noise"
-        yield False, table_of(columns, followers, title=title)
-    if any(row.reaction != NO_REACTION or row.overrides for row in followers):
-        is_news = any(
-            row.reaction.stops
-            or row.reaction.blind_m >= 0.05
-            or (row.overridden_ratio or 0.0) > OVERRIDDEN_RATIO
-            for row in followers
-        )
-        yield is_news, table_of(REACTION_COLUMNS, followers, title="degradation")
-    if summary.links:
-        is_news = any(_has_link_news(row, summary.warnings) for row in summary.links)
-        yield is_news, _link_table(summary, LINK_COLUMNS, "links: loss and latency")
-        yield is_news, _link_table(summary, message_columns(summary.links), "links: messages")
-        counts = any(row.false_alarms.counted is not None for row in summary.links)
-        is_real = any(row.transport_ms_mean is not None for row in summary.links)
-        freshness = (
-            *FRESHNESS_COLUMNS,
-            *([ALARM_COLUMN] if counts else []),
-            *(TRANSPORT_COLUMNS if is_real else []),
-        )
-        title = "arrivals and age of data: mean / 95th percentile / max"
-        yield False, _link_table(summary, freshness, title)
-    if summary.events:
-        yield True, event_table(summary, MOST_EVENTS if tables == "all" else MOST_NEW_EVENTS)
-
-
-def _strings(summary: RunSummary) -> Sequence[StringFigures]:
-    return [row.string for row in summary.vehicles]
-
-
-def _has_process_news(row: VehicleSummary) -> bool:
-    """Whether poses are missing, messages were refused, or more than 1 % of the ticks late."""
-    return bool(
-        row.missing_poses or row.rejected_messages or row.late_ticks > LATE_NEWS_RATIO * row.ticks
-    )
-
-
-def _has_link_news(row: LinkSummary, warnings: Sequence[str]) -> bool:
-    """Whether a link was cut, altered messages or lacks some, was late, or not as requested."""
-    deviates = any(line.startswith(f"{link_name(row)}: ") for line in warnings)
-    missed = lost_in_transport(row) or row.unrecorded
-    is_late = row.late > LATE_NEWS_RATIO * row.judged
-    return bool(deviates or row.false or missed or "cut" in row.dropped or is_late)
 
 
 def _all_reasons(summary: RunSummary) -> Sequence[str]:
@@ -221,12 +152,16 @@ def event_table(summary: RunSummary, most: int) -> Table:
     return table
 
 
-def _link_table(summary: RunSummary, columns: Sequence[Column[LinkSummary]], title: str) -> Table:
-    more = len(summary.links) - MOST_LINKS
+def _printed(table: SummaryTable) -> Table:
+    rows, more = table.rows, len(table.rows) - MOST_LINKS
+    if isinstance(rows[0], LinkSummary):
+        rows = worst_rows(rows, lambda row: row.loss_ratio, MOST_LINKS)
+    else:
+        more = 0
     return table_of(
-        columns,
-        worst_rows(summary.links, lambda row: row.loss_ratio, MOST_LINKS),
-        title=title,
+        table.columns,
+        rows,
+        title=None if table.title in UNTITLED else table.title,
         caption=f"{more} more, see summary.json" if more > 0 else None,
     )
 

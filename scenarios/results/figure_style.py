@@ -1,4 +1,4 @@
-"""Style of all Matplotlib figures: colours, sizes, file formats, and labels with units.
+"""Style of all Matplotlib figures: colours, sizes and file formats.
 
 Figures are made without pyplot, so no global state is touched and no display is needed. Matplotlib
 is imported when a figure is encoded.
@@ -7,9 +7,7 @@ is imported when a figure is encoded.
 import errno
 import io
 import os
-import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -75,12 +73,6 @@ def vehicle_colour(place: int) -> str:
     return "#{:02x}{:02x}{:02x}".format(*colour_of(place))
 
 
-def ink_on(colour: tuple[float, ...]) -> str:
-    """Colour of a text that is legible on a background (RGB or RGBA from 0 to 1)."""
-    red, green, blue = colour[:3]
-    return "black" if 0.299 * red + 0.587 * green + 0.114 * blue > 0.5 else "white"
-
-
 # ---- Files
 
 PICTURE_FORMATS = ("png", "svg", "pdf")
@@ -120,65 +112,3 @@ def encoded(figure: "Figure", picture_format: str, style: Any = STYLE) -> bytes:
 def write_picture(figure: "Figure", path: Path) -> None:
     """Write a figure into a new file; raises FileExistsError or ScenarioError."""
     write_whole(path, encoded(figure, picture_format_of(path)), new=True)
-
-
-# ---- Labels with units for keys of a scenario and for fields of the summary
-
-
-UNITS = {
-    "m": "m",
-    "s": "s",
-    "ms": "ms",
-    "ns": "ns",
-    "hz": "Hz",
-    "mps": "m/s",
-    "mps2": "m/s²",
-    "mps3": "m/s³",
-    "rad": "rad",
-    "radps": "rad/s",
-    "deg": "°",
-    "per_m": "1/m",
-    "per_s": "1/s",
-    "kg": "kg",
-    "db": "dB",
-    "ppm": "ppm",
-    "bytes": "bytes",
-    "ratio": "%",
-}
-PERCENT = 100.0
-QUALIFIERS = {
-    "max": "largest ",
-    "min": "smallest ",
-    "mean": "mean ",
-    "rms": "rms ",
-    "p95": "95th percentile of ",
-}
-PLACES = {"links": " of all links", "convoy": "", "events": " events"}
-"""Words for the first part of a name; other parts are put in brackets."""
-_NAME = re.compile(
-    rf"(?P<name>\w+?)_(?P<unit>{'|'.join(UNITS)})(?:_(?P<qualifier>{'|'.join(QUALIFIERS)}))?"
-)
-
-
-@dataclass(frozen=True, slots=True)
-class AxisLabel:
-    """Text of an axis, and the factor by which values are multiplied on it (100 for ratios)."""
-
-    text: str
-    factor: float = 1.0
-
-
-def axis_label(name: str) -> AxisLabel:
-    """Label of a key such as `links.loss_ratio` or a field such as `cross_track_error_m_max`."""
-    place, _, last = name.rpartition(".")
-    where = PLACES.get(place, f" ({place})" if place else "")
-    match = _NAME.fullmatch(last)
-    if match is None:
-        return AxisLabel(f"{_words(last)}{where}")
-    qualifier = QUALIFIERS.get(match["qualifier"] or "", "")
-    factor = PERCENT if match["unit"] == "ratio" else 1.0
-    return AxisLabel(f"{qualifier}{_words(match['name'])}{where}, {UNITS[match['unit']]}", factor)
-
-
-def _words(name: str) -> str:
-    return name.replace("cross_track", "cross-track").replace("_", " ")

@@ -434,4 +434,5 @@ def svg_of(figure: Figure) -> str:
     text = re.sub(r"(\d\.\d\d)\d+", r"\1", text)  # a hundredth of a point
     for colour, name in ((INK, "--ink"), (SOFT, "--soft"), (GRID, "--grid")):
         text = text.replace(colour, f"var({name})")
-    return text.replace("DejaVu Sans", "system-ui, sans-serif").strip()
+    # The font is that of the page, and names of groups would repeat in it.
+    return re.sub(r"font-family: [^;]*; |(?<=<g) id=\"[^\"]*\"", "", text).strip()

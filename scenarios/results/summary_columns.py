@@ -1,15 +1,17 @@
 """Columns of the tables of a summary, for the terminal and for the HTML report."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from scenarios.results.encounters import EventKind
-from scenarios.results.link_summary import LinkSummary
+from scenarios.results.link_summary import LinkSummary, lost_in_transport
+from scenarios.results.reaction import NO_REACTION
 from scenarios.results.run_event import RunEvent, road_known
-from scenarios.results.string_figures import StringSignal
+from scenarios.results.string_figures import STRING_SIGNALS, StringSignal
 from scenarios.results.summary import RunSummary
+from scenarios.results.traffic import OVERRIDDEN_RATIO
 from scenarios.results.vehicle_figures import VehicleSummary
 
 if TYPE_CHECKING:
@@ -33,6 +35,11 @@ class Column(Generic[Row]):
     left: bool = False
     wraps: bool = False
     max_width: int | None = None
+    optional: bool = False
+    """Whether the column is left out if all its cells are empty or 0."""
+
+    def is_empty(self, rows: Iterable[Row]) -> bool:
+        return all(set(str(self.cell(row)).split(" / ")) <= {"-", "0"} for row in rows)
 
     def cell(self, row: Row) -> "str | Text":
         value = self.value(row)
@@ -50,6 +57,8 @@ def figure(value: float | None, form: str = "", scale: float = 1) -> str:
 
 # ---- Vehicles, links and events of a summary
 
+LATE_NEWS_RATIO = 0.01
+"""Share of late ticks or messages from which a table carries news."""
 SHOWN_AGES_MS = ("200", "500", "1000")
 """Of the ages up to which data may count as fresh."""
 
@@ -235,6 +244,8 @@ MESSAGE_COLUMNS: Sequence[Column[LinkSummary]] = (
     Column("dropped", _dropped, wraps=True),
     Column("not arrived", _not_arrived, wraps=True),
     Column("in flight", lambda row: row.in_flight, wraps=True),
+    Column("unrecorded", lambda row: row.unrecorded, wraps=True, optional=True),
+    Column("copied or\naltered", _altered, wraps=True, optional=True),
 )
 """Each sent message is delivered, dropped, not arrived, in flight at the end or unrecorded."""
 FRESHNESS_COLUMNS: Sequence[Column[LinkSummary]] = (
@@ -250,39 +261,33 @@ FRESHNESS_COLUMNS: Sequence[Column[LinkSummary]] = (
         ".0f",
     ),
     *map(_fresh_column, SHOWN_AGES_MS),
-)
-"""How often messages arrived over each link, and how old data was when it was used."""
-TRANSPORT_COLUMNS: Sequence[Column[LinkSummary]] = (
+    Column("false\nlosses of\nsource", lambda row: row.false_alarms.counted, optional=True),
     Column(
         "real\ntransport, ms",
         lambda row: (row.transport_ms_mean, row.transport_ms_p95, row.transport_ms_max),
         ".1f",
+        optional=True,
     ),
-    Column("above the\nfloor, %", lambda row: row.transport_above_floor_ratio, ".1f", 100.0),
+    Column(
+        "above the\nfloor, %",
+        lambda row: row.transport_above_floor_ratio,
+        ".1f",
+        100.0,
+        optional=True,
+    ),
 )
-UNRECORDED_COLUMN: Column[LinkSummary] = Column(
-    "unrecorded", lambda row: row.unrecorded, wraps=True
-)
-ALTERED_COLUMN: Column[LinkSummary] = Column("copied or\naltered", _altered, wraps=True)
-ALARM_COLUMN: Column[LinkSummary] = Column(
-    "false\nlosses of\nsource", lambda row: row.false_alarms.counted
-)
+"""How often messages arrived over each link, and how old data was when it was used."""
 
 
-def gain_columns(signal: StringSignal) -> Iterator[Column[VehicleSummary]]:
+def _gain_columns(signal: StringSignal) -> Iterator[Column[VehicleSummary]]:
     """Yield the gains of a signal from the vehicle ahead, and from the head of the string."""
-    yield Column(f"{signal.name}\ngain", lambda row: signal.gains(row.string), ".2f")
     head = "lead" if signal.head == "lead" else "first\nfollower"
-    yield Column(f"from\n{head}", lambda row: signal.gains_from_head(row.string), ".2f")
+    ahead, first = signal.gains, signal.gains_from_head
+    yield Column(f"{signal.name}\ngain", lambda row: ahead(row.string), ".2f", optional=True)
+    yield Column(f"from\n{head}", lambda row: first(row.string), ".2f", optional=True)
 
 
-def message_columns(rows: Sequence[LinkSummary]) -> Sequence[Column[LinkSummary]]:
-    unrecorded = [UNRECORDED_COLUMN] if any(row.unrecorded for row in rows) else []
-    altered = [ALTERED_COLUMN] if any(row.copies or row.false for row in rows) else []
-    return *MESSAGE_COLUMNS, *unrecorded, *altered
-
-
-def own_columns(summary: RunSummary) -> Iterator[Column[VehicleSummary]]:
+def _own_columns(summary: RunSummary) -> Iterator[Column[VehicleSummary]]:
     yield VEHICLE_COLUMNS[0]
     for name in dict.fromkeys(name for row in summary.vehicles for name in row.own_figures):
         yield Column(name, partial(_own_figure, name), ".4g")
@@ -290,3 +295,75 @@ def own_columns(summary: RunSummary) -> Iterator[Column[VehicleSummary]]:
 
 def _own_figure(name: str, row: VehicleSummary) -> float | None:
     return row.own_figures.get(name)
+
+
+# ---- The tables of a summary
+
+
+@dataclass(frozen=True, slots=True)
+class SummaryTable:
+    """A table of metrics; `is_news` states whether it has something unusual."""
+
+    title: str
+    all_columns: Sequence[Column[Any]]
+    rows: Sequence[Any]
+    is_news: bool = True
+
+    @property
+    def columns(self) -> list[Column[Any]]:
+        """Columns without the optional ones that are empty."""
+        return [
+            column
+            for column in self.all_columns
+            if not (column.optional and column.is_empty(self.rows))
+        ]
+
+
+def tables_of(summary: RunSummary) -> Iterator[SummaryTable]:
+    """Yield the tables of vehicles and links that have rows and more columns than their names."""
+    vehicles, links = summary.vehicles, summary.links
+    followers = [row for row in vehicles if row.role != "lead"]
+    degraded = any(row.reaction != NO_REACTION or row.overrides for row in followers)
+    link_news = any(has_link_news(row, summary.warnings) for row in links)
+    gains = [column for signal in STRING_SIGNALS for column in _gain_columns(signal)]
+    title = "string stability: gains in L2 / L∞; -: no more than noise"
+    arrivals = "arrivals and age of data: mean / 95th percentile / max"
+    process_news = any(map(_has_process_news, vehicles))
+    for table in (
+        SummaryTable("vehicles", VEHICLE_COLUMNS, vehicles),
+        SummaryTable("vehicles, details", DETAIL_COLUMNS, vehicles, is_news=False),
+        SummaryTable("processes", PROCESS_COLUMNS, vehicles, process_news),
+        SummaryTable("own figures", [*_own_columns(summary)], vehicles),
+        SummaryTable(title, [VEHICLE_COLUMNS[0], *gains], followers, is_news=False),
+        SummaryTable(
+            "degradation",
+            REACTION_COLUMNS,
+            followers if degraded else (),
+            any(map(_has_reaction_news, followers)),
+        ),
+        SummaryTable("links: loss and latency", LINK_COLUMNS, links, link_news),
+        SummaryTable("links: messages", MESSAGE_COLUMNS, links, link_news),
+        SummaryTable(arrivals, FRESHNESS_COLUMNS, links, is_news=False),
+    ):
+        if table.rows and len(table.columns) > 1:
+            yield table
+
+
+def _has_process_news(row: VehicleSummary) -> bool:
+    """Whether poses are missing, messages were refused, or more than 1 % of the ticks late."""
+    return bool(
+        row.missing_poses or row.rejected_messages or row.late_ticks > LATE_NEWS_RATIO * row.ticks
+    )
+
+
+def _has_reaction_news(row: VehicleSummary) -> bool:
+    overridden = (row.overridden_ratio or 0.0) > OVERRIDDEN_RATIO
+    return bool(row.reaction.stops or row.reaction.blind_m >= 0.05 or overridden)
+
+
+def has_link_news(row: LinkSummary, warnings: Sequence[str]) -> bool:
+    """Whether a link was cut, altered messages or lacks some, was late, or not as requested."""
+    deviates = any(line.startswith(f"{link_name(row)}: ") for line in warnings)
+    missed = lost_in_transport(row) or row.unrecorded
+    is_late = row.late > LATE_NEWS_RATIO * row.judged
+    return bool(deviates or row.false or missed or "cut" in row.dropped or is_late)

@@ -2,7 +2,6 @@
 
 import shlex
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -13,29 +12,13 @@ from scenarios.results.figure_style import vehicle_colour
 from scenarios.results.files import write_whole
 from scenarios.results.holes import hole_lines
 from scenarios.results.outcome import with_outcome_line
+from scenarios.results.run_event import RunEvent
 from scenarios.results.run_figures import MOST_CURVES, report_figures, vehicles_with_truth
 from scenarios.results.run_record import RunRecord
-from scenarios.results.string_figures import STRING_SIGNALS
 from scenarios.results.summary import LimitFigure, RunChange, RunSummary
-from scenarios.results.summary_columns import (
-    DETAIL_COLUMNS,
-    EVENT_COLUMNS,
-    FRESHNESS_COLUMNS,
-    LINK_COLUMNS,
-    REACTION_COLUMNS,
-    VEHICLE_COLUMNS,
-    Column,
-    gain_columns,
-    message_columns,
-    own_columns,
-)
+from scenarios.results.summary_columns import EVENT_COLUMNS, Column, SummaryTable, tables_of
 
 MOST_ROWS, MOST_WARNINGS, MOST_HOLES = 60, 50, 10
-STRING_HINT = (
-    "Gains in L2 / L∞ divide the norm of a vehicle's error by that of the vehicle ahead, or of the "
-    "head of the string; above 1 the error grows. Gains of errors at the level of the noise are "
-    "left out. Definitions: convoy reference string-stability."
-)
 CHANGE_COLUMNS: Sequence[Column[RunChange]] = (
     Column("at, s", lambda row: row.at_s, ".2f"),
     Column("change", lambda row: f"{row.kind} {row.target}", left=True),
@@ -48,25 +31,6 @@ LIMIT_COLUMNS: Sequence[Column[LimitFigure]] = (
     Column("value", lambda row: row.value, ".4g"),
     Column("result", lambda row: row.message or "kept", left=True),
 )
-
-
-@dataclass(frozen=True, slots=True)
-class ReportTable:
-    """A table with its rows, of which up to `MOST_ROWS` are shown."""
-
-    title: str
-    columns: Sequence[Column[Any]]
-    all_rows: Sequence[Any]
-    hint: str = ""
-    is_last: bool = False
-
-    @property
-    def rows(self) -> Sequence[Any]:
-        return self.all_rows[:MOST_ROWS]
-
-    @property
-    def more(self) -> int:
-        return len(self.all_rows) - len(self.rows)
 
 
 def write_report(record: RunRecord, path: Path, summary: RunSummary | None = None) -> None:
@@ -94,7 +58,8 @@ def report_page(record: RunRecord, summary: RunSummary) -> str:
         verdict={"OK": "good", "FAILED": "bad"}.get(outcome.split(":")[0], ""),
         log=shlex.quote(str(record.log)),
         warnings=_warnings(record, summary),
-        tables=[table for table in _tables(record, summary) if table.all_rows],
+        tables=list(_tables(record, summary)),
+        most_rows=MOST_ROWS,
         colours={name: vehicle_colour(place) for place, name in enumerate(record.vehicle_names)},
         figures=list(report_figures(record, summary)),
         left_out=max(len(vehicles_with_truth(record)) - MOST_CURVES, 0),
@@ -124,32 +89,18 @@ def _warnings(record: RunRecord, summary: RunSummary) -> list[str]:
     return lines
 
 
-def _tables(record: RunRecord, summary: RunSummary) -> Iterator[ReportTable]:
-    vehicles, links = summary.vehicles, summary.links
-    followers = [row for row in vehicles if row.role != "lead"]
-    name, *details = DETAIL_COLUMNS
-    own = list(own_columns(summary))[1:]
-    yield ReportTable("Vehicles", [*VEHICLE_COLUMNS, *details, *own], vehicles)
-    yield ReportTable("Reaction to missing messages", REACTION_COLUMNS, followers)
-    strings = [row.string for row in vehicles]
-    gains = [
-        column
-        for signal in STRING_SIGNALS
-        if any(map(signal.has_gain, strings))
-        for column in gain_columns(signal)
-    ]
-    yield ReportTable(
-        "String stability", [name, *gains], followers if gains else (), hint=STRING_HINT
-    )
+def _tables(record: RunRecord, summary: RunSummary) -> Iterator[SummaryTable]:
+    yield from tables_of(summary)
     log = shlex.quote(str(record.log))
-    command: Column[Any] = Column(
+    command: Column[RunEvent] = Column(
         "command that shows it",
         lambda event: f"convoy review {log} --at {event.at_s:.2f}",
         left=True,
     )
-    yield ReportTable("Events", [*EVENT_COLUMNS, command], summary.events)
-    yield ReportTable("Changes", CHANGE_COLUMNS, summary.changes)
-    worst = sorted(links, key=lambda row: -row.loss_ratio)
-    columns = [*LINK_COLUMNS, *message_columns(links)[1:], *FRESHNESS_COLUMNS[1:]]
-    yield ReportTable("Links", columns, worst, hint="By loss.", is_last=True)
-    yield ReportTable("Limits", LIMIT_COLUMNS, summary.limits, is_last=True)
+    for table in (
+        SummaryTable("events", [*EVENT_COLUMNS, command], summary.events),
+        SummaryTable("changes", CHANGE_COLUMNS, summary.changes),
+        SummaryTable("limits", LIMIT_COLUMNS, summary.limits),
+    ):
+        if table.rows:
+            yield table

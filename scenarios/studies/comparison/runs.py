@@ -36,24 +36,45 @@ LISTED_NUMBERS = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ComparedRun:
+    """A run with its summary and settings, as far as its log holds them.
+
+    `settings` are those of the scenario, the clock, and the versions of the program, by key.
+    """
+
+    record: RunRecord
+    summary: RunSummary | None
+    settings: Mapping[str, Any]
+
+    @property
+    def seed(self) -> int | None:
+        return self.summary.identity.seed if self.summary else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RunGroup:
     """Runs of one setting with its label (A, B, …): one, or one per seed.
 
-    `record` is its first run, whose `vehicles` are placed on the path of A. A damaged log may hold
-    no summary.
+    The `vehicles` of its first run are placed on the path of A.
     """
 
     label: str
-    logs: tuple[Path, ...]
-    record: RunRecord
-    summaries: tuple[RunSummary, ...]
+    runs: Sequence[ComparedRun]
     vehicles: Mapping[str, PlacedVehicle]
+
+    @property
+    def record(self) -> RunRecord:
+        return self.runs[0].record
+
+    @property
+    def summaries(self) -> list[RunSummary]:
+        return [run.summary for run in self.runs if run.summary]
 
     @property
     def title(self) -> str:
         name = self.summaries[0].identity.title if self.summaries else ""
-        more = f" and {len(self.logs) - 1} more runs" if len(self.logs) > 1 else ""
-        return f"{self.label}: {name or self.logs[0]}{more}"
+        more = f" and {len(self.runs) - 1} more runs" if len(self.runs) > 1 else ""
+        return f"{self.label}: {name or self.record.log}{more}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +102,7 @@ class RunComparison:
     @property
     def first(self) -> OffsetDifference | None:
         """The vehicle that parts first; with noise over seeds, positions are not judged."""
-        is_single = all(len(group.logs) == 1 for group in self.groups)
+        is_single = all(len(group.runs) == 1 for group in self.groups)
         return first_parting(self.positions) if is_single else None
 
     @property
@@ -107,32 +128,23 @@ def compare_runs(
 
     `report` is called with the number of runs that have been read and their total number.
     """
-    sides = [logs_of(path) for path in paths]
     faults: list[str] = []
-    summaries: dict[Path, RunSummary | None] = {}
-    logs = [log for side in sides for log in side]
-    for done, log in enumerate(logs, 1):
-        summaries[log] = _summary(log, faults)
-        report(done, len(logs))
-    grouped = _grouped(sides, summaries)
-    records = [RunRecord(group[0]) for group in grouped]
-    groups = tuple(
-        RunGroup(
-            label=label,
-            logs=tuple(group),
-            record=record,
-            summaries=tuple(one for log in group if (one := summaries[log])),
-            vehicles=placed_vehicles(record, records[0]),
-        )
-        for label, group, record in zip(ascii_uppercase, grouped, records, strict=False)
+    sides = [logs_of(path) for path in paths]
+    total, read = sum(map(len, sides)), []
+    for side in sides:
+        read.append([_recorded(log, faults) for log in side])
+        report(sum(map(len, read)), total)
+    grouped = _grouped(read)
+    reference = grouped[0][0].record
+    first, *others = groups = tuple(
+        RunGroup(label=label, runs=runs, vehicles=placed_vehicles(runs[0].record, reference))
+        for label, runs in zip(ascii_uppercase, grouped, strict=False)
     )
-    first, *others = groups
     compared = 0
     metrics: list[MetricDifference] = []
     for group in others if all(group.summaries for group in groups) else ():
-        count, differing = metric_differences(
-            group.label, first.summaries, group.summaries, tolerance
-        )
+        summaries = first.summaries, group.summaries
+        count, differing = metric_differences(group.label, *summaries, tolerance)
         compared, metrics = compared + count, metrics + differing
     return RunComparison(
         groups=groups,
@@ -164,118 +176,92 @@ def logs_of(path: Path) -> tuple[Path, ...]:
     return (log_in(path),)
 
 
-def _summary(log: Path, faults: list[str]) -> RunSummary | None:
-    """Summary of a log; None for a log that lost its scenario."""
+def _recorded(log: Path, faults: list[str]) -> ComparedRun:
+    """Read a run; a damaged log may lack its summary and its scenario."""
+    record, summary = RunRecord(log), None
+    settings: dict[str, Any] = {}
+    if record.known_scenario:
+        tables = tomllib.loads(record.known_scenario.text)
+        kept = {key: value for key, value in tables.items() if key not in NOT_SETTINGS}
+        settings |= dict(flattened(kept))
     try:
-        return summary_of(log, faults.append)
+        summary = summary_of(log, faults.append)
     except LogError as error:
         faults.append(str(error))
-        return None
+    else:
+        about = summary.identity
+        settings |= {"clock": about.clock, "digest of the sources": about.sources}
+        settings |= {f"version of {name}": version for name, version in about.versions.items()}
+        settings |= {f"digest of {name}": digest for name, digest in about.plug_ins.items()}
+    return ComparedRun(record=record, summary=summary, settings=settings)
 
 
-def _grouped(
-    sides: Sequence[Sequence[Path]], summaries: Mapping[Path, RunSummary | None]
-) -> list[list[Path]]:
+def _grouped(sides: Sequence[Sequence[ComparedRun]]) -> list[list[ComparedRun]]:
     """Group the runs of one folder, and single runs whose settings differ in the seed only.
 
     Runs are groups of their own if that would leave one group, and if a seed would repeat.
     """
-    groups: dict[object, list[Path]] = {}
+    groups: dict[object, list[ComparedRun]] = {}
     for number, side in enumerate(sides):
-        summary = summaries[side[0]]
         key: object = number
-        if len(side) == 1 and summary:
-            about = summary.identity
-            scenario = RunRecord(side[0]).known_scenario
-            tables = settings_of(scenario.text) if scenario else {}
-            texts = str({key: value for key, value in tables.items() if key != "seed"})
-            key = (texts, about.clock, about.sources, tuple(about.versions.items()))
-            seeds = [one.identity.seed for log in groups.get(key, ()) if (one := summaries[log])]
-            key = (key, number) if about.seed in seeds else key
+        if len(side) == 1:
+            key = str({name: value for name, value in side[0].settings.items() if name != "seed"})
+            if side[0].seed in {run.seed for run in groups.get(key, ())}:
+                key = number
         groups.setdefault(key, []).extend(side)
     if len(groups) == 1:
-        groups = dict(enumerate([*side] for side in sides))
-    sizes = [len(group) for group in groups.values()]
+        groups = {number: list(side) for number, side in enumerate(sides)}
     if not 2 <= len(groups) <= MOST_GROUPS:
         raise ScenarioError([f"compare: given {len(groups)} runs, allowed 2 to {MOST_GROUPS}"])
-    if min(sizes) == 1 < max(sizes):
-        (lonely, *_) = next(group for group in groups.values() if len(group) == 1)
-        raise LogError(f"{lonely}: is 1 run; the noise over seeds needs two or more of each group")
+    sizes = [len(group) for group in groups.values()]
     if max(sizes) > 1:
         require("compare of several runs a group", "studies", "scipy")
+        lonely = [group[0].record.log for group in groups.values() if len(group) == 1]
+        if lonely:
+            raise LogError(f"{lonely[0]}: is 1 run; the noise over seeds needs two or more")
     return list(groups.values())
 
 
-def settings_of(text: str) -> dict[str, Any]:
-    """Keys and values of the scenario of a log."""
-    tables = tomllib.loads(text)
-    return {key: value for key, value in flattened(tables) if key.split(".")[0] not in NOT_SETTINGS}
-
-
 def setting_differences(groups: Sequence[RunGroup]) -> dict[str, tuple[str, ...]]:
-    """Differing settings of the first runs: scenario, seed, clock and versions of the program.
+    """Differing settings of the first runs; of groups of several runs without the seed.
 
-    A damaged log may lack its scenario; then only what all logs hold is compared.
+    What a damaged log has lost is not compared.
     """
-    scenarios = [group.record.known_scenario for group in groups]
-    known = [settings_of(scenario.text) for scenario in scenarios if scenario]
-    programs = [_program(group.summaries[0]) for group in groups if group.summaries]
+    runs = [group.runs[0] for group in groups]
+    is_whole = all(run.summary and run.record.known_scenario for run in runs)
     found = {}
-    for tables in (known, programs):
-        for key in dict.fromkeys(key for table in tables for key in table):
-            values = [table.get(key) for table in tables]
-            if len(tables) == len(groups) and any(value != values[0] for value in values):
-                found[key] = _texts(values)
-    if any(len(group.logs) > 1 for group in groups):
+    for key in dict.fromkeys(key for run in runs for key in run.settings):
+        texts = tuple(_text(run.settings.get(key)) for run in runs)
+        if len(set(texts)) > 1 and (is_whole or all(key in run.settings for run in runs)):
+            found[key] = texts
+    if any(len(group.runs) > 1 for group in groups):
         found.pop("seed", None)
     return found
 
 
-def _program(summary: RunSummary) -> dict[str, Any]:
-    about = summary.identity
-    versions = {f"version of {name}": version for name, version in about.versions.items()}
-    digests = {f"digest of {name}": digest for name, digest in about.plug_ins.items()}
-    return {"clock": about.clock, **versions, "digest of the sources": about.sources, **digests}
-
-
-def flattened(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield dotted keys and values; tables in lists are numbered from 1."""
-    for name, value in table.items():
-        key = f"{prefix}{name}"
-        if isinstance(value, Mapping):
-            yield from flattened(value, f"{key}.")
-        elif isinstance(value, list) and value and all(isinstance(one, Mapping) for one in value):
-            for number, one in enumerate(value, 1):
-                yield from flattened(one, f"{key}[{number}].")
-        else:
-            yield key, value
-
-
-def _texts(values: Sequence[Any]) -> tuple[str, ...]:
-    """Values as text; of long lists only the first number that differs."""
-    lists = [value for value in values if isinstance(value, list)]
-    if len(lists) < len(values) or max(map(len, lists)) <= LISTED_NUMBERS:
-        return tuple(map(_text, values))
-    places = range(max(map(len, lists)))
-    place = next(
-        place for place in places if len({str(one[place : place + 1]) for one in lists}) > 1
-    )
-    return tuple(
-        f"{_text(one[place]) if place < len(one) else 'none'} as number {place + 1} of {len(one)}"
-        for one in lists
-    )
+def flattened(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield dotted keys and values; tables in lists and long lists are numbered from 1."""
+    if isinstance(value, Mapping):
+        for key, entry in value.items():
+            yield from flattened(entry, f"{name}.{key}" if name else key)
+    elif isinstance(value, list) and (
+        len(value) > LISTED_NUMBERS or any(isinstance(entry, Mapping) for entry in value)
+    ):
+        for number, entry in enumerate(value, 1):
+            yield from flattened(entry, f"{name}[{number}]")
+    else:
+        yield name, value
 
 
 def _text(value: Any) -> str:
-    if value is None:
-        return ""
-    return str(value).lower() if isinstance(value, bool) else str(value)
+    return "" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def to_json(comparison: RunComparison) -> str:
+    groups = comparison.groups
     content = {
         "schema": SCHEMA,
-        "groups": {group.label: [str(log) for log in group.logs] for group in comparison.groups},
+        "groups": {one.label: [str(run.record.log) for run in one.runs] for one in groups},
         "equal": comparison.is_equal,
         "sentence": comparison.sentence,
         "log_faults": comparison.faults,

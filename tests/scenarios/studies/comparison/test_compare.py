@@ -169,7 +169,7 @@ def test_runs_that_differ_in_the_seed_are_one_group(tmp_path: Path) -> None:
             run_virtual(scenario, tmp_path / f"{gap}-{seed}", Stop())
     runs = [tmp_path / f"{gap}-{seed}" for gap in (10, 12) for seed in (1, 2)]
     groups = compare_runs(runs).groups
-    assert [[log.parent.name for log in group.logs] for group in groups] == [
+    assert [[run.record.log.parent.name for run in group.runs] for group in groups] == [
         ["10-1", "10-2"], ["12-1", "12-2"],
     ]  # fmt: skip
     assert len(compare_runs(runs[:2]).groups) == 2  # one setting: seeds are compared
