@@ -13,8 +13,8 @@
 
     old = convoy.open("runs/first")          # a folder, or a log
     convoy.runs().to_pandas()                 # a row for each run in a folder
-    convoy.diff("runs/first", run).sentence   # what differs first
-    convoy.compare("runs/first", run).plot()  # errors along the path and along the string
+    compared = convoy.compare("runs/first", run)
+    compared.metrics, compared.plot()         # what differs, and errors along the path
     convoy.replay("runs/first", ["v1"], set={"control.controller": "stanley"})
     convoy.check("lane_change").warnings
     convoy.sweep("lane_change", {"links.loss_ratio": [0.0, 0.4]}, seeds=5).cells
@@ -24,11 +24,9 @@ Invalid input raises `convoy.Error`, with the sentences of the command line. Err
 operating system, such as a full disk, are OSError as usual. Names and columns end in their units.
 
 home       the packages of this installation, which are imported first
-running    run and check
+running    run, check and replay
 recorded   open and runs, and the class of recorded runs
-comparing  diff and compare
-repeating  replay
-plots      the plots of a run and of a comparison
+comparing  compare
 sweeping   sweep and bisect
 """
 
@@ -36,15 +34,9 @@ from .home import import_own_packages
 
 import_own_packages()
 
-from scenarios.api.comparing import (  # noqa: E402
-    ComparedRuns,
-    Diff,
-    compare,
-    diff,
-    replay,
-)
+from scenarios.api.comparing import ComparedRuns, compare  # noqa: E402
 from scenarios.api.recorded import Run, open, runs  # noqa: A004, E402
-from scenarios.api.running import check, run  # noqa: E402
+from scenarios.api.running import check, replay, run  # noqa: E402
 from scenarios.api.sweeping import Sweep, bisect, sweep  # noqa: E402
 from scenarios.results.data_table import DataTable  # noqa: E402
 from scenarios.studies.many.boundary import BoundaryResult  # noqa: E402
@@ -54,14 +46,12 @@ __all__ = [
     "BoundaryResult",
     "ComparedRuns",
     "DataTable",
-    "Diff",
     "Error",
     "Run",
     "Sweep",
     "bisect",
     "check",
     "compare",
-    "diff",
     "open",
     "replay",
     "run",

@@ -6,11 +6,9 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenarios.definition.errors import require
 from scenarios.results.data_table import DataTable
 from scenarios.results.frequency_gains import Signal, frequency_gains
 from scenarios.results.log_summary import summary_of
-from scenarios.results.report.page import write_report
 from scenarios.results.run_record import RunRecord
 from scenarios.results.summary import RunSummary
 from scenarios.results.table_files import FileFormat, export_run
@@ -60,15 +58,17 @@ class Run(RunRecord):
     def plot(self, vehicles: Sequence[str] | None = None) -> "Figure":
         """Draw paths, true errors, gaps and speeds, by default of all vehicles in the log.
 
-        Returns a Matplotlib figure. Raises Error without Matplotlib, and without true poses.
+        Returns a Matplotlib figure. Raises Error without true poses.
         """
-        require("plot", "studies", "matplotlib")
-        from scenarios.api.plots import run_figure  # noqa: PLC0415 - an extra
+        from scenarios.results.run_figures import (  # noqa: PLC0415 - slow to import
+            run_figure,
+            vehicles_with_truth,
+        )
 
-        names = vehicles or [name for name in self.vehicles if "truth" in self.topics_of(name)]
+        names = [self.vehicles[name].name for name in vehicles or vehicles_with_truth(self)]
         if not names:
             raise LogError(f"{self.log}: holds no true poses of a vehicle")
-        return run_figure(self, [self.vehicles[name] for name in names])
+        return run_figure(self, names)
 
     @cached_property
     def string_errors(self) -> DataTable:
@@ -94,6 +94,8 @@ class Run(RunRecord):
 
         An existing file is replaced. Returns its path.
         """
+        from scenarios.results.report.page import write_report  # noqa: PLC0415 - slow to import
+
         write_report(self, Path(path), self.summary)
         return Path(path)
 

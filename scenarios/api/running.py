@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import current_thread, main_thread
 from types import FrameType
 from typing import Any
@@ -22,6 +23,9 @@ from scenarios.definition.overrides import OverrideError, override_text
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.traces.reading import DriveInPlane
 from scenarios.results.files import LOG_NAME
+from scenarios.results.log_info import replayed_session
+from scenarios.results.log_summary import log_in
+from scenarios.results.run_record import RunRecord
 from scenarios.results.summary import ClockName
 from scenarios.runs.observer import ProgressLines
 from scenarios.runs.run_folder import claimed, folder_of
@@ -192,3 +196,36 @@ def _run_processes(
         with suppress(OSError):  # not empty
             folder.rmdir()
         raise ScenarioError(errors)
+
+
+def replay(
+    log: str | Path | RunRecord,
+    vehicles: Sequence[str],
+    *,
+    set: Settings | None = None,  # noqa: A002 - as on the command line
+    seed: int | None = None,
+    clock: ClockName = "virtual",
+    out: str | Path | None = None,
+    partial: bool = False,
+    confirmed: bool = False,
+    report: Callable[[str], None] | None = None,
+) -> Run:
+    """Let recorded `vehicles` send their messages again, and simulate the others behind them.
+
+    Like `convoy replay`; `partial` allows a damaged or incomplete log. The other arguments are
+    those of `run`. Raises Error for an invalid log, vehicle or setting.
+    """
+    scenario = replayed_session(
+        log_in(log.log if isinstance(log, RunRecord) else Path(log)),
+        vehicles,
+        overrides_of(set),
+        seed,
+        warn=warnings.warn,
+        partial=partial,
+    )
+    with TemporaryDirectory(prefix="convoy-") as folder:
+        file = Path(folder, f"{scenario.name}.toml")
+        file.write_text(scenario.text, encoding="utf-8")
+        return run_loaded(
+            scenario, [str(file)], clock=clock, out=out, confirmed=confirmed, report=report
+        )

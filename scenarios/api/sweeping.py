@@ -64,7 +64,7 @@ def sweep(
         limits: Limits to count, such as "lane" or "error_m=0.5".
         out: Folder for tables; an interrupted sweep resumes there. By default no files
             are written.
-        picture: Draw metrics and limits into this new file; needs Matplotlib and SciPy.
+        picture: Draw metrics and limits into this new file; needs SciPy.
         workers: Number of worker processes, by default one per core; 0 simulates in this process.
         scheduler: Address of a dask scheduler whose workers simulate.
         report: Called with a line of progress every few seconds, such as `print`.
@@ -74,7 +74,7 @@ def sweep(
 
     """
     if picture is not None:
-        require("picture", "studies", "matplotlib", "scipy")
+        require("picture", "studies", "scipy")
     plan = planned(
         str(scenario),
         vary=[f"{key}={values_text(key, values)}" for key, values in (vary or {}).items()],
@@ -126,7 +126,7 @@ def bisect(
         set: Settings of all runs, by key.
         out: Folder for bisect.json; an interrupted search resumes there. By default no files are
             written.
-        pictures: Draw the plot into `out`; needs Matplotlib.
+        pictures: Draw the plot into `out`.
         workers: Number of worker processes, by default one per core; 0 simulates in this process.
         scheduler: Address of a dask scheduler whose workers simulate.
         report: Called with a line of progress every few seconds, such as `print`.
@@ -135,8 +135,6 @@ def bisect(
         Error: The scenario, the key, the limit or a number is refused.
 
     """
-    if pictures:
-        require("pictures=True", "studies", "matplotlib")
     variant, parsed = limited_variant(str(scenario), overrides_of(set), limit)
     query = BoundaryQuery(
         variant=variant,

@@ -13,8 +13,9 @@ from rich.console import Console, Group
 from rich.live import Live
 
 from scenarios.cli.common_options import zenoh_from
-from scenarios.cli.output import Column, table_of, worst_rows
+from scenarios.cli.output import table_of, worst_rows
 from scenarios.definition.changes import ChangeRequest
+from scenarios.results.summary_columns import Column
 from scenarios.runs.end_confirmation import addressed
 from scenarios.runs.live_control import Confirmation
 from scenarios.runs.open_runs import OpenRun, open_runs

@@ -21,14 +21,14 @@ from scenarios.definition.check.drive_report import (
 )
 from scenarios.definition.check.findings import CheckReport, whole_report
 from scenarios.definition.check.held_braking import TYRES
-from scenarios.definition.errors import ScenarioError, require
+from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import is_drive
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.path_tables import PointsPath
 from scenarios.definition.schema.scenario_tables import GnssTable, SendingTable
 from scenarios.definition.traces.reading import DriveInPlane
 from scenarios.definition.traces.recorded_drive import WRONG_TIME
-from scenarios.studies.picture_style import picture_format_of
+from scenarios.results.figure_style import picture_format_of
 
 UNKNOWN = "not predictable"
 Row = tuple[str, str]
@@ -391,7 +391,6 @@ def check_scenario(
     What is known of a recorded drive is printed and drawn even if it is refused.
     """
     if output is not None:
-        require("--output", "studies", "matplotlib")
         picture_format_of(output)
     drives: list[DriveInPlane] = []
     try:

@@ -12,7 +12,7 @@ import click
 from click import Context, Parameter
 from click.shell_completion import CompletionItem
 
-from scenarios.studies.picture_style import PICTURE_FORMATS
+from scenarios.results.figure_style import PICTURE_FORMATS
 from transport.bus.zenoh_options import ZenohOptions
 
 # ---- Shell completion of scenarios; Click completes commands and options itself

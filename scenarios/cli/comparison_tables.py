@@ -3,13 +3,12 @@
 from collections.abc import Iterator, Sequence
 
 from rich.console import Console
-from rich.text import Text
 
-from scenarios.cli.output import Column, figure, print_whole, table_of
+from scenarios.cli.output import table_of
 from scenarios.definition.check.link_forecast import laws_of
 from scenarios.definition.scenario import Scenario
+from scenarios.results.summary_columns import Column, figure
 from scenarios.studies.channel.comparison import ComparedFigure, Comparison
-from scenarios.studies.comparison.run_diff import FigureDifference, RunDiff, SettingDifference
 
 WIDEST = 28
 """Characters of the longest bar."""
@@ -90,70 +89,3 @@ def bar(share: float, widest: int = WIDEST) -> str:
     """Bar of block characters for a share of the widest, to an eighth of a character."""
     eighths = round(8 * widest * min(max(share, 0.0), 1.0))
     return "█" * (eighths // 8) + EIGHTHS[eighths % 8].strip()
-
-
-# ---- Tables of `convoy diff`
-
-
-MOST_SETTINGS = 30
-"""Printed settings at most; the JSON has them all."""
-NOT_SET = "not set"
-
-SETTING_COLUMNS: Sequence[Column[SettingDifference]] = (
-    Column("setting", lambda row: row.key, left=True, wraps=True),
-    Column("A", lambda row: row.a or NOT_SET, left=True, wraps=True),
-    Column("B", lambda row: row.b or NOT_SET, left=True, wraps=True),
-)
-FIGURE_COLUMNS: Sequence[Column[FigureDifference]] = (
-    Column("figure", lambda row: row.name, left=True),
-    Column("A", lambda row: row.a, ".4g"),
-    Column("B", lambda row: row.b, ".4g"),
-    Column("B - A", lambda row: row.difference, "+.3g"),
-)
-NOISE_COLUMNS: Sequence[Column[FigureDifference]] = (
-    Column("figure", lambda row: row.name, left=True),
-    Column("mean\nof A", lambda row: row.a, ".4g"),
-    Column("mean\nof B", lambda row: row.b, ".4g"),
-    Column("B - A", lambda row: row.difference, "+.3g"),
-    Column("99 % interval\nof B - A", lambda row: (row.low, row.high), "+.3g"),
-    Column("beyond\nnoise", lambda row: "yes" if row.exceeds_noise else "no"),
-)
-
-
-def print_diff(diff: RunDiff, console: Console, *, all_figures: bool) -> None:
-    """Print settings, figures and the result; of the figures the main ones, or all."""
-    for name, logs in (("A", diff.a), ("B", diff.b)):
-        count = f" and {len(logs) - 1} more runs" if len(logs) > 1 else ""
-        _print_line(f"{name}: {logs[0]}{count}", console)
-    if diff.settings:
-        more = len(diff.settings) - MOST_SETTINGS
-        caption = f"{more} more, see --json" if more > 0 else None
-        print_whole(
-            table_of(SETTING_COLUMNS, diff.settings[:MOST_SETTINGS], caption=caption), console
-        )
-    elif not diff.is_equal:
-        _print_line("settings: equal", console)
-    _print_figures(diff, console, all_figures=all_figures)
-    result = Text(diff.sentence)
-    result.stylize("bold green" if diff.is_equal else "bold red")
-    console.print(result, highlight=False, soft_wrap=True)
-
-
-def _print_figures(diff: RunDiff, console: Console, *, all_figures: bool) -> None:
-    shown = [row for row in diff.figures if all_figures or row.is_main]
-    hidden = len(diff.figures) - len(shown)
-    if diff.compared is None:
-        shown = [row for row in shown if all_figures or row.exceeds_noise]
-    if shown:
-        columns = FIGURE_COLUMNS if diff.compared is not None else NOISE_COLUMNS
-        caption = f"{hidden} more differ, see --all or --json" if hidden else None
-        print_whole(table_of(columns, shown, caption=caption), console)
-        if diff.compared is not None:
-            _print_line(
-                "With one run a side the noise over seeds is unknown: give folders of runs.",
-                console,
-            )
-
-
-def _print_line(line: str, console: Console) -> None:
-    console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)

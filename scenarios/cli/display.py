@@ -12,7 +12,7 @@ from rich.live import Live
 from rich.table import Table
 
 from scenarios.cli.common_options import DisplayOptions, start_line
-from scenarios.cli.output import Column, print_error, table_of, worst_rows
+from scenarios.cli.output import print_error, table_of, worst_rows
 from scenarios.cli.summary_tables import print_summary
 from scenarios.definition.errors import require
 from scenarios.definition.scenario import Scenario
@@ -20,6 +20,7 @@ from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.live import LiveRun, LiveValues
 from scenarios.results.run_drawing import open_drawing
 from scenarios.results.summary import RunSummary
+from scenarios.results.summary_columns import Column
 from scenarios.runs.observer import Observer, ProgressLines, Watcher
 from transport.picture.option import parse_rerun_option, refuse_foreign_file, spelled
 from transport.picture.viewer_process import UnwritableRecordingError, ViewerError, require_display

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.common_options import confirmation_option, override_options
-from scenarios.cli.output import Column, clear_errors, table_of
+from scenarios.cli.output import clear_errors, table_of
 from scenarios.cli.study_commands import engine_options, selected_workers
+from scenarios.results.summary_columns import Column
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -13,8 +13,9 @@ from scenarios.cli.common_options import (
     tables_option,
     time_option,
 )
-from scenarios.cli.output import Column, clear_errors, print_whole, table_of, warn_of_log
+from scenarios.cli.output import clear_errors, print_whole, table_of, warn_of_log
 from scenarios.definition.errors import require
+from scenarios.results.summary_columns import Column
 
 if TYPE_CHECKING:
     from scenarios.results.log_info import ChannelInfo, LogInfo

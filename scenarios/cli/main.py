@@ -16,7 +16,7 @@ import click
 from scenarios.cli import drill, live_commands, log_commands, paper_commands, scenario_commands
 from scenarios.cli import run_commands as running
 from scenarios.cli.channel_commands import channel
-from scenarios.cli.comparing_commands import compare, diff
+from scenarios.cli.comparing_commands import compare
 from scenarios.cli.log_commands import export, info, recover, runs
 from scenarios.cli.output import error_line, keep_output_going, unwritable_output_reported
 from scenarios.cli.run_commands import replay
@@ -32,7 +32,7 @@ SUMMARY_MAX = 45
 SECTIONS: Mapping[str, Sequence[str]] = {
     "Run": ("run", "replay", "check", "list", "new"),
     "Look": (
-        "runs", "report", "review", "explain", "diff", "compare", "export",
+        "runs", "report", "review", "explain", "compare", "export",
         "reference",
     ),
     "Logs": ("info", "recover"),
@@ -191,7 +191,6 @@ for command in (
     log_commands.explain,
     info,
     recover,
-    diff,
     compare,
     export,
     blame,

@@ -1,13 +1,13 @@
 """Standard output and error that may be closed, full or limited in characters."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:  # rich is loaded when a table is printed
     from rich.console import Console
     from rich.table import Table
-    from rich.text import Text
+
+    from scenarios.results.summary_columns import Column
 import errno
 import io
 import os
@@ -32,38 +32,8 @@ Row = TypeVar("Row")
 UNBOUNDED = 100_000
 
 
-@dataclass(frozen=True, slots=True)
-class Column(Generic[Row]):
-    """A column: its heading, with the unit, and the value of a row.
-
-    A number is printed as `format`, `scale` times as large, and None as "-"; several numbers are
-    printed with slashes between them. Figures are aligned right and never wrap.
-    """
-
-    heading: str
-    value: "Callable[[Row], float | str | Text | tuple[float | None, ...] | None]"
-    format: str = ""
-    scale: float = 1
-    left: bool = False
-    wraps: bool = False
-    max_width: int | None = None
-
-    def cell(self, row: Row) -> "str | Text":
-        value = self.value(row)
-        if value is None or isinstance(value, int | float):
-            return figure(value, self.format, self.scale)
-        if isinstance(value, tuple):
-            return " / ".join(figure(number, self.format, self.scale) for number in value)
-        return value
-
-
-def figure(value: float | None, form: str = "", scale: float = 1) -> str:
-    """Format a number, `scale` times as large; "-" if there is none."""
-    return "-" if value is None else format(value * scale, form)
-
-
 def table_of(
-    columns: Sequence[Column[Row]],
+    columns: "Sequence[Column[Row]]",
     rows: Iterable[Row],
     style: Callable[[Row], str | None] | None = None,
     **options: Any,

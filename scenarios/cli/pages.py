@@ -122,7 +122,7 @@ INTERVALS: Mapping[str, tuple[str, Mapping[str, str]]] = {
         "by their logarithms. Medians and quantiles have no interval.",
         {"shares, any": "at least 92 % from 10 runs on; 89 % with 5"},
     ),
-    "diff, 99 %": (
+    "compare, 99 %": (
         "Means over seeds: Student's t of pairs with equal seeds, else Welch's. Counts that are "
         "equal in all runs of a side get the spread of one more run that differs by one.",
         {
@@ -233,7 +233,7 @@ SECTIONS: Mapping[str, Section] = {
     ),
     "growth over seeds": (
         "`convoy sweep --metric v6.string.spacing_growth_l2` prints the geometric mean over the "
-        "seeds with its 95 % interval; `convoy diff` compares two folders of runs.",
+        "seeds with its 95 % interval; `convoy compare` compares folders of runs.",
         {},
     ),
     "alpha*": (

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import click
 
 from scenarios.cli.common_options import folder_option, picture_format_option
-from scenarios.cli.output import Column, clear_errors, figure, table_of
+from scenarios.cli.output import clear_errors, table_of
 from scenarios.definition.errors import require
+from scenarios.results.summary_columns import Column, figure
 
 if TYPE_CHECKING:  # brings scipy
     from rich.table import Table
@@ -18,7 +19,7 @@ if TYPE_CHECKING:  # brings scipy
 
 SLOWEST, FASTEST = 2.0, 100.0
 """Speeds (m/s) that can be studied; the model divides by the speed."""
-STUDIES = ("studies", "matplotlib", "scipy")
+STUDIES = ("studies", "scipy")
 """Extra of the studies, and its packages."""
 GAINS = {"KE": (0.001, 10.0), "KTHETA": (0.0, 100.0), "KOMEGA": (0.0, 10.0)}
 """Least and largest gains (rad/m, rad/rad, s); a KE of 0 does not lead back to the path."""

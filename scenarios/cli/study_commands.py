@@ -22,7 +22,8 @@ from scenarios.cli.common_options import (
     override_options,
     picture_format_option,
 )
-from scenarios.cli.output import Column, clear_errors, print_whole, table_of
+from scenarios.cli.output import clear_errors, print_whole, table_of
+from scenarios.results.summary_columns import Column
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -174,8 +175,6 @@ def bisect(
     break the limit reaches --share, with a 95 % interval. The exit code is 1 if there is no such
     value in the range.
     """
-    with clear_errors():
-        require("bisect", "studies", "matplotlib")
     from rich.console import Console
 
     from scenarios.runs.stop import EXIT_DONE, EXIT_FAILED
@@ -319,8 +318,6 @@ def blame(
     restored, which ranks the bursts by their effect in metres. If the run broke the limit, the
     smallest set of losses that still breaks it is written as a scenario.
     """
-    with clear_errors():
-        require("blame", "studies", "matplotlib")
     from rich.console import Console
 
     from scenarios.definition.run_limits import parsed_limit
@@ -509,7 +506,7 @@ def sweep(
     """
     with clear_errors():
         if output is not None:
-            require("--output", "studies", "matplotlib", "scipy")
+            require("--output", "studies", "scipy")
         if parquet:
             require("--parquet", "tables", "pyarrow")
     from rich.console import Console

@@ -2,8 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -11,8 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from scenarios.cli.common_options import Tables
-from scenarios.cli.output import Column, figure, print_whole, table_of, worst_rows
-from scenarios.results.events import EventKind
+from scenarios.cli.output import print_whole, table_of, worst_rows
 from scenarios.results.explain import (
     IN_TRANSIT,
     SHOWN,
@@ -23,246 +21,30 @@ from scenarios.results.explain import (
     counts_of,
     fate_of,
 )
-from scenarios.results.links import LinkSummary, lost_in_transport
+from scenarios.results.links import LinkSummary
 from scenarios.results.outcome import with_outcome_line
-from scenarios.results.reaction import NO_REACTION
 from scenarios.results.record import hole_lines
-from scenarios.results.run_event import RunEvent, road_known
-from scenarios.results.string_figures import STRING_SIGNALS, StringFigures, StringSignal
 from scenarios.results.summary import RunChange, RunSummary
-from scenarios.results.traffic import OVERRIDDEN_RATIO
-from scenarios.results.vehicle_figures import VehicleSummary
+from scenarios.results.summary_columns import (
+    EVENT_COLUMNS,
+    EVENT_NAMES,
+    Column,
+    SummaryTable,
+    has_link_news,
+    tables_of,
+)
 from transport.topics import counts_as_loss
 
 MOST_CHANGES = 3
 """Changes in the title."""
 REQUESTED_LOSS = re.compile(r", loss [\d.]+( to [\d.]+)? %")
 """Part of a scenario's title."""
-LATE_NEWS_RATIO = 0.01
-"""Share of late ticks or messages from which a table carries news."""
 MOST_EVENTS, MOST_NEW_EVENTS = 40, 10
 MOST_HOLES = 10
+UNTITLED = ("vehicles", "processes")
+"""Tables whose columns need no title."""
 MOST_LINKS = 40
 """Printed rows at most, of links those that lost most; the summary has them all."""
-SHOWN_AGES_MS = ("200", "500", "1000")
-"""Of the ages up to which data may count as fresh."""
-
-NAMES: dict[EventKind, tuple[str, str]] = {
-    "collision": ("collision", "collisions"),
-    "near_miss": ("near miss", "near misses"),
-    "lane_departure": ("lane departure", "lane departures"),
-    "falls_behind": ("falls behind", "fall behind"),
-    "stranded": ("stranded", "stranded"),
-    "overspeed": ("overspeed", "overspeeds"),
-    "hard_braking": ("hard braking", "hard brakings"),
-    "overridden": ("overridden", "overridden"),
-    "own": ("own event", "own events"),
-    "path_lost": ("path lost", "paths lost"),
-    "slide": ("slide", "slides"),
-    "stop": ("emergency stop", "emergency stops"),
-    "distrust": ("distrust", "distrusts"),
-}
-"""Kinds of events, one and several."""
-FIGURES: dict[str, Callable[[float], str]] = {
-    "closing_speed_mps": "closing at {:.1f} m/s".format,
-    "gap_m_min": "gap {:.2f} m".format,
-    "time_to_collision_s_min": "{:.1f} s from a collision".format,
-    "excess_m_max": "up to {:.2f} m outside the lane".format,
-    "friction_ratio_max": "{:.2f} of the friction".format,
-    "slip_rad_max": "slip up to {:.2f} rad".format,
-    "known_m": road_known,
-    "predicted_blind_m": "predicted blind distance {:.1f} m".format,
-    "gap_excess_m_max": "up to {:.1f} m".format,
-    "speed_excess_mps_max": "by up to {:.1f} m/s".format,
-    "braking_mps2_max": "{:.1f} m/s²".format,
-    "overridden_ratio": "{:.2f} of the time".format,
-    "duration_s": "lasted {:.1f} s".format,
-}
-"""Figures of events in words."""
-
-
-def _pair(first: float | None, second: float | None) -> tuple[float | None, ...] | None:
-    return None if first is None else (first, second)
-
-
-def _figures_of(event: RunEvent) -> str:
-    known = ((name, value) for name, value in event.figures.items() if name in FIGURES)
-    return "; ".join(FIGURES[name](value) for name, value in known)
-
-
-def _link_name(row: LinkSummary) -> str:
-    return f"{row.sender} → {row.receiver}"
-
-
-def _dropped(row: LinkSummary) -> str:
-    return _counts(row.dropped) or "0"
-
-
-def _not_arrived(row: LinkSummary) -> str:
-    causes = {word.replace("_", " "): count for word, count in row.not_arrived.items()}
-    return _counts(causes) or "0"
-
-
-def _altered(row: LinkSummary) -> str:
-    false = {f"false: {kind}": count for kind, count in row.false.items()}
-    return _counts({"copies": row.copies, **false}) or "0"
-
-
-def _counts(counts: Mapping[str, int]) -> str:
-    return ", ".join(f"{count} {word}" for word, count in counts.items() if count)
-
-
-def _fresh_column(age_ms: str) -> Column[LinkSummary]:
-    return Column(f"≤ {age_ms}\nms, %", lambda row: row.safe_time_ratio.get(age_ms), ".1f", 100.0)
-
-
-VEHICLE_COLUMNS: Sequence[Column[VehicleSummary]] = (
-    Column("vehicle", lambda row: row.name, left=True),
-    Column(
-        "true\nerror, cm\nmax / rms",
-        lambda row: _pair(row.cross_track_error_m_max, row.cross_track_error_m_rms),
-        ".1f",
-        100.0,
-    ),
-    Column("road\nerror\nmax, cm", lambda row: row.road_error_m_max, ".1f", 100.0),
-    Column(
-        "true\ngap, m\nmin / max",
-        lambda row: _pair(row.true_gap_m_min, row.true_gap_m_max),
-        ".1f",
-    ),
-    Column(
-        "estimated\nerror, cm\nmax / rms",
-        lambda row: _pair(row.lateral_error_m_max, row.lateral_error_m_rms),
-        ".1f",
-        100.0,
-    ),
-    Column("estimated\ngap, m\nmin", lambda row: row.estimated_gap_m_min, ".1f"),
-    Column("friction\nused, %\nmax", lambda row: row.friction_ratio_max, ".0f", 100.0),
-)
-"""True figures of each vehicle next to its estimates."""
-DETAIL_COLUMNS: Sequence[Column[VehicleSummary]] = (
-    Column("vehicle", lambda row: row.name, left=True),
-    Column("largest\nerror\nat, s", lambda row: row.cross_track_error_max_at_s, ".2f"),
-    Column("least\ngap\nat, s", lambda row: row.true_gap_min_at_s, ".2f"),
-    Column(
-        "estimate\nminus true\nerror, cm",
-        lambda row: row.self_estimate_error_m_max,
-        ".1f",
-        100.0,
-    ),
-    Column("own\n3σ\ncm", lambda row: row.lateral_deviation_m_max, ".1f", 300.0),
-    Column(
-        "lateral\nacceleration\nmax, m/s²", lambda row: row.lateral_acceleration_mps2_max, ".1f"
-    ),
-    Column("braking\nheld\nmin, m/s²", lambda row: row.held_braking_mps2_min, ".1f"),
-    Column("distance\nm", lambda row: row.distance_m, ".0f"),
-)
-PROCESS_COLUMNS: Sequence[Column[VehicleSummary]] = (
-    Column("vehicle", lambda row: row.name, left=True),
-    Column("poses\nrecorded", lambda row: row.poses),
-    Column("poses not\nrecorded", lambda row: row.missing_poses),
-    Column("late\nticks", lambda row: row.late_ticks),
-    Column("messages\nrefused", lambda row: row.rejected_messages),
-    Column(
-        "memory\nMB",
-        lambda row: row.memory_bytes_max / 1e6 if row.memory_bytes_max else None,
-        ".0f",
-    ),
-    Column(
-        "processor\n%", lambda row: row.cpu_ratio if row.memory_bytes_max else None, ".1f", 100.0
-    ),
-)
-"""Poses of each vehicle in the log, and figures of its process."""
-REACTION_COLUMNS: Sequence[Column[VehicleSummary]] = (
-    Column("vehicle", lambda row: row.name, left=True),
-    Column("mode\nchanges", lambda row: row.reaction.mode_changes),
-    Column("recoveries", lambda row: row.reaction.recoveries),
-    Column(
-        "time to\nrecover, s\nmean / max",
-        lambda row: (row.reaction.recovery_s_mean, row.reaction.recovery_s_max),
-        ".1f",
-    ),
-    Column("over-\nridden\n%", lambda row: row.overridden_ratio, ".0f", 100.0),
-    Column("stops\nbegun", lambda row: row.reaction.stops),
-    Column(
-        "blind distance, m\ndriven / predicted\nwhen braking began",
-        lambda row: (row.reaction.blind_m, row.reaction.predicted_blind_m_max),
-        ".1f",
-    ),
-)
-"""Reaction of each follower to missing messages."""
-EVENT_COLUMNS: Sequence[Column[RunEvent]] = (
-    Column("at, s", lambda event: event.period.removesuffix(" s")),
-    Column("event", lambda event: event.name or NAMES[event.kind][0], left=True),
-    Column("vehicles", lambda event: ", ".join(event.vehicles), left=True, wraps=True),
-    Column("figures", _figures_of, left=True, wraps=True),
-)
-LINK_COLUMNS: Sequence[Column[LinkSummary]] = (
-    Column(
-        "link",
-        lambda row: _link_name(row) + (f", {row.requested.preset}" if row.requested.preset else ""),
-        left=True,
-    ),
-    Column(
-        "loss, %\nrequested / achieved",
-        lambda row: f"{figure(row.requested_loss_ratio, '.3g', 100)} / {row.loss_ratio * 100:.1f}",
-        wraps=True,
-    ),
-    Column(
-        "mean burst, messages\nrequested / achieved",
-        lambda row: (row.requested_burst_messages, row.burst_messages_mean),
-        ".3g",
-        wraps=True,
-    ),
-    Column(
-        "latency, ms\nrequested / achieved",
-        lambda row: (
-            f"{figure(row.requested_latency_ms_mean, '.3g')} / {figure(row.latency_ms_mean, '.1f')}"
-        ),
-        wraps=True,
-    ),
-)
-MESSAGE_COLUMNS: Sequence[Column[LinkSummary]] = (
-    Column("link", _link_name, left=True),
-    Column("sent", lambda row: row.sent, wraps=True),
-    Column("delivered", lambda row: row.delivered, wraps=True),
-    Column("late", lambda row: row.late, wraps=True),
-    Column("reordered", lambda row: row.reordered, wraps=True),
-    Column("dropped", _dropped, wraps=True),
-    Column("not arrived", _not_arrived, wraps=True),
-    Column("in flight", lambda row: row.in_flight, wraps=True),
-)
-"""Each sent message is delivered, dropped, not arrived, in flight at the end or unrecorded."""
-FRESHNESS_COLUMNS: Sequence[Column[LinkSummary]] = (
-    Column("link", _link_name, left=True),
-    Column(
-        "between\narrivals, ms",
-        lambda row: (row.arrival_gap_ms_mean, row.arrival_gap_ms_p95, row.arrival_gap_ms_max),
-        ".0f",
-    ),
-    Column(
-        "age at a\ncommand, ms",
-        lambda row: (row.age_ms_mean, row.age_ms_p95, row.age_ms_max),
-        ".0f",
-    ),
-    *map(_fresh_column, SHOWN_AGES_MS),
-)
-"""How often messages arrived over each link, and how old data was when it was used."""
-TRANSPORT_COLUMNS: Sequence[Column[LinkSummary]] = (
-    Column(
-        "real\ntransport, ms",
-        lambda row: (row.transport_ms_mean, row.transport_ms_p95, row.transport_ms_max),
-        ".1f",
-    ),
-    Column("above the\nfloor, %", lambda row: row.transport_above_floor_ratio, ".1f", 100.0),
-)
-UNRECORDED_COLUMN: Column[LinkSummary] = Column(
-    "unrecorded", lambda row: row.unrecorded, wraps=True
-)
-ALTERED_COLUMN: Column[LinkSummary] = Column("copied or\naltered", _altered, wraps=True)
-ALARM_COLUMN: Column[LinkSummary] = Column(
-    "false\nlosses of\nsource", lambda row: row.false_alarms.counted
-)
 
 
 def print_summary(
@@ -273,11 +55,14 @@ def print_summary(
     `tables` are all, or only that of the vehicles and those with news.
     """
     console.print(Text(title_of(summary), style="bold"), highlight=False, soft_wrap=True)
-    for is_news, table in _tables(summary, tables):
-        if is_news or tables == "all":
-            print_whole(table, console)
+    for table in tables_of(summary):
+        if table.is_news or tables == "all":
+            print_whole(_printed(table), console)
+    if summary.events:
+        most = MOST_EVENTS if tables == "all" else MOST_NEW_EVENTS
+        print_whole(event_table(summary, most), console)
     has_tables = tables == "all" or any(
-        _has_link_news(row, summary.warnings) for row in summary.links
+        has_link_news(row, summary.warnings) for row in summary.links
     )
     if not has_tables and (losses := _losses(summary)):
         _print_line(losses, console)
@@ -309,88 +94,6 @@ def _percent(ratios: Sequence[float]) -> str:
 
 def _print_line(line: str, console: Console) -> None:
     console.print(line, highlight=False, markup=False, emoji=False, soft_wrap=True)
-
-
-def _own_columns(summary: RunSummary) -> Iterator[Column[VehicleSummary]]:
-    yield VEHICLE_COLUMNS[0]
-    for name in dict.fromkeys(name for row in summary.vehicles for name in row.own_figures):
-        yield Column(name, partial(_own_figure, name), ".4g")
-
-
-def _own_figure(name: str, row: VehicleSummary) -> float | None:
-    return row.own_figures.get(name)
-
-
-def _tables(summary: RunSummary, tables: Tables) -> Iterator[tuple[bool, Table]]:
-    """Yield the tables of a summary, each with whether it carries news."""
-    followers = [row for row in summary.vehicles if row.role != "lead"]
-    yield True, table_of(VEHICLE_COLUMNS, summary.vehicles)
-    yield False, table_of(DETAIL_COLUMNS, summary.vehicles, title="vehicles, details")
-    yield any(map(_has_process_news, summary.vehicles)), table_of(PROCESS_COLUMNS, summary.vehicles)
-    if any(row.own_figures for row in summary.vehicles):
-        yield True, table_of([*_own_columns(summary)], summary.vehicles, title="own figures")
-    if signals := [one for one in STRING_SIGNALS if any(map(one.has_gain, _strings(summary)))]:
-        columns = [
-            VEHICLE_COLUMNS[0],
-            *(one for signal in signals for one in _gain_columns(signal)),
-        ]
-        title = "string stability: gains in L2 / L∞; -: no more than noise"
-        yield False, table_of(columns, followers, title=title)
-    if any(row.reaction != NO_REACTION or row.overrides for row in followers):
-        is_news = any(
-            row.reaction.stops
-            or row.reaction.blind_m >= 0.05
-            or (row.overridden_ratio or 0.0) > OVERRIDDEN_RATIO
-            for row in followers
-        )
-        yield is_news, table_of(REACTION_COLUMNS, followers, title="degradation")
-    if summary.links:
-        is_news = any(_has_link_news(row, summary.warnings) for row in summary.links)
-        yield is_news, _link_table(summary, LINK_COLUMNS, "links: loss and latency")
-        yield is_news, _link_table(summary, _message_columns(summary.links), "links: messages")
-        counts = any(row.false_alarms.counted is not None for row in summary.links)
-        is_real = any(row.transport_ms_mean is not None for row in summary.links)
-        freshness = (
-            *FRESHNESS_COLUMNS,
-            *([ALARM_COLUMN] if counts else []),
-            *(TRANSPORT_COLUMNS if is_real else []),
-        )
-        title = "arrivals and age of data: mean / 95th percentile / max"
-        yield False, _link_table(summary, freshness, title)
-    if summary.events:
-        yield True, event_table(summary, MOST_EVENTS if tables == "all" else MOST_NEW_EVENTS)
-
-
-def _strings(summary: RunSummary) -> Sequence[StringFigures]:
-    return [row.string for row in summary.vehicles]
-
-
-def _gain_columns(signal: StringSignal) -> Iterator[Column[VehicleSummary]]:
-    """Yield the gains of a signal from the vehicle ahead, and from the head of the string."""
-    yield Column(f"{signal.name}\ngain", lambda row: signal.gains(row.string), ".2f")
-    head = "lead" if signal.head == "lead" else "first\nfollower"
-    yield Column(f"from\n{head}", lambda row: signal.gains_from_head(row.string), ".2f")
-
-
-def _message_columns(rows: Sequence[LinkSummary]) -> Sequence[Column[LinkSummary]]:
-    unrecorded = [UNRECORDED_COLUMN] if any(row.unrecorded for row in rows) else []
-    altered = [ALTERED_COLUMN] if any(row.copies or row.false for row in rows) else []
-    return *MESSAGE_COLUMNS, *unrecorded, *altered
-
-
-def _has_process_news(row: VehicleSummary) -> bool:
-    """Whether poses are missing, messages were refused, or more than 1 % of the ticks late."""
-    return bool(
-        row.missing_poses or row.rejected_messages or row.late_ticks > LATE_NEWS_RATIO * row.ticks
-    )
-
-
-def _has_link_news(row: LinkSummary, warnings: Sequence[str]) -> bool:
-    """Whether a link was cut, altered messages or lacks some, was late, or not as requested."""
-    deviates = any(line.startswith(f"{_link_name(row)}: ") for line in warnings)
-    missed = lost_in_transport(row) or row.unrecorded
-    is_late = row.late > LATE_NEWS_RATIO * row.judged
-    return bool(deviates or row.false or missed or "cut" in row.dropped or is_late)
 
 
 def _all_reasons(summary: RunSummary) -> Sequence[str]:
@@ -441,7 +144,7 @@ def _change_words(change: RunChange) -> str:
 def event_table(summary: RunSummary, most: int) -> Table:
     kinds = Counter(event.kind for event in summary.events)
     title = "events: " + ", ".join(
-        f"{count} {NAMES[kind][count > 1]}" for kind, count in kinds.items()
+        f"{count} {EVENT_NAMES[kind][count > 1]}" for kind, count in kinds.items()
     )
     table = table_of(EVENT_COLUMNS, summary.events[:most], title=title)
     if len(summary.events) > most:
@@ -449,12 +152,16 @@ def event_table(summary: RunSummary, most: int) -> Table:
     return table
 
 
-def _link_table(summary: RunSummary, columns: Sequence[Column[LinkSummary]], title: str) -> Table:
-    more = len(summary.links) - MOST_LINKS
+def _printed(table: SummaryTable) -> Table:
+    rows, more = table.rows, len(table.rows) - MOST_LINKS
+    if isinstance(rows[0], LinkSummary):
+        rows = worst_rows(rows, lambda row: row.loss_ratio, MOST_LINKS)
+    else:
+        more = 0
     return table_of(
-        columns,
-        worst_rows(summary.links, lambda row: row.loss_ratio, MOST_LINKS),
-        title=title,
+        table.columns,
+        rows,
+        title=None if table.title in UNTITLED else table.title,
         caption=f"{more} more, see summary.json" if more > 0 else None,
     )
 

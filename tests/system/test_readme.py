@@ -76,7 +76,7 @@ def convoy(command: str) -> str:
     """Run a command in this process and working folder."""
     arguments = shlex.split(shorter(command), comments=True)[1:]
     done = CliRunner().invoke(cli, arguments)
-    assert done.exit_code == int(arguments[0] == "diff"), f"{arguments}: {done.output}"
+    assert done.exit_code == int(arguments[0] == "compare"), f"{arguments}: {done.output}"
     return done.stdout
 
 

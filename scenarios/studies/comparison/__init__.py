@@ -1,1 +1,1 @@
-"""Comparisons of runs: `convoy diff` and `convoy compare`."""
+"""Comparisons of runs: their settings, their metrics, and where their vehicles part."""

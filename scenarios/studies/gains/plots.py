@@ -1,4 +1,4 @@
-"""Plots of stabilising gain sets (paper, sections III-F and V-A). Needs matplotlib."""
+"""Plots of stabilising gain sets (paper, sections III-F and V-A)."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -10,9 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from scenarios.studies.gains.results import Subject
-from scenarios.studies.job import write_files
-from scenarios.studies.picture_style import (
+from scenarios.results.figure_style import (
     BLUE,
     GREEN,
     GREY,
@@ -21,6 +19,8 @@ from scenarios.studies.picture_style import (
     SEQUENCE,
     STYLE,
 )
+from scenarios.studies.gains.results import Subject
+from scenarios.studies.job import write_files
 from vehicles.car.parameters import Gains
 from vehicles.theory.gain_sets import (
     boundary_curve,
@@ -157,7 +157,7 @@ def intersection(subject: Subject) -> Figure:
     return figure
 
 
-# ---- Plots of the gains report: its curves, and the list of all. Needs matplotlib
+# ---- Plots of the gains report: its curves, and the list of all
 
 
 SINE_FREQUENCY = 0.4 * np.pi

@@ -136,7 +136,7 @@ def gains_report(
     )
     if out_dir is not None:
         if picture_format:
-            from scenarios.studies.gains.plots import draw_all  # noqa: PLC0415 - matplotlib is optional
+            from scenarios.studies.gains.plots import draw_all  # noqa: PLC0415 - brings matplotlib
 
             report = replace(report, pictures=draw_all(subject, out_dir, picture_format))
         text = json.dumps(as_json(report), indent=2, allow_nan=False)

@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 
 from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario
+from scenarios.results.figure_style import BLUE, GREEN, GREY, ORANGE, PAGE_IN, RED, SMALL_PT, STYLE
 from scenarios.results.log_summary import scenario_of
 from scenarios.results.versions import current_stamp, plug_in_digests
 from scenarios.studies.engine import Engine
@@ -48,7 +49,6 @@ from scenarios.studies.many.trials import (
     result_of,
     run_alone,
 )
-from scenarios.studies.picture_style import BLUE, GREEN, GREY, ORANGE, PAGE_IN, RED, SMALL_PT, STYLE
 from scenarios.studies.workers import cores
 from transport.log.errors import LogError
 from vehicles.schedule import SECOND
@@ -315,8 +315,6 @@ def _reason_not_reduced(recorded: RerunResult, clean: RerunResult, limit: Limit)
 
 
 # ---- Files of `convoy blame`: a plot, JSON, and the smallest set as a scenario
-#
-# Needs matplotlib.
 
 
 SCHEMA = "convoy.blame/1"

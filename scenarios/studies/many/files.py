@@ -5,12 +5,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from scenarios.results.figure_style import require_new_picture
 from scenarios.studies.engine import Engine, Outcome, study_engine
 from scenarios.studies.job import write_file, write_files
 from scenarios.studies.many.boundary import BoundaryQuery, BoundaryResult, find_boundary
 from scenarios.studies.many.cell_table import SweepTable, machine_readable, table_of, typed_rows
 from scenarios.studies.many.plan import SweepPlan, refuse_picture
-from scenarios.studies.picture_style import require_new_picture
 from scenarios.studies.workers import OpenWorkers
 
 SCHEMA = "convoy.bisect/2"
@@ -40,7 +40,7 @@ def run_bisect(
             return result, []
         contents: dict[str, Any] = {BISECT_FILE: readable_result(query, result)}
         if picture_format:
-            from scenarios.studies.many.pictures import drawn  # noqa: PLC0415 - an extra
+            from scenarios.studies.many.pictures import drawn  # noqa: PLC0415 - brings matplotlib
 
             contents[f"{PICTURE}.{picture_format}"] = drawn(query, result)
         return result, write_files(out, contents)
@@ -85,7 +85,7 @@ def run_sweep(
 
     An interrupted sweep resumes with the same results. Without a folder there are no tables. Raises
     ScenarioError if the folder holds other files, or if the keys cannot be drawn into the new file
-    `picture`, which needs Matplotlib.
+    `picture`.
     """
     if picture is not None:
         refuse_picture(plan)
@@ -97,7 +97,7 @@ def run_sweep(
         table = table_of(plan, _entries(plan, engine))
         written = [] if out is None else write_files(out, tables_of(table, parquet=parquet))
         if picture is not None:
-            from scenarios.studies.many.pictures import sweep_picture  # noqa: PLC0415 - extra
+            from scenarios.studies.many.pictures import sweep_picture  # noqa: PLC0415 - an extra
 
             write_file(picture, sweep_picture(table))
             written.append(picture)

@@ -1,5 +1,6 @@
-"""The plot of `convoy bisect`: shares of broken runs over the value. Needs Matplotlib."""
+"""The plot of `convoy bisect`: shares of broken runs over the value."""
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from textwrap import fill
@@ -13,27 +14,94 @@ from numpy.typing import NDArray
 
 from scenarios.definition.run_limits import Limit
 from scenarios.definition.schema.limit_rows import OWN_FIGURES
-from scenarios.studies.many.boundary import BoundaryQuery, BoundaryResult, grouped
-from scenarios.studies.many.cell_table import SweepTable
-from scenarios.studies.many.plan import SweepAxis
-from scenarios.studies.many.variant import agresti_coull
-from scenarios.studies.picture_style import (
+from scenarios.results.figure_style import (
     BLUE,
     COLUMN_IN,
     GREEN,
     GREY,
     ORANGE,
     PAGE_IN,
-    PERCENT,
     PURPLE,
     RED,
     SEQUENCE,
     SKY,
     SMALL_PT,
     STYLE,
-    axis_label,
-    ink_on,
 )
+from scenarios.studies.many.boundary import BoundaryQuery, BoundaryResult, grouped
+from scenarios.studies.many.cell_table import SweepTable
+from scenarios.studies.many.plan import SweepAxis
+from scenarios.studies.many.variant import agresti_coull
+
+# ---- Labels with units for keys of a scenario and for fields of the summary
+
+
+UNITS = {
+    "m": "m",
+    "s": "s",
+    "ms": "ms",
+    "ns": "ns",
+    "hz": "Hz",
+    "mps": "m/s",
+    "mps2": "m/s²",
+    "mps3": "m/s³",
+    "rad": "rad",
+    "radps": "rad/s",
+    "deg": "°",
+    "per_m": "1/m",
+    "per_s": "1/s",
+    "kg": "kg",
+    "db": "dB",
+    "ppm": "ppm",
+    "bytes": "bytes",
+    "ratio": "%",
+}
+PERCENT = 100.0
+QUALIFIERS = {
+    "max": "largest ",
+    "min": "smallest ",
+    "mean": "mean ",
+    "rms": "rms ",
+    "p95": "95th percentile of ",
+}
+PLACES = {"links": " of all links", "convoy": "", "events": " events"}
+"""Words for the first part of a name; other parts are put in brackets."""
+_NAME = re.compile(
+    rf"(?P<name>\w+?)_(?P<unit>{'|'.join(UNITS)})(?:_(?P<qualifier>{'|'.join(QUALIFIERS)}))?"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class AxisLabel:
+    """Text of an axis, and the factor by which values are multiplied on it (100 for ratios)."""
+
+    text: str
+    factor: float = 1.0
+
+
+def axis_label(name: str) -> AxisLabel:
+    """Label of a key such as `links.loss_ratio` or a field such as `cross_track_error_m_max`."""
+    place, _, last = name.rpartition(".")
+    where = PLACES.get(place, f" ({place})" if place else "")
+    match = _NAME.fullmatch(last)
+    if match is None:
+        return AxisLabel(f"{_words(last)}{where}")
+    qualifier = QUALIFIERS.get(match["qualifier"] or "", "")
+    factor = PERCENT if match["unit"] == "ratio" else 1.0
+    return AxisLabel(f"{qualifier}{_words(match['name'])}{where}, {UNITS[match['unit']]}", factor)
+
+
+def _words(name: str) -> str:
+    return name.replace("cross_track", "cross-track").replace("_", " ")
+
+
+def ink_on(colour: tuple[float, ...]) -> str:
+    """Colour of a text that is legible on a background (RGB or RGBA from 0 to 1)."""
+    red, green, blue = colour[:3]
+    return "black" if 0.299 * red + 0.587 * green + 0.114 * blue > 0.5 else "white"
+
+
+# ---- The picture of bisect
 
 SIZE = (COLUMN_IN, 3.4)
 MOST_GROUPS = 16
@@ -79,7 +147,7 @@ def drawn(query: BoundaryQuery, result: BoundaryResult) -> Figure:
     return figure
 
 
-# ---- The picture of a sweep: lines with 95 % intervals, or heat maps. Needs Matplotlib
+# ---- The picture of a sweep: lines with 95 % intervals, or heat maps
 #
 # One key gives one line. Of two keys, one with numbers is the x axis, and each value of the other
 # one has a line. Two keys with numbers give heat maps.

@@ -1,4 +1,4 @@
-"""Plots of the report on the paper's experiments. Needs matplotlib: import it when drawing."""
+"""Plots of the report on the paper's experiments."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from scenarios.results.drives import Array, Drive, Trial
+from scenarios.results.figure_style import BLUE, GREEN, GREY, ORANGE, PAGE_IN, PURPLE, RED
 from scenarios.studies.paper.experiments import (
     ALPHAS,
     BASE,
@@ -41,7 +42,6 @@ from scenarios.studies.paper.findings import (
     transfer,
 )
 from scenarios.studies.paper.information import noise_rms
-from scenarios.studies.picture_style import BLUE, GREEN, GREY, ORANGE, PAGE_IN, PURPLE, RED
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS
 from vehicles.preview.curve_fit import Trajectory
 from vehicles.theory.linear_model import propagation, trace_propagation

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from scenarios.results.drives import Trial
+from scenarios.results.figure_style import STYLE
 from scenarios.studies.job import write_files
 from scenarios.studies.paper import (
     base_case,
@@ -56,7 +57,6 @@ from scenarios.studies.paper.findings import (
     non_increasing,
     predict_case,
 )
-from scenarios.studies.picture_style import STYLE
 from vehicles.preview.curve_fit import Trajectory
 
 # ---- Tables of the report on the paper's experiments, as lines of Markdown

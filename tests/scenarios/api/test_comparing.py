@@ -1,4 +1,4 @@
-"""`convoy.diff`, `convoy.compare` and `run.report` return what the commands print and write."""
+"""`convoy.compare` and `run.report` return what the commands print and write."""
 
 import json
 from pathlib import Path
@@ -27,41 +27,28 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[convoy.Run, convoy.R
     )
 
 
-def test_a_diff_has_the_differences_of_the_command(pair: tuple[convoy.Run, convoy.Run]) -> None:
+def test_a_comparison_has_the_rows_of_the_command(pair: tuple[convoy.Run, convoy.Run]) -> None:
     a, b = pair
-    diff = convoy.diff(a, b.log.parent)
-    printed = json.loads(command("diff", a.log, b.log, "--json").stdout)
-    assert (diff.is_equal, diff.sentence) == (printed["equal"], printed["sentence"])
-    assert diff.settings.key.tolist() == [row["key"] for row in printed["settings"]]
-    assert "vehicle.v2.lateral_offset_m" in diff.settings.key
-    assert diff.figures.name.tolist() == [row["name"] for row in printed["figures"]]
-    assert diff.sentence in diff._repr_html_()
-    same = convoy.diff(a, a)
-    assert same.is_equal
-    assert "identical" in repr(same)
-    assert len(same.settings) == len(same.figures) == 0
-
-
-def test_a_comparison_has_the_places_of_the_command(pair: tuple[convoy.Run, convoy.Run]) -> None:
-    a, b = pair
-    comparison = convoy.compare(a, b)
+    compared = convoy.compare(a, b.log.parent)
     printed = json.loads(command("compare", a.log, b.log, "--json").stdout)
-    assert comparison.sentence == printed["first"]["sentence"]
-    assert comparison.sentence in comparison._repr_html_()
-    rows = comparison.differences
+    assert (compared.is_equal, compared.sentence) == (printed["equal"], printed["sentence"])
+    assert compared.sentence in compared._repr_html_()
+    assert compared.settings.key.tolist() == list(printed["settings"])
+    assert "vehicle.v2.lateral_offset_m" in compared.settings.key
+    assert compared.metrics.name.tolist() == [row["name"] for row in printed["metrics"]]
+    rows = compared.positions
     assert rows.vehicle.tolist() == ["v1", "v2", "v3"]
-    largest = [row["offset_m_max"] for row in printed["differences"]]
-    assert rows.difference_m_max.tolist() == largest
+    assert rows.difference_m_max.tolist() == [r["difference_m_max"] for r in printed["positions"]]
     assert rows.difference_m_max[1] == pytest.approx(0.5, abs=0.02)
-    assert np.isnan(rows.diverges_at_m[0])
-    assert rows.diverges_at_m[1] == printed["divergences"][0]["station_m"]
-    errors = comparison.string_errors
-    assert errors.label.tolist() == ["A", "A", "B", "B"]
-    assert errors.error_m_max[:2].tolist() == a.string_errors.error_m_max.tolist()
-    assert "A: lane_change" in comparison.runs["A"].title
-    figure = comparison.plot(["v2"])
+    assert np.isnan(rows.parts_at_m[0])
+    assert "A: lane_change" in compared.runs["A"].title
+    figure = compared.plot(["v2"])
     assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined]
     assert max(one.get_window_extent().x1 for one in figure.legends) <= figure.bbox.x1
+    same = convoy.compare(a, a)
+    assert same.is_equal
+    assert "equal" in repr(same)
+    assert len(same.settings) == len(same.metrics) == 0
     with pytest.raises(convoy.Error, match="allowed 2 to 8"):
         convoy.compare(a)
 

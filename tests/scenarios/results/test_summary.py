@@ -8,7 +8,6 @@ from typing import get_args
 
 import pytest
 
-from scenarios.cli.summary_tables import FIGURES
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.events import EventKind
 from scenarios.results.files import LOG_NAME
@@ -23,6 +22,7 @@ from scenarios.results.summary import (
     from_json,
     to_json,
 )
+from scenarios.results.summary_columns import EVENT_FIGURES
 from scenarios.results.vehicle_figures import vehicle_summaries
 from scenarios.results.versions import PACKAGES
 from scenarios.runs.run_log import RunLog
@@ -166,7 +166,7 @@ def test_each_field_is_documented() -> None:
     assert {group: set(found) for group, found in docs.items()} == expected
     for kind in get_args(EventKind):
         assert kind in docs["events[]"]["kind"]
-    for figure in FIGURES:
+    for figure in EVENT_FIGURES:
         assert figure in docs["events[]"]["figures"]
 
 

@@ -7,8 +7,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.results.figure_style import STYLE, picture_format_of
 from scenarios.studies.job import write_file
-from scenarios.studies.picture_style import STYLE, axis_label, picture_format_of
+from scenarios.studies.many.pictures import axis_label
 
 BEGINS = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
 

@@ -9,7 +9,7 @@ from scenarios.definition.run_limits import Limit, limits_of
 from scenarios.definition.schema.plug_ins.point import PlugInError
 from scenarios.results.limits import broken_by
 from scenarios.results.summary import RunSummary
-from scenarios.studies.comparison.run_diff import figure_differences
+from scenarios.studies.comparison.metrics import metric_differences
 from scenarios.studies.many.plan import figures_of, planned
 from scenarios.studies.many.variant import Variant, limited_variant
 
@@ -98,7 +98,7 @@ def test_sweeps_and_comparisons_have_own_figures(module: Module) -> None:
     summaries: list[RunSummary] = [plan.variants(cell)[0].run() for cell in plan.cells]
     (found,) = (
         one
-        for one in figure_differences(summaries[:1], summaries[1:])
+        for one in metric_differences("B", summaries[:1], summaries[1:], 1e-9)[1]
         if one.name == "v2.own_figures.Scaled"
     )
     assert (found.a, found.b, found.is_main) == (of_v2, 4.0 * of_v2, True)

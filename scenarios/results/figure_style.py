@@ -1,4 +1,4 @@
-"""Style and file formats of the plots: colour-blind-safe colours, 9 pt at column width.
+"""Style of all Matplotlib figures: colours, sizes and file formats.
 
 Figures are made without pyplot, so no global state is touched and no display is needed. Matplotlib
 is imported when a figure is encoded.
@@ -7,12 +7,18 @@ is imported when a figure is encoded.
 import errno
 import io
 import os
-import re
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.results.files import write_whole
+from transport.panels import colour_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# ---- Colours, sizes and fonts
 
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY = (
     "#0072B2",
@@ -24,16 +30,23 @@ BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY = (
     "#666666",
 )
 """Okabe and Ito's palette."""
-
+MODE_COLOURS: Mapping[str, str] = {
+    "path": "#8c8c8c",
+    "composite": "#2e9e6b",
+    "lead": "#3b82f6",
+    "predecessor": "#b0703c",
+    "intermediate": "#8f9a1a",
+    "coast": "#e08a00",
+    "stop": "#e0314f",
+    "straight": "#b455c8",
+}
+"""Colours of the modes, distinct on white and on black."""
 SEQUENCE = "viridis"
 """Colour map for ordered values."""
-
 COLUMN_IN, PAGE_IN = 3.5, 7.2
 """Widths (inches) of a column and of a page of two columns."""
-
 SMALL_PT = 7.5
 """Size of numbers in cells and of notes."""
-
 STYLE: Any = {
     "font.size": 9.0,
     "axes.titlesize": 9.0,
@@ -55,11 +68,12 @@ STYLE: Any = {
 }
 
 
-def ink_on(colour: tuple[float, ...]) -> str:
-    """Colour of a text that is legible on a background (RGB or RGBA from 0 to 1)."""
-    red, green, blue = colour[:3]
-    return "black" if 0.299 * red + 0.587 * green + 0.114 * blue > 0.5 else "white"
+def vehicle_colour(place: int) -> str:
+    """Colour of the vehicle at `place` in the convoy, the lead at 0, as in every picture."""
+    return "#{:02x}{:02x}{:02x}".format(*colour_of(place))
 
+
+# ---- Files
 
 PICTURE_FORMATS = ("png", "svg", "pdf")
 _METADATA: dict[str, dict[str, str | None]] = {
@@ -86,72 +100,15 @@ def require_new_picture(path: Path) -> None:
         raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
 
 
-def encoded(figure: Any, picture_format: str) -> bytes:
-    from matplotlib import rc_context  # noqa: PLC0415 - an extra
+def encoded(figure: "Figure", picture_format: str, style: Any = STYLE) -> bytes:
+    from matplotlib import rc_context  # noqa: PLC0415 - commands without figures start faster
 
     content = io.BytesIO()
-    with rc_context(STYLE):
+    with rc_context(style):
         figure.savefig(content, format=picture_format, metadata=_METADATA[picture_format])
     return content.getvalue()
 
 
-# ---- Labels with units for keys of a scenario and for fields of the summary
-
-
-UNITS = {
-    "m": "m",
-    "s": "s",
-    "ms": "ms",
-    "ns": "ns",
-    "hz": "Hz",
-    "mps": "m/s",
-    "mps2": "m/s²",
-    "mps3": "m/s³",
-    "rad": "rad",
-    "radps": "rad/s",
-    "deg": "°",
-    "per_m": "1/m",
-    "per_s": "1/s",
-    "kg": "kg",
-    "db": "dB",
-    "ppm": "ppm",
-    "bytes": "bytes",
-    "ratio": "%",
-}
-PERCENT = 100.0
-QUALIFIERS = {
-    "max": "largest ",
-    "min": "smallest ",
-    "mean": "mean ",
-    "rms": "rms ",
-    "p95": "95th percentile of ",
-}
-PLACES = {"links": " of all links", "convoy": "", "events": " events"}
-"""Words for the first part of a name; other parts are put in brackets."""
-_NAME = re.compile(
-    rf"(?P<name>\w+?)_(?P<unit>{'|'.join(UNITS)})(?:_(?P<qualifier>{'|'.join(QUALIFIERS)}))?"
-)
-
-
-@dataclass(frozen=True, slots=True)
-class AxisLabel:
-    """Text of an axis, and the factor by which values are multiplied on it (100 for ratios)."""
-
-    text: str
-    factor: float = 1.0
-
-
-def axis_label(name: str) -> AxisLabel:
-    """Label of a key such as `links.loss_ratio` or a field such as `cross_track_error_m_max`."""
-    place, _, last = name.rpartition(".")
-    where = PLACES.get(place, f" ({place})" if place else "")
-    match = _NAME.fullmatch(last)
-    if match is None:
-        return AxisLabel(f"{_words(last)}{where}")
-    qualifier = QUALIFIERS.get(match["qualifier"] or "", "")
-    factor = PERCENT if match["unit"] == "ratio" else 1.0
-    return AxisLabel(f"{qualifier}{_words(match['name'])}{where}, {UNITS[match['unit']]}", factor)
-
-
-def _words(name: str) -> str:
-    return name.replace("cross_track", "cross-track").replace("_", " ")
+def write_picture(figure: "Figure", path: Path) -> None:
+    """Write a figure into a new file; raises FileExistsError or ScenarioError."""
+    write_whole(path, encoded(figure, picture_format_of(path)), new=True)
