@@ -125,7 +125,7 @@ ROOMS = {
     "transport": 1_130,
     "transport/bus": 780,
     "transport/links": 4_620,
-    "transport/log": 2_180,
+    "transport/log": 1_630,
     "transport/picture": 2_000,
     "vehicles": 630,
     "vehicles/car": 2_845,

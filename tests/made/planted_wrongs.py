@@ -97,7 +97,7 @@ WRONGS = {
     "a picture file that cannot be written":
         f"{CALLS}::test_a_recording_that_cannot_be_written_fails_the_command",
     "a repair that fails":
-        "transport/log/test_failing_repair.py::test_a_repair_that_fails_destroys_nothing",
+        "transport/log/test_repair.py::test_a_repair_that_fails_destroys_nothing",
     "a standard error that cannot be written":
         f"{CLI}/test_output.py::test_a_real_time_run_is_complete_with_any_output",
     "an output that nobody reads":

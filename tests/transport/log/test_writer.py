@@ -60,11 +60,6 @@ def test_true_errors_are_logged_with_the_messages_and_may_be_nan(tmp_path: Path)
     assert len(list(LogReader(tmp_path / "run.mcap").messages())) == 1
 
 
-def test_rerun_accepts_the_log(tmp_path: Path) -> None:
-    write(tmp_path / "run.mcap")
-    assert rerun_accepts(tmp_path / "run.mcap")
-
-
 def test_flushed_messages_are_readable_before_the_end(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     log = LogWriter(path)
