@@ -17,6 +17,7 @@ from transport.topics import TOPICS, RefusalReason, Topic
 from vehicles.messages import FloatOrNan, Message
 
 MAX_BYTES = 16_384  # Maximum size of a message; larger ones are refused without being parsed
+LARGEST = 2**63 - 1  # Tables of messages have signed integers of 64 bits
 
 
 class RefusedMessageError(ValueError):
@@ -41,6 +42,7 @@ class MessageForm:
         ]
         self.texts = [name for name, kind in kinds if kind is str]
         self.free_texts = [name for name in self.texts if name != "vehicle"]
+        self.integers = [name for name, kind in kinds if kind is int]
         self.finite = [name for name, kind in kinds if kind is float]
         self.or_nan = [name for name, kind in kinds if kind == FloatOrNan]
         self.lists = [name for name, kind in kinds if get_origin(kind) is tuple]
@@ -83,7 +85,8 @@ def decode(topic: Topic, data: bytes, *, exact: bool = False) -> Message:
     By default logs of every version are accepted: unknown fields are ignored, and missing fields
     get their default. With `exact`, for messages from a bus, exactly the current fields are
     required, because all members have one version; numbers must be finite unless the field may be
-    NaN. Control characters in texts are always escaped, so that they cannot reach a terminal.
+    NaN, and integers at most LARGEST. Control characters in texts are always escaped, so that they
+    cannot reach a terminal.
     """
     form = _FORMS[topic.message]
     values = _values(form, _parsed(form, data, exact=exact), exact=exact)
@@ -146,6 +149,9 @@ def _values(form: MessageForm, parsed: Any, *, exact: bool) -> dict[str, Any]:
 
 
 def _check_numbers(form: MessageForm, values: dict[str, Any]) -> None:
+    for name in form.integers:
+        if values[name] > LARGEST:
+            raise RefusedMessageError("absurd", f"{name} is {values[name]}")
     for name in form.finite:
         if not isfinite(values[name]):
             raise RefusedMessageError("absurd", f"{name} is {values[name]}")

@@ -13,12 +13,14 @@ from typing import Protocol
 from scenarios.definition.scenario import Scenario
 from scenarios.results.live import LiveRun
 from transport.topics import TOPIC_OF
-from vehicles.messages import LogText, Message
+from vehicles.messages import Change, LogText, Message, RunEnd, RunStart
 
 Kinds = frozenset[type[Message]]
 Listen = Callable[[int, Message], None]
 """Takes the instant (ns) at which a message was sent or recorded, and the message."""
 ALL_KINDS: Kinds = frozenset(TOPIC_OF)
+ALWAYS: Kinds = frozenset({Change, LogText, RunEnd, RunStart})
+"""Few messages, needed to understand the others."""
 
 
 class Observer(Protocol):
@@ -51,6 +53,27 @@ def listeners_by_kind(observers: Sequence[Observer]) -> dict[type[Message], list
 
 def kinds_of(observers: Sequence[Observer]) -> Kinds:
     return frozenset[type[Message]]().union(*(observer.kinds for observer in observers))
+
+
+class ThrottledObservers:
+    """Observer that passes messages to others, but only those of ALWAYS while the log is behind.
+
+    So a slow picture loses messages; the log never does. `skipped` counts them.
+    """
+
+    def __init__(self, observers: Sequence[Observer], is_behind: Callable[[], bool]) -> None:
+        self.kinds = kinds_of(observers)
+        self.skipped = 0
+        self._listeners = listeners_by_kind(observers)
+        self._is_behind = is_behind
+
+    def listen(self, at: int, message: Message) -> None:
+        kind = type(message)
+        if kind not in ALWAYS and self._is_behind():
+            self.skipped += 1
+            return
+        for listen in self._listeners[kind]:
+            listen(at, message)
 
 
 class Watcher(Protocol):

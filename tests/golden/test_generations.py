@@ -179,7 +179,7 @@ def test_losses_are_ranked_if_the_run_can_be_repeated(
     done = CliRunner().invoke(cli, ["blame", str(folder), *options])
     repeated = truth(again) == truth(folder / "run.mcap")
     assert done.exit_code == (0 if repeated else 2), done.output
-    assert read_run(folder / "run.mcap").truth
+    assert read_run(folder / "run.mcap").tables.tables
 
 
 def drive(folder: Path, out: Path, text: str) -> None:

@@ -9,7 +9,7 @@ from scenarios.results.live import LiveRun
 from scenarios.results.summary import RunSummary
 from scenarios.runs.end_confirmation import EndConfirmations
 from scenarios.runs.node.sink import BATCH_NS
-from scenarios.runs.observer import Observer, Watcher
+from scenarios.runs.observer import Observer, ThrottledObservers, Watcher
 from scenarios.runs.processes.arrivals import Arrival, Arrivals, SendingOrder
 from scenarios.runs.processes.conductor import RETURN_NS, Conductor, Phase
 from scenarios.runs.processes.membership import (
@@ -103,13 +103,14 @@ class RecorderProcess:
         self._live = LiveRun(scenario)
         self._board = StatusBoard(scenario, membership.run)
         self._watchers = [self._board, *watchers]
+        self._shown = ThrottledObservers(observers, self._is_log_behind)
         self._run = RunLog(
             scenario,
             folder,
             clock="wall",
             run_id=run_id,
             live=self._live,
-            observers=(self._conductor, self._live, *observers),
+            observers=(self._conductor, self._live, self._shown),
         )
         self._announcing, self._reporting = Timer(ANNOUNCE_NS), Timer(SECOND)
         self._flushing, self._showing = Timer(FLUSH_NS), Timer(SHOW_NS)
@@ -139,6 +140,10 @@ class RecorderProcess:
                 self._conductor.stop(str(error))
         with suppress(LogError):  # the run has a reason to end already
             self._record_arrivals()
+        if self._shown.skipped:
+            count = self._shown.skipped
+            line = f"the picture skipped {count} messages while the log was behind; they are logged"
+            self._run.recorder.log(self._clock.now(), line, "warning")
         end = self._run.end(self._clock.now(), self._conductor.reason)
         for watcher in self._watchers:
             watcher.update(self._live)
@@ -332,9 +337,12 @@ class RecorderProcess:
         if self._updating.is_due(now):
             self._update(now)
 
+    def _is_log_behind(self) -> bool:
+        return len(self._arrivals) > MOST_WAITING
+
     def _update(self, now: int) -> None:
         """Evaluate the last seconds; while the log is behind, nothing is shown."""
-        if len(self._arrivals) <= MOST_WAITING and self._run.update(now):
+        if not self._is_log_behind() and self._run.update(now):
             for watcher in self._watchers:
                 watcher.update(self._live)
 

@@ -20,6 +20,7 @@ from scenarios.cli.main import cli
 from scenarios.definition.channel.presets import presets, read_preset
 from scenarios.definition.library import template
 from scenarios.definition.scenario import drills, library, load_scenario
+from scenarios.results.live import LiveRun
 from scenarios.runs.run_log import RunLog
 from transport.codec import encode
 from transport.log.errors import LogError
@@ -486,7 +487,7 @@ def test_report_as_json_is_the_summary(finished: Path) -> None:
 
 def test_an_incomplete_log_is_reported(finished: Path, tmp_path: Path) -> None:
     scenario = load_scenario("lane_change", ["duration_s=2"])
-    run = RunLog(scenario, tmp_path, clock="wall", run_id="killed")
+    run = RunLog(scenario, tmp_path, clock="wall", run_id="killed", live=LiveRun(scenario))
     run.start(scenario.start_at_ns, scenario.start_at_ns)
     for at, vehicle, message in LogReader(finished / "run.mcap").messages():
         if vehicle != RUN_SENDER and at < scenario.start_at_ns + SECOND:

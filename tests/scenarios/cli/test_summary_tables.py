@@ -74,7 +74,7 @@ def summary(reason: str = "", clock: ClockName = "wall") -> RunSummary:
         ran_s=1.0,
         recorder_rejected_messages={},
         vehicles=vehicle_summaries(run, {}),
-        links=[row for row in link_summaries(run, accounts(run)) if row.receiver != "v1"],
+        links=tuple(row for row in link_summaries(run, accounts(run)) if row.receiver != "v1"),
     )
 
 

@@ -10,15 +10,15 @@ from pathlib import Path
 from random import Random
 
 import pytest
-from scenarios.results.metrics import Metrics
 
 from scenarios.cli.common_options import DisplayOptions
-from scenarios.cli.display import observers
+from scenarios.cli.display import displays
 from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.results.live import LiveRun
 from scenarios.results.summary import RunSummary, from_json, to_json
 from scenarios.runs.node.node import AnyNode
 from scenarios.runs.node.sink import BusSink
-from scenarios.runs.observer import Observer, OnMessage
+from scenarios.runs.observer import Observer, OnMessage, Watcher
 from scenarios.runs.processes.conductor import Conductor, Phase
 from scenarios.runs.processes.membership import VEHICLE, ClockSync, Fingerprint, Membership
 from scenarios.runs.processes.vehicle_process import RunAnnouncements
@@ -31,7 +31,7 @@ from transport.codec import encode
 from transport.log.reader import LogReader
 from transport.topics import REASONS, RUN_SENDER, TOPICS, clock_key, key
 from vehicles.messages import Health, LogText, Message
-from vehicles.schedule import SECOND, nanoseconds
+from vehicles.schedule import SECOND, Timer, nanoseconds
 
 VEHICLES = ("v1", "v2", "v3")
 DURATION_S = 1.5
@@ -82,8 +82,8 @@ def drive(
     folder: Path,
     draw: Callable[[Stranger, Sequence[Put]], Put],
     count: int,
-    metrics: Metrics | None = None,
-    watchers: Sequence[Observer] = (),
+    observers: Sequence[Observer] = (),
+    watchers: Sequence[Watcher] = (),
 ) -> Attacked:
     """Run a short convoy whose recorder listens to its bus, with `count` messages of a stranger."""
     scenario = trial()
@@ -100,16 +100,18 @@ def drive(
         conductor.note_presence(name, alive=True, at=clock.now())
     conductor.advance(clock.now() - SECOND // 2, connected=True)
     own: Counter[str] = Counter()
+    live = LiveRun(scenario)
     run = RunLog(
         scenario,
         folder,
         clock="virtual",
         run_id="x",
-        metrics=metrics,
+        live=live,
         observers=(
             conductor,
+            live,
             OnMessage(lambda _, message: own.update([message.vehicle])),
-            *watchers,
+            *observers,
         ),
     )
     member = Membership(bus, "x", VEHICLE, "v1", Fingerprint.of(scenario), run_id="x")
@@ -124,6 +126,7 @@ def drive(
     stranger = Stranger(Random(7), VEHICLES, clock.now())
     flushes = 3 * 90  # at 75 instants of control and 30 of GNSS, of which 15 are both
     each, left = -(-count // flushes), count
+    updating = Timer(SECOND // 2)
 
     def take(where: str, data: bytes) -> None:
         run.recorder.accept(where, data, clock.now())
@@ -146,6 +149,9 @@ def drive(
         left -= min(each, left)
         disturbing.clear()
         conductor.advance(clock.now(), connected=True)
+        if updating.is_due(clock.now()) and run.update(clock.now()):
+            for watcher in watchers:
+                watcher.update(live)
 
     bus.subscribe(EVERYTHING, take)
     bus.subscribe(EVERYTHING, receive)
@@ -220,10 +226,9 @@ def test_plausible_messages_are_used_or_counted(tmp_path: Path, campaign: int) -
         drawn = stranger.plausible(received)
         return drawn if len(drawn[1]) % 2 else stranger.refusable(received)
 
-    metrics = Metrics.of(trial())
     display = DisplayOptions(rerun=f"save={tmp_path / 'run.rrd'}")
-    with observers(trial(), metrics, display, tmp_path, []) as watchers:
-        run = drive(tmp_path, anything, campaign, metrics, watchers)
+    with displays(trial(), display, tmp_path, []) as (receivers, watchers):
+        run = drive(tmp_path, anything, campaign, receivers, watchers)
     came = run.honest.total() + run.hostile.total()
     counted = run.recorded + sum(run.summary.recorder_rejected_messages.values())
     # A stranger may repeat the last counters of a vehicle as the vehicle does.

@@ -6,10 +6,8 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scenarios.results.metrics import Metrics
 
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.vehicle_figures import VehicleSummary
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.recorder import Recorder
 from tests.made.examples import examples
@@ -38,18 +36,17 @@ PLANE = LocalPlane(Origin(30.638, -96.481, 80.0))
 
 
 class Recorded:
-    """A recorder with its log, its figures and a listener."""
+    """A recorder with its log and a listener."""
 
     def __init__(self, path: Path, *, begun: bool = True, **rates_hz: float) -> None:
         self.path = path
         self.writer = LogWriter(path)
-        self.metrics = Metrics(CONVOY, {("v1", "v2"): LinkTable()})
         self.received: list[tuple[int, Message]] = []
         self.recorder = Recorder(
             vehicles=dict.fromkeys(CONVOY, 20.0) | rates_hz,
             plane=PLANE,
             writer=self.writer,
-            metrics=self.metrics,
+            control_rate_hz=50.0,
             observers=[OnMessage(lambda now, message: self.received.append((now, message)))],
         )
         if begun:
@@ -60,9 +57,6 @@ class Recorded:
     def recorded(self) -> int:
         """Messages recorded but for the start."""
         return self.recorder.recorded - 1
-
-    def row(self, vehicle: str) -> VehicleSummary:
-        return next(row for row in self.metrics.vehicle_summaries() if row.name == vehicle)
 
     def take(self, messages: Iterable[Message]) -> None:
         for k, message in enumerate(messages):
@@ -92,23 +86,6 @@ SOUND: list[Message] = [
     text("v1", 0, "mode path"),
     gps("v1", 1),
 ]
-
-
-def test_a_listener_sees_what_is_in_the_figures_already(tmp_path: Path) -> None:
-    seen = []
-    with LogWriter(tmp_path / "run.mcap") as writer:
-        metrics = Metrics(CONVOY, {})
-        recorder = Recorder(
-            vehicles=dict.fromkeys(CONVOY, 20.0),
-            plane=PLANE,
-            writer=writer,
-            metrics=metrics,
-            observers=[OnMessage(lambda _at, _m: seen.append(metrics.vehicles["v1"].poses))],
-        )
-        recorder.begin(START, START, "trial")
-        for seq in range(3):
-            recorder.accept("convoy/v1/gps", encode(gps("v1", seq)), at(seq))
-    assert seen == [0, 1, 2, 3]
 
 
 POSE = encode(gps("v1", 7))
@@ -147,7 +124,6 @@ def test_invalid_messages_change_only_a_counter(tmp_path: Path, name: str) -> No
     assert disturbed.recorder.rejected == {counter: len(SOUND)}
     assert disturbed.recorded == sound.recorded
     assert disturbed.received == sound.received
-    assert disturbed.metrics.vehicle_summaries() == sound.metrics.vehicle_summaries()
     assert disturbed.logged() == sound.logged()
     assert disturbed.path.read_bytes() == sound.path.read_bytes()
 
@@ -244,7 +220,7 @@ def test_a_pose_that_vehicles_refuse_is_refused_by_the_recorder_for_the_same_rea
     assert recorded.recorded == 1
 
 
-@pytest.mark.parametrize("number", [1, 40, 2**32, 2**63 - 1])
+@pytest.mark.parametrize("number", [1, 40, 2**32, 2**63 - 31])
 def test_a_pose_numbered_ahead_of_its_schedule_makes_none_missing(
     recorded: Recorded, number: int
 ) -> None:
@@ -254,8 +230,7 @@ def test_a_pose_numbered_ahead_of_its_schedule_makes_none_missing(
         forged = sent(gps("v1", seq + number), at(seq / 20))
         recorder.accept("convoy/v1/gps", encode(forged), at(seq / 20))
     assert recorder.rejected == {"sequence": 30}
-    row = recorded.row("v1")
-    assert (row.poses, row.missing_poses) == (30, 0)
+    assert [message.seq for _, message in recorded.received] == list(range(30))
 
 
 def test_the_recorder_logs_its_refusals(recorded: Recorded) -> None:
@@ -295,8 +270,6 @@ def test_messages_are_logged_counted_and_shown_as_they_came(recorded: Recorded) 
     assert recorded.recorded == len(SOUND)
     assert not recorded.recorder.rejected
     assert recorded.received == [(START + k, message) for k, message in enumerate(SOUND)]
-    assert recorded.row("v1").poses == 2
-    assert recorded.row("v2").lateral_error_m_max == 0.3
     assert recorded.logged() == [
         (START + k, message.vehicle, message) for k, message in enumerate(SOUND)
     ]

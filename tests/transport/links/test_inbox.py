@@ -226,7 +226,8 @@ NAN, INFINITE = float("nan"), float("inf")
         (spoilt(measured_at_ns=2**63 - 1), "future"),
         (spoilt(seq=3), "sequence"),
         (encode(sent(pose(2), pose(2).measured_at_ns - MS)), "sequence"),
-        (spoilt(seq=2**64 - 1), "sequence"),
+        (spoilt(seq=2**63 - 1), "sequence"),
+        (spoilt(seq=2**64 - 1), "absurd"),
     ],
 )
 def test_impossible_messages_are_counted_and_refused(data: bytes, reason: str) -> None:

@@ -20,8 +20,8 @@ def test_the_status_is_that_of_the_last_evaluation_with_the_recent_loss() -> Non
     assert bus.query(control_key(RUN_SENDER), 1.0) == b""
     live.listen(at(0.0), start())
     for seq in range(round(END_S * 20) + 1):
-        lost = "loss" if seq >= 20 * LOST_S else ""
-        live.listen(at(seq / 20), verdict("v1", "v2", seq, latency_ms=0.0, dropped=lost))
+        dropped = "loss" if seq >= 20 * LOST_S else ""
+        live.listen(at(seq / 20), verdict("v1", "v2", seq, latency_ms=0.0, dropped=dropped))
     for name, east in (("v1", 0.0), ("v2", -15.0)):
         live.listen(at(END_S), truth(name, round(END_S * 50), east, 0.0))
     assert live.update()

@@ -10,6 +10,7 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.files import LOG_NAME
+from scenarios.results.live import LiveRun
 from scenarios.runs.processes.supervisor import (
     NOTICED_S,
     RECORDER_FAILED,
@@ -250,7 +251,7 @@ def test_a_stopped_launcher_ends_the_run_with_the_exit_code_of_the_signal(
 
 def broken_off(folder: Path) -> None:
     """Leave the log of a recorder that was killed."""
-    run = RunLog(scenario(), folder, clock="wall", run_id="run")
+    run = RunLog(scenario(), folder, clock="wall", run_id="run", live=LiveRun(scenario()))
     run.start(START, START)
     run.flush()
     content = (folder / LOG_NAME).read_bytes()
@@ -260,7 +261,7 @@ def broken_off(folder: Path) -> None:
 
 
 def test_a_log_that_another_process_writes_is_left_alone(folder: Path) -> None:
-    run = RunLog(scenario(), folder, clock="wall", run_id="other")
+    run = RunLog(scenario(), folder, clock="wall", run_id="other", live=LiveRun(scenario()))
     run.start(START, START)
     run.flush()
     before = (folder / LOG_NAME).read_bytes()

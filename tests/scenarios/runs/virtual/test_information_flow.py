@@ -11,6 +11,7 @@ from scenarios.results.explain import RecordedKnowledge
 from scenarios.results.live import LiveRun
 from scenarios.results.run_drawing import open_drawing
 from scenarios.results.summary import RunSummary
+from scenarios.runs.observer import Watcher
 from scenarios.runs.run_status import RunStatus, StatusBoard
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
@@ -50,7 +51,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> FlowRun:
             statuses.append(board.status(live))
 
     with open_drawing(option, scenario, folder / "run.mcap") as drawing:
-        watchers = [KeepsStatus(), drawing]
+        watchers: list[Watcher] = [KeepsStatus(), drawing]
         summary = run_virtual(scenario, folder, Stop(), watchers=watchers, observers=[drawing])
     status = RunStatus.of(statuses[-1].text.encode())
     return FlowRun(folder, scenario, summary, status, columns(folder / "live.rrd"))

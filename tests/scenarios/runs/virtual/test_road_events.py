@@ -12,8 +12,8 @@ from scenarios.results.log_summary import summary_of, tables_of
 from scenarios.results.record import record_holes
 from scenarios.results.run_event import run_events
 from scenarios.results.summary import RunSummary
-from scenarios.results.tables import RunTables
-from scenarios.results.true_motion import bodies, common, sizes_of
+from scenarios.results.tables import RunTables, common
+from scenarios.results.true_motion import bodies, sizes_of
 from scenarios.results.vehicle_figures import vehicle_summaries
 from scenarios.runs.stop import EXIT_FAILED, Stop
 from scenarios.runs.virtual import run_virtual

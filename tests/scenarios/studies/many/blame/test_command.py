@@ -50,7 +50,7 @@ def test_worst_figure_and_breach_equal_those_of_the_summary(log: Path, figure: F
     key = "cross_track_error_m_max" if figure == "error" else "true_gap_m_min"
     for limit in (Limit("lane_departures_max", 0), Limit(key, worst - 0.001), Limit(key, worst)):
         criteria = RerunCriteria(figure=figure, limit=limit)
-        result = result_of(run.scenario, criteria, run.start_at, run.messages)
+        result = result_of(run.tables, criteria)
         assert result.figure_m == worst
         assert (result.broken_at is not None) == broken_by(limit, summary_of(log))
 
