@@ -41,23 +41,15 @@ class BatchFigures:
 
         The stream receives the messages of the log of `reader`; without it, others elsewhere.
         """
-        self._stream = stream
+        self._stream, self._vehicles = stream, set(vehicles)
         self._errors: list[tuple[str, int, float]] = []
         self._gaps: list[tuple[str, int, float]] = []
-        self._marks: list[Mark] = []
+        self._events: list[tuple[Episode, int]] = []
         self._ahead: Tables = {}
-
-        def add_mark(event: Episode) -> None:
-            if not set(vehicles).isdisjoint(event.vehicles):
-                self._marks.append(Mark(event.kind, event.at_ns, event.place, event.vehicles))
-
-        def add(rows: list[tuple[str, int, float]], vehicle: str, at: int, value: float) -> None:
-            if vehicle in vehicles:
-                rows.append((vehicle, at, value))
-
-        stream.on_error(lambda foot: add(self._errors, foot.vehicle, foot.at_ns, foot.lateral))
-        stream.on_gap(lambda gap: add(self._gaps, gap.vehicle, gap.now_at_ns, gap.now_m))
-        stream.on_event(add_mark)
+        errors, gaps, events = self._errors, self._gaps, self._events
+        stream.on_error(lambda foot: errors.append((foot.vehicle, foot.at_ns, foot.lateral)))
+        stream.on_gap(lambda gap: gaps.append((gap.vehicle, gap.now_at_ns, gap.now_m)))
+        stream.on_event(lambda event: events.append((event, event.at_ns)))
         topics = [TOPIC_OF[kind].name for kind in stream.kinds]
         self._messages = reader.messages(topics) if reader else iter(())
 
@@ -77,13 +69,23 @@ class BatchFigures:
             whole = joined([part[key] for part in (ahead, tables) if key in part])
             drawn[key] = whole.of(whole.at_ns < until)
             self._ahead[key] = whole.of(whole.at_ns >= until)
-        return Batch(
-            start_ns=start,
-            tables=drawn,
-            errors=_values(_taken(self._errors, until)),
-            gaps=_values(_taken(self._gaps, until)),
-            marks=_taken(self._marks, until),
-        )
+        marks = [
+            Mark(event.kind, at, event.place, event.vehicles)
+            for event, at in _taken(self._events, until)
+            if not self._vehicles.isdisjoint(event.vehicles)
+        ]
+        errors, gaps = (self._values(_taken(one, until)) for one in (self._errors, self._gaps))
+        return Batch(start_ns=start, tables=drawn, errors=errors, gaps=gaps, marks=marks)
+
+    def _values(self, rows: list[tuple[str, int, float]]) -> dict[str, VehicleValues]:
+        of: defaultdict[str, list[tuple[int, float]]] = defaultdict(list)
+        for vehicle, at, value in rows:
+            of[vehicle].append((at, value))
+        return {
+            name: VehicleValues(*map(np.array, zip(*of[name], strict=True)))
+            for name in of
+            if name in self._vehicles
+        }
 
 
 Row = TypeVar("Row", bound=tuple[Any, ...])
@@ -94,13 +96,6 @@ def _taken(rows: list[Row], until: int) -> list[Row]:
     taken = [row for row in rows if row[1] < until]
     rows[:] = [row for row in rows if row[1] >= until]
     return taken
-
-
-def _values(rows: list[tuple[str, int, float]]) -> dict[str, VehicleValues]:
-    of: defaultdict[str, list[tuple[int, float]]] = defaultdict(list)
-    for vehicle, at, value in rows:
-        of[vehicle].append((at, value))
-    return {name: VehicleValues(*map(np.array, zip(*one, strict=True))) for name, one in of.items()}
 
 
 class RunDrawing(Closing):
