@@ -148,6 +148,7 @@ class RunExtent:
     duration_s: float | None = None
     vehicles: Sequence[str] = ()
     links: Sequence[str] = ()
+    has_other_links: bool = True
 
 
 def blueprint(scene: RunScene, extent: RunExtent = RunExtent()) -> rrb.Blueprint:
@@ -298,10 +299,9 @@ def _strips(
         return [_timeline(first + further, _branches(panels, lead), extent)]
     troubled = [f"/links/{link}" for link in extent.links]
     others = ["/links/**", *(f"- {link}" for link in troubled)]
-    return [
-        _timeline(f"Worst links{further}", troubled + _branches(panels[1:], lead), extent),
-        _timeline("Other links", others, extent),
-    ]
+    worst = troubled + _branches(panels[1:], lead)
+    views = [_timeline(f"Worst links{further}", worst, extent)]
+    return views + [_timeline("Other links", others, extent)] * extent.has_other_links
 
 
 def _branches(panels: Sequence[Panel], lead: str) -> list[str]:

@@ -124,7 +124,8 @@ class RunPicture:
         duration_s = (self._newest - self._sender.start) / SECOND
         troubles = self._series.link_troubles
         links = sorted((link for link in troubles if troubles[link]), key=lambda x: -troubles[x])
-        extent = RunExtent(duration_s, vehicles, links[:MOST_LINKS])
+        worst = links[:MOST_LINKS]
+        extent = RunExtent(duration_s, vehicles, worst, len(worst) < len(troubles))
         self._recording.send_blueprint(blueprint(self._scene, extent))
         self._log_legend()
 
