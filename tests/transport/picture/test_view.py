@@ -5,7 +5,7 @@ import subprocess
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -25,7 +25,6 @@ from transport.picture.option import RerunOption, parse_rerun_option
 from transport.picture.view import RerunView
 from transport.picture.viewer_process import ViewerError
 from transport.topics import valid_at
-from vehicles.geometry.driven_path import CrossTrack, CrossTrackError
 from vehicles.messages import Message, TruePose
 
 CIRCLE = [2 * math.pi * step / 100 for step in range(101)]
@@ -38,25 +37,29 @@ ROAD = (
 SCENE = RunScene(vehicles=drive.VEHICLES, path=ROAD)
 
 
-def picture(path: Path, messages: Sequence[Message], parts: int = 1) -> Table:
+def off_circle(pose: TruePose) -> float:
+    return drive.RADIUS - math.hypot(pose.east_m, pose.north_m)
+
+
+def picture(
+    path: Path,
+    messages: Sequence[Message],
+    parts: int = 1,
+    error_of: Callable[[TruePose], float] = off_circle,
+) -> Table:
     """Draw `messages` in parts into a recording at `path`; returns each entity's columns."""
-    stream, errors = CrossTrackError(drive.VEHICLES[0]), list[CrossTrack]()
-    for message in messages:
-        if isinstance(message, TruePose):
-            errors += stream.add(message)
     start = min(map(valid_at, messages))
     ends = [start + part * 10 * BATCH_NS // parts for part in range(parts + 1)]
     batches = []
     for begin, end in pairwise(ends):
-        feet: dict[str, list[CrossTrack]] = defaultdict(list)
-        for foot in errors:
-            if begin <= foot.at_ns < end:
-                feet[foot.vehicle].append(foot)
+        errors: dict[str, list[tuple[int, float]]] = defaultdict(list)
+        for one in messages:
+            if isinstance(one, TruePose) and begin <= one.true_at_ns < end:
+                errors[one.vehicle].append((one.true_at_ns, error_of(one)))
         values = {
-            name: VehicleValues(
-                np.array([foot.at_ns for foot in some]), np.array([foot.lateral for foot in some])
-            )
-            for name, some in feet.items()
+            name: VehicleValues(*map(np.array, zip(*errors[name], strict=True)))
+            for name in drive.VEHICLES[1:]
+            if errors[name]
         }
         some_messages = [one for one in messages if begin <= valid_at(one) < end]
         batches.append(batch_of(some_messages, start, values))
@@ -208,7 +211,7 @@ def test_links_and_messages_have_states(tmp_path: Path) -> None:
             if tick < 50 or tick >= 100:
                 yield drive.verdict("v2", "v1", tick, now, outcomes.get(tick, "ok"))
 
-    table = picture(tmp_path / "run.rrd", list(messages()))
+    table = picture(tmp_path / "run.rrd", list(messages()), error_of=lambda pose: pose.north_m)
     assert states(table, "/links/v1_to_v2") == [
         (0, "ok"), (500, "10 % lost"), (1000, "silent"), (2000, "ok"),
     ]  # fmt: skip
@@ -232,7 +235,7 @@ def test_the_vehicle_furthest_off_is_marked(tmp_path: Path) -> None:
                 pose = made.truth(name, seq, 0.6 * seq - behind, left)
                 yield pose
 
-    table = picture(tmp_path / "run.rrd", list(messages()))
+    table = picture(tmp_path / "run.rrd", list(messages()), error_of=lambda pose: pose.north_m)
     labels = table["/world/cars/v3/worst/name"]["Points2D:labels"]
     assert [label for label in labels if label] == [["v3 +0.50 m"]] * 2  # for one second
     assert not labels[-1]

@@ -6,13 +6,15 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.results.tables import Collector, RunTables
+from scenarios.results.true_motion import path_feet
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.virtual import VirtualConvoy
 from vehicles.driver.intended_path import MAX_OFFSET
-from vehicles.geometry.driven_path import CrossTrackError
 from vehicles.messages import Command, GpsPose, Message, Tracking, TruePose
 
 DRIVEN = "control.degradation.predecessor_path='driven'"
@@ -53,6 +55,7 @@ class Driven:
         self.steering: defaultdict[str, list[float]] = defaultdict(list)
         self.modes: defaultdict[str, list[str]] = defaultdict(list)
         self.results: defaultdict[str, list[float]] = defaultdict(list)
+        self.scenario = scenario
         virtual, driven, liars = VirtualConvoy(scenario), self, lies or {}
 
         class Kept:
@@ -80,13 +83,14 @@ class Driven:
 
     def errors(self) -> dict[str, float]:
         """Largest true distance (m) of each follower from the path that the lead drove."""
-        found: defaultdict[str, float] = defaultdict(float)
-        measured = CrossTrackError("v1")
+        collector = Collector()
         for poses in self.truth.values():
             for pose in poses:
-                for foot in measured.add(pose):
-                    found[foot.vehicle] = max(found[foot.vehicle], abs(foot.lateral))
-        return found
+                collector.listen(pose.true_at_ns, pose)
+        run = RunTables(self.scenario, collector.tables())
+        return {
+            name: float(np.nanmax(np.abs(path_feet(run, name).lateral))) for name in run.followers
+        }
 
     def largest_step(self) -> float:
         """Largest change of a steering command from one control instant to the next (rad)."""
