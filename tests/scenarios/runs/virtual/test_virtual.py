@@ -15,9 +15,10 @@ import pytest
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.results.links import LinkSummary
+from scenarios.results.live import LiveRun
 from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
-from scenarios.runs.observer import OnMessage
+from scenarios.runs.observer import OnMessage, Watcher
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from transport.log.reader import LogReader
@@ -65,9 +66,9 @@ class Ran:
         return [(p.east_m, p.north_m, p.yaw_rad) for p in self.of(vehicle, TruePose)]
 
 
-def run(scenario: Scenario) -> Ran:
+def run(scenario: Scenario, *watchers: Watcher) -> Ran:
     with TemporaryDirectory() as folder:
-        summary = run_virtual(scenario, Path(folder), Stop())
+        summary = run_virtual(scenario, Path(folder), Stop(), watchers=watchers)
         log = Path(folder) / "run.mcap"
         reader = LogReader(log)
         recorded = [(at, message) for at, _, message in reader.messages()]
@@ -82,8 +83,15 @@ def ran(*overrides: str, name: str = "lane_change", seed: int | None = None) -> 
 # ---- Determinism
 
 
-def test_two_runs_of_a_scenario_are_equal_byte_for_byte() -> None:
-    again = run(load_scenario("lane_change", SHORT))
+def test_two_runs_of_a_scenario_are_equal_byte_for_byte_whatever_watches_them() -> None:
+    shown: list[float] = []
+
+    class Watches:
+        def update(self, live: LiveRun) -> None:
+            shown.append(live.seconds)
+
+    again = run(load_scenario("lane_change", SHORT), Watches())
+    assert shown
     assert again.log == ran().log
     assert again.summary == ran().summary
 
