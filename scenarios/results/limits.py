@@ -4,6 +4,7 @@ from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from operator import attrgetter
+from typing import get_args
 
 import numpy as np
 
@@ -28,46 +29,68 @@ from scenarios.results.vehicle_figures import (
 )
 
 ROUNDING_S = 1e-9
+USUAL_LATE_S = 1.0
+"""Largest delay with which a vehicle may be driven without limits.late_s_max."""
 Needed = tuple[str, RecordKind]
 """Vehicle and kind of its messages."""
 
 
 def judged_by_record(
     figures: Sequence[LimitFigure],
-    names: Sequence[str],
+    limits: LimitsTable,
     unseen: Sequence[UnseenSpan],
-    allowed_s: float | None,
+    late_s: Mapping[str, float],
 ) -> tuple[LimitFigure, ...]:
-    """Mark kept limits whose vehicles lack messages for more than `allowed_s` (s, None: 0).
+    """Mark kept limits on vehicles that lack messages, or were driven late, for too long.
 
-    `names` are the vehicles, lead first. An explicit `allowed_s` is a limit of its own.
+    `late_s` are the largest delays (s) with which each vehicle, lead first, was driven. The bounds
+    are limits.holes_s_max and limits.late_s_max; explicit ones are limits of their own.
     """
+    names = list(late_s)
     spans: defaultdict[Needed, list[UnseenSpan]] = defaultdict(list)
     for span in unseen:
         spans[span.vehicle, span.kind].append(span)
-    allowed = allowed_s or 0.0
-    too_many = {
-        needed: missed
+    allowed, allowed_late = limits.holes_s_max or 0.0, limits.late_s_max
+    if allowed_late is None:
+        allowed_late = USUAL_LATE_S
+    reasons: dict[Needed, str] = {}
+    for name, late in late_s.items():
+        if late > allowed_late + ROUNDING_S:
+            line = f"{name} was driven up to {late:.2f} s late"
+            reasons |= {(name, kind): line for kind in get_args(RecordKind)}
+    reasons |= {
+        needed: _words(missed)
         for needed, missed in spans.items()
         if sum([span.missing_s for span in missed]) > allowed + ROUNDING_S
     }
-    result = [_judged(figure, names, too_many) for figure in figures] if too_many else [*figures]
-    if allowed_s is not None:
+    result = [_judged(figure, names, reasons) for figure in figures] if reasons else [*figures]
+    if limits.holes_s_max is not None:
         result.append(_holes(spans, allowed))
+    if limits.late_s_max is not None:
+        result += [_late(name, late, allowed_late) for name, late in late_s.items()]
     return tuple(result)
 
 
 def _judged(
-    figure: LimitFigure, names: Sequence[str], spans: Mapping[Needed, Sequence[UnseenSpan]]
+    figure: LimitFigure, names: Sequence[str], reasons: Mapping[Needed, str]
 ) -> LimitFigure:
-    """Return a figure, marked as not judged if it is kept but messages are missing."""
+    """Return a figure, marked as not judged if it is kept but messages are missing or late."""
     if figure.broken:
         return figure
     for needed in _needed(figure, names):
-        if needed in spans:
-            line = f"limits.{figure.limit} = {figure.bound:g}: not judged: {_words(spans[needed])}"
+        if needed in reasons:
+            line = f"limits.{figure.limit} = {figure.bound:g}: not judged: {reasons[needed]}"
             return replace(figure, judged=False, message=line)
     return figure
+
+
+def _late(name: str, late_s: float, allowed_s: float) -> LimitFigure:
+    line = ""
+    if late_s > allowed_s + ROUNDING_S:
+        line = f"limits.late_s_max = {allowed_s:g}: {name} was driven up to {late_s:.2f} s late"
+    return LimitFigure(
+        limit="late_s_max", bound=allowed_s, value=late_s, vehicle=name, message=line
+    )
 
 
 def _words(spans: Sequence[UnseenSpan]) -> str:
@@ -141,13 +164,15 @@ def limit_figures(
     vehicles: Sequence[VehicleSummary],
     deadlines: Sequence[DeadlineFigure] = (),
     unseen: Sequence[UnseenSpan] = (),
+    *,
+    late_s: Mapping[str, float] | None = None,
 ) -> tuple[LimitFigure, ...]:
     """Return the figure of each limit, kept, broken or not judged; `events` are in order of time.
 
     A limit on a figure of vehicles is there once for each of them that has that figure or lacks
     messages, or without one where no vehicle has it. A limit of one vehicle replaces that of the
     convoy for it. Limits over messages that are missing in the log, in the times `unseen`, are not
-    judged.
+    judged, nor are those on vehicles that were driven late, by up to `late_s` (s).
     """
     known = list(limits_of(limits))
     counts = [_count(limit, events) for limit in known if limit.row.event]
@@ -161,8 +186,7 @@ def limit_figures(
         for result in _figures(limit, known, vehicles, incomplete)
     ]
     every = (*counts, *figures, *map(_deadline, deadlines))
-    names = [vehicle.name for vehicle in vehicles]
-    return judged_by_record(every, names, unseen, limits.holes_s_max)
+    return judged_by_record(every, limits, unseen, late_s or {row.name: 0.0 for row in vehicles})
 
 
 def failure_reason(reason: str, broken: Sequence[str]) -> str:

@@ -410,19 +410,26 @@ def absence_lines(run: RunTables, counted: Mapping[Link, LinkAccount]) -> Iterat
         yield f"{count} did not arrive over {over}, sent {begin:.2f} to {end:.2f} s: {words}"
 
 
-def away_lines(run: RunTables) -> Iterator[str]:
-    """Yield a line per vehicle whose poses reached the recorder very late."""
-    late = {}
+@once
+def away_spans(run: RunTables) -> dict[str, tuple[int, int]]:
+    """First and last instant (ns) of the poses of a vehicle that reached the recorder very late."""
+    spans = {}
     for name in run.names:
         poses = poses_of(run, name)
         at = poses.at_ns[is_late(poses)]
         if len(at):
-            late[name] = int(at[0]), int(at[-1])
+            spans[name] = int(at[0]), int(at[-1])
+    return spans
+
+
+def away_lines(run: RunTables) -> Iterator[str]:
+    """Yield a line per vehicle whose poses reached the recorder very late."""
+    late = away_spans(run)
     if len(late) == len(run.names) > 1:
         begins, ends = zip(*late.values(), strict=True)
         late = {"every vehicle": (min(begins), max(ends))}
     for name, (begin, end) in late.items():
         yield (
-            f"{name} was out of reach for a while: poses of {run.seconds(begin):.2f} to "
-            f"{run.seconds(end):.2f} s reached the recorder more than {AWAY_NS / SECOND:g} s late"
+            f"{name} was out of reach from {run.seconds(begin):.2f} to {run.seconds(end):.2f} s: "
+            f"poses reached the recorder more than {AWAY_NS / SECOND:g} s late"
         )

@@ -1,18 +1,20 @@
 """The summary and the scenario of a run, from its log alone."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import replace
 from operator import itemgetter
 from pathlib import Path
+
+import numpy as np
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.deadlines import deadline_figures
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME, write_whole
 from scenarios.results.limits import failure_reason, limit_figures
-from scenarios.results.link_account import accounts, contradictions
+from scenarios.results.link_account import accounts, away_spans, contradictions
 from scenarios.results.links import LinkSummary, channel_warnings, link_summaries
-from scenarios.results.outcome import LATE_RATIO, late_ratio, with_outcome_line
+from scenarios.results.outcome import LATE_RATIO, incomplete, late_ratio, with_outcome_line
 from scenarios.results.own_measures import own_measures
 from scenarios.results.record import record_holes, unseen
 from scenarios.results.run_event import run_events
@@ -32,6 +34,8 @@ METADATA_NAME = "convoy"
 """Name of the log's metadata that identify the run."""
 SLOW_RATIO = 0.05
 """Share of poses above the floor latency from which the real transport was too slow."""
+STANDSTILL_NS = SECOND
+"""Time without any recorded message from which all processes stood still."""
 MOST_WARNINGS = 50
 """Warnings about impossible time stamps in the summary."""
 
@@ -55,15 +59,21 @@ def summarise(
     own, counted = own_measures(run), accounts(run)
     vehicles, listed = vehicle_summaries(run, own.figures), run_events(run)
     limits = limit_figures(
-        run.scenario.tables.limits, listed, vehicles, deadline_figures(run), unseen(run)
+        run.scenario.tables.limits,
+        listed,
+        vehicles,
+        deadline_figures(run),
+        unseen(run),
+        late_s={row.name: row.lateness_ms_max / 1000.0 for row in vehicles},
     )
     broken = [limit.message for limit in limits if limit.broken]
     reason = failure_reason(reason, [*broken, *contradictions(counted)])
+    lacking = "" if reason else incomplete(vehicles)
     links = link_summaries(run, counted)
     summary = RunSummary(
         identity=identity,
-        outcome="failed" if reason else "completed",
-        reason=reason,
+        outcome="failed" if reason else "incomplete" if lacking else "completed",
+        reason=reason or lacking,
         duration_s=run.scenario.duration_s,
         ran_s=run.ran_ns / SECOND,
         recorder_rejected_messages=dict(sorted(rejected.items())),
@@ -73,8 +83,8 @@ def summarise(
         holes=record_holes(run),
         limits=limits,
         warnings=(
-            *late_lines(vehicles),
-            *transport_lines(links, vehicles),
+            *late_lines(vehicles, standstills(run)),
+            *transport_lines(links, vehicles, away_spans(run)),
             *alerts(run),
             *own.faults,
             *(line for _, line in tyre_warnings(run).values()),
@@ -99,10 +109,27 @@ def alerts(run: RunTables) -> Sequence[str]:
     return [line for _, line in sorted(lines, key=itemgetter(0))[:MOST_WARNINGS]]
 
 
-def late_lines(vehicles: Sequence[VehicleSummary]) -> Iterator[str]:
-    """Warn if the vehicles did not keep up with the wall clock."""
+def standstills(run: RunTables) -> Sequence[str]:
+    """Times in which no message of any vehicle was recorded, such as "7.10 to 12.10 s"."""
+    logged = [run.table(name, "truth").logged_at_ns for name in run.names]
+    at = np.unique(np.concatenate(logged))
+    return [
+        f"{run.seconds(at[row]):.2f} to {run.seconds(at[row + 1]):.2f} s"
+        for row in np.flatnonzero(np.diff(at) > STANDSTILL_NS)
+    ]
+
+
+def late_lines(vehicles: Sequence[VehicleSummary], stopped: Sequence[str] = ()) -> Iterator[str]:
+    """Warn if the vehicles did not keep up with the wall clock.
+
+    `stopped` are times in which nothing was recorded: all processes stood still.
+    """
     late = late_ratio(vehicles)
     if late <= LATE_RATIO:
+        return
+    if stopped:
+        times = ", ".join(stopped)
+        yield f"nothing ran from {times}: {100.0 * late:.2g} % of the ticks began late"
         return
     worst = max(vehicles, key=lambda vehicle: vehicle.lateness_ms_max)
     yield (
@@ -129,12 +156,15 @@ def _late_causes(vehicles: Sequence[VehicleSummary]) -> Iterator[str]:
 
 
 def transport_lines(
-    links: Sequence[LinkSummary], vehicles: Sequence[VehicleSummary]
+    links: Sequence[LinkSummary], vehicles: Sequence[VehicleSummary], away: Container[str] = ()
 ) -> Iterator[str]:
-    """Warn of vehicles whose poses the network delayed beyond the floor latency of a link."""
+    """Warn of vehicles whose poses the network delayed beyond the floor latency of a link.
+
+    Those that were `away`, out of reach for a while, have a line of their own.
+    """
     ticks = {vehicle.name: vehicle for vehicle in vehicles}
     slowest: dict[str, LinkSummary] = {}
-    for row in links:
+    for row in [row for row in links if row.sender not in away]:
         above = row.transport_above_floor_ratio or 0.0
         other = slowest.get(row.sender)
         if above > SLOW_RATIO and above > (other.transport_above_floor_ratio or 0 if other else 0):

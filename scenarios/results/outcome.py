@@ -12,11 +12,23 @@ from scenarios.results.vehicle_figures import VehicleSummary
 
 LATE_RATIO = 0.01
 """Share of late ticks above which a run was not in real time."""
+INCOMPLETE_RATIO = 0.01
+"""Share of poses missing in the log above which a run has failed as incomplete."""
 
 
 def with_outcome_line(summary: RunSummary) -> RunSummary:
     """Fill in the outcome line, unless the summary has one."""
     return summary if summary.outcome_line else replace(summary, outcome_line=_line(summary))
+
+
+def incomplete(vehicles: Sequence[VehicleSummary]) -> str:
+    """Reason of a run of whose poses more than INCOMPLETE_RATIO are missing in the log."""
+    missing = sum([vehicle.missing_poses for vehicle in vehicles])
+    due = missing + sum([vehicle.poses for vehicle in vehicles])
+    if missing <= INCOMPLETE_RATIO * due:
+        return ""
+    worst = max(vehicles, key=lambda vehicle: vehicle.missing_poses)
+    return f"{missing} of {due} poses not recorded, most of them of {worst.name}"
 
 
 def late_ratio(vehicles: Sequence[VehicleSummary]) -> float:
@@ -43,6 +55,8 @@ def _line(summary: RunSummary) -> str:
         case "failed":
             head = f"FAILED: {_reasons(summary.reason)}"
             facts = [head, f"ran {_duration(summary)}", *facts]
+        case "incomplete":
+            facts = [f"INCOMPLETE: {summary.reason}", *facts]
         case "running":
             facts = [f"RUNNING: {_duration(summary)}", *facts]
         case "completed":

@@ -240,11 +240,13 @@ class RunSummary:
     """Figures of a run; an empty `reason` means that it was completed."""
 
     identity: RunIdentity
-    outcome: Literal["completed", "failed", "running"]
-    """completed, failed, or running (of a log that is still being written)."""
+    outcome: Literal["completed", "failed", "incomplete", "running"]
+    """completed, failed, incomplete (the log lacks more than 1 % of the poses, and nothing else
+    failed), or running (of a log that is still being written)."""
     outcome_line: str = ""
     """The outcome in one line, as printed at the end. "OK: ..." is a completed run without events,
-    "FAILED: ..." begins with the reason, "RUNNING: ..." is a run that still runs; any other line is
+    "FAILED: ..." begins with the reason, "INCOMPLETE: ..." with what is missing, "RUNNING: ..." is
+    a run that still runs; any other line is
     of a completed run and begins with its worst incident."""
     reason: str
     """Why the run failed; empty if it was completed."""

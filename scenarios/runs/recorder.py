@@ -2,6 +2,7 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
+from math import inf
 from typing import cast
 
 from scenarios.runs.observer import Observer, listeners_by_kind
@@ -35,6 +36,8 @@ from vehicles.schedule import SECOND
 
 EARLY_NS = SECOND
 """How early final counters may arrive, in a run that is cancelled before its start."""
+AHEAD_NS = SECOND
+"""How far ahead of its schedule the number of a pose may be, for clocks that differ."""
 ONCE_PER_STEP = frozenset({TruePose, Tracking, Command, CompositeTrajectory})
 """Messages of which a vehicle sends at most one at each instant of control."""
 ANY_AGE_NS = 2**62
@@ -157,19 +160,25 @@ class Recorder:
             raise RefusedMessageError("early", "the run has not begun")
         if isinstance(message, GpsPose):
             self._gates[vehicle].check(message, at)
+            due = (at + AHEAD_NS - self._start_at) * self._rates_hz[vehicle] / SECOND
         else:
-            valid = valid_at(message)
-            if valid < self._start_at - EARLY_NS:
-                raise RefusedMessageError("early", f"valid at {valid}")
-            if valid > at + HORIZON_NS:
-                raise RefusedMessageError("future", f"valid at {valid}")
-            steps = (valid - self._start_at) * self._control_rate_hz / SECOND
-            if type(message) in ONCE_PER_STEP and message.seq > steps + ROUNDING:
-                raise RefusedMessageError("sequence", f"number {message.seq} is ahead of schedule")
+            due = self._due(message, at, self._start_at)
+        if message.seq > due + ROUNDING:
+            raise RefusedMessageError("sequence", f"number {message.seq} is ahead of schedule")
         seen = self._seen[key_expression]
         if message.seq in seen:
             raise RefusedMessageError("duplicate", f"number {message.seq} came before")
         return message, seen
+
+    def _due(self, message: Message, at: int, start_at: int) -> float:
+        """Return the largest number that a message may have; raises RefusedMessageError."""
+        valid = valid_at(message)
+        if valid < start_at - EARLY_NS:
+            raise RefusedMessageError("early", f"valid at {valid}")
+        if valid > at + HORIZON_NS:
+            raise RefusedMessageError("future", f"valid at {valid}")
+        is_scheduled = type(message) in ONCE_PER_STEP
+        return (valid - start_at) * self._control_rate_hz / SECOND if is_scheduled else inf
 
     def log(self, at: int, text: str, level: Level = "info", valid_at: int | None = None) -> None:
         """Log a line at instant `at` (ns), about an earlier instant `valid_at`."""

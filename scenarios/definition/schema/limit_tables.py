@@ -112,6 +112,8 @@ class LimitsTable(VehicleLimits):
     holes_s_max      largest total time (s) for which messages that a limit judges may be missing
                      in the log of a vehicle; beyond it the limit is not judged and the run has
                      failed; by default 0
+    late_s_max       largest delay (s) with which a vehicle may be driven in real time; beyond it
+                     limits on the vehicle are not judged and the run has failed; by default 1 s
     after_collision  "end" the run with the collision that breaks the limit, or with the first
                      without a limit; or "continue". Default: "end" if collisions_max is given
     """
@@ -123,6 +125,7 @@ class LimitsTable(VehicleLimits):
     sources: Annotated[tuple[SourceLimit, ...], Field(strict=False)] = ()
     recovery: Annotated[tuple[RecoveryLimit, ...], Field(strict=False)] = ()
     holes_s_max: NotNegative | None = None
+    late_s_max: NotNegative | None = None
     after_collision: Literal["end", "continue"] | None = None
 
     if TYPE_CHECKING:

@@ -152,3 +152,30 @@ def test_events_that_began_in_a_hole_have_an_interval() -> None:
     assert "between 2.98 and 5.00 s" in torn.outcome_line
     other = run_of(scenario_with(), lacks(Tracking, ("v2",), 150, 250), mode=mode)
     assert next(event.after_s for event in other.events if event.kind == "stop") is None
+
+
+@pytest.mark.parametrize(
+    ("late", "allowed", "judged"),
+    [(0.9, "", True), (1.2, "", False), (1.2, "late_s_max = 2.0", True)],
+)
+def test_a_vehicle_that_was_driven_late_is_not_judged(
+    late: float, allowed: str, judged: bool
+) -> None:
+    scenario = scenario_with(*LIMITS, *filter(None, [allowed]))
+    collector = Collector()
+    for message in (*messages(), health("v2", 2, seconds=SECONDS, lateness_ms_max=1000.0 * late)):
+        collector.listen(valid_at(message), message)
+    run = RunTables(scenario, collector.tables(), SECONDS * SECOND)
+    summary = summarise(IDENTITY, run, reason="", rejected={})
+    assert (summary.outcome == "completed") == judged
+    unjudged = {limit.vehicle for limit in summary.limits if not limit.judged}
+    assert ("v2" in unjudged) == (not judged)
+    assert judged or "v2 was driven up to 1.20 s late" in summary.reason
+
+
+def test_a_run_that_lacks_many_poses_is_incomplete() -> None:
+    few = run_of(scenario_with(), lacks(GpsPose, ("v3",), 40, 47))
+    assert few.outcome == "completed"
+    many = run_of(scenario_with(), lacks(GpsPose, ("v3",), 40, 90))
+    assert many.outcome == "incomplete"
+    assert many.outcome_line.startswith("INCOMPLETE: 50 of 800 poses not recorded")
