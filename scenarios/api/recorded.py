@@ -39,6 +39,7 @@ class Run(RunRecord):
     - `run.links["v1", "v3"].outcomes`: the outcome of each sent message.
     - `run.states`, `run.messages`: all vehicles in one table, and all links in another.
     - `run.texts`: lines of text.
+    - `run.tables`: the messages of which metrics are made; functions of them give every metric.
     - `run.scenario`, `run.log`, `run.faults`: its scenario, the path of the log, and damage or
       holes of the log in a line. `run.origin` describes the log by name and value, as in exported
       files.

@@ -14,13 +14,13 @@ from scenarios.results.true_motion import (
     Floats,
     Gaps,
     bodies,
+    body_sizes,
     corners,
     distances,
     gaps,
     known_feet,
     lead_path,
     path_feet,
-    sizes_of,
 )
 from transport.columns import Columns, Integers
 from vehicles.car.tyres import SLIDING_SHARE
@@ -121,8 +121,9 @@ def encounters(run: RunTables) -> Iterator[Event]:
             )
 
 
+@once
 def _reach(run: RunTables) -> float:
-    sizes = sizes_of(run.scenario).values()
+    sizes = body_sizes(run).values()
     return max(float(np.hypot(size.length, size.width)) for size in sizes) + REACH_MARGIN_M
 
 
@@ -187,7 +188,7 @@ def lane_departures(run: RunTables, follower: str) -> Iterator[Event]:
     truth, path = run.table(follower, "truth"), lead_path(run)
     if path is None or not len(truth):
         return
-    body, near = bodies(truth, sizes_of(run.scenario)[follower]), path_feet(run, follower).station
+    body, near = bodies(truth, body_sizes(run)[follower]), path_feet(run, follower).station
     offsets = [known_feet(path, east, north, near).lateral for east, north in corners(body)]
     excess = np.max(np.abs(offsets), axis=0) - 0.5 * run.scenario.tables.events.lane_width_m
     at = truth.at_ns

@@ -126,6 +126,8 @@ def in_order(columns: Columns) -> Columns:
 def common(*instants: Integers) -> tuple[Integers, list[NDArray[np.intp]]]:
     """Instants that all sorted arrays contain, and their rows in each of them."""
     at = instants[0]
+    if all(len(others) == len(at) and bool((others == at).all()) for others in instants[1:]):
+        return at, [np.arange(len(at))] * len(instants)  # the usual case
     for others in instants[1:]:
         at = np.intersect1d(at, others, assume_unique=True)
     return at, [np.searchsorted(each, at) for each in instants]

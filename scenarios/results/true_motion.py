@@ -232,6 +232,11 @@ def sizes_of(scenario: Scenario) -> dict[str, BodySize]:
     return {name: BodySize.of(scenario.vehicle(name).parameters) for name in scenario.vehicle_names}
 
 
+@once
+def body_sizes(run: RunTables) -> dict[str, BodySize]:
+    return sizes_of(run.scenario)
+
+
 class Bodies(NamedTuple):
     """A body at N instants: centre (m), unit vector forwards, velocity (m/s), half sizes (m)."""
 
@@ -348,8 +353,10 @@ def distances(run: RunTables, first: str, second: str, within_m: float = np.inf)
     at, (rows, others) = common(one.at_ns, other.at_ns)
     near = np.abs(one["east_m"][rows] - other["east_m"][others]) < within_m
     near &= np.abs(one["north_m"][rows] - other["north_m"][others]) < within_m
-    sizes = sizes_of(run.scenario)
+    sizes = body_sizes(run)
     found = Gaps(at, np.full(len(at), np.inf), np.zeros(len(at)))
+    if not near.any():
+        return found
     apart = separation(
         bodies(one.of(rows[near]), sizes[first]), bodies(other.of(others[near]), sizes[second])
     )
