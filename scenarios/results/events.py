@@ -13,14 +13,10 @@ from scenarios.results.true_motion import (
     Flags,
     Floats,
     Gaps,
-    bodies,
     body_sizes,
-    corners,
+    corner_offsets,
     distances,
     gaps,
-    known_feet,
-    lead_path,
-    path_feet,
 )
 from transport.columns import Columns, Integers
 from vehicles.car.tyres import SLIDING_SHARE
@@ -185,11 +181,7 @@ def _near_misses(
 
 def lane_departures(run: RunTables, follower: str) -> Iterator[Event]:
     """Yield spans in which a corner is outside of the lane around the lead's driven path."""
-    truth, path = run.table(follower, "truth"), lead_path(run)
-    if path is None or not len(truth):
-        return
-    body, near = bodies(truth, body_sizes(run)[follower]), path_feet(run, follower).station
-    offsets = [known_feet(path, east, north, near).lateral for east, north in corners(body)]
+    truth, offsets = run.table(follower, "truth"), corner_offsets(run, follower)
     excess = np.max(np.abs(offsets), axis=0) - 0.5 * run.scenario.tables.events.lane_width_m
     at = truth.at_ns
     for first, last in spans(at, excess > 0.0, QUIET_NS):

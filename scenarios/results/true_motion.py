@@ -162,7 +162,7 @@ def known_feet(path: Polyline, east: Floats, north: Floats, near: Floats) -> Fee
     """Feet on the lead's path; NaN beyond its end, at its holes, and before an unknown start."""
     chord, (station, lateral) = _feet(path, east, north, near)
     unknown = (station > path.station[-1] + path.length[-1]) | path.hole[chord]
-    unknown |= (station < 0.0) & (not path.from_start)
+    unknown |= (station < 0.0) & (not path.from_start) | np.isnan(near)
     return Feet(np.where(unknown, np.nan, station), np.where(unknown, np.nan, lateral))
 
 
@@ -187,10 +187,24 @@ def path_feet(run: RunTables, follower: str) -> Feet:
         known = rows[~np.isnan(station[rows])]
         if len(known):
             shift = station[known[-1]] - distance[known[-1]]
-    if follower in run.scenario.replays:
-        lateral[station < 0.0] = np.nan
-        station[station < 0.0] = np.nan
-    return Feet(station, lateral)
+    return _of_vehicle(run, follower, Feet(station, lateral))
+
+
+def _of_vehicle(run: RunTables, follower: str, found: Feet) -> Feet:
+    """Feet of a vehicle or of its corners; a replayed one has none before the lead's start."""
+    unknown = (found.station < 0.0) & (follower in run.scenario.replays)
+    return Feet(*(np.where(unknown, np.nan, values) for values in found))
+
+
+def corner_offsets(run: RunTables, follower: str) -> Floats:
+    """Offsets (4, N) of the corners of a follower's body from the lead's path; NaN if unknown."""
+    truth, path = run.table(follower, "truth"), lead_path(run)
+    if path is None:
+        return np.full((4, len(truth)), np.nan)
+    near = path_feet(run, follower).station
+    body = bodies(truth, body_sizes(run)[follower])
+    found = [known_feet(path, east, north, near) for east, north in corners(body)]
+    return np.array([_of_vehicle(run, follower, one).lateral for one in found])
 
 
 @once

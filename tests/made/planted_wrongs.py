@@ -5,7 +5,8 @@ state it, or that it has no effect. A wrong that passes as good belongs here, wi
 """
 
 RUNS, RESULTS, CLI = "scenarios/runs", "scenarios/results", "scenarios/cli"
-PROCESSES, ACCOUNT = f"{RUNS}/processes", f"{RESULTS}/channel/test_account.py"
+PROCESSES, ACCOUNT = f"{RUNS}/processes", f"{RESULTS}/channel/test_link_account.py"
+LINKS = f"{RESULTS}/channel/test_links.py"
 UNJUDGED, CONDUCTOR = f"{RESULTS}/limits/test_unjudged.py", f"{PROCESSES}/test_conductor.py"
 MEMBERS, CLOCKS = f"{PROCESSES}/test_membership.py", f"{PROCESSES}/test_clock_sync.py"
 VEHICLE, LAUNCHER = f"{PROCESSES}/test_vehicle_process.py", f"{PROCESSES}/test_launcher.py"
@@ -21,9 +22,9 @@ WRONGS = {
     "events that began in a hole": f"{UNJUDGED}::test_events_that_began_in_a_hole_have_an_interval",
     "messages that never arrive": f"{ACCOUNT}::test_loss_is_the_share_of_sent_messages",
     "a slow network taken for a slow machine":
-        f"{ACCOUNT}::test_a_slow_network_is_not_blamed_on_the_machine",
+        f"{LINKS}::test_a_slow_network_is_not_blamed_on_the_machine",
     "late messages that hide a delay":
-        f"{ACCOUNT}::test_late_messages_do_not_hide_a_mean_delay_that_deviates",
+        f"{LINKS}::test_late_messages_do_not_hide_a_mean_delay_that_deviates",
     "verdicts that contradict the account":
         f"{ACCOUNT}::test_verdicts_that_contradict_the_account_fail_the_run",
     "messages out of order":

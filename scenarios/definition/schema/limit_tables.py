@@ -109,11 +109,9 @@ class LimitsTable(VehicleLimits):
     modes            deadlines for modes of followers
     sources          deadlines for the status of sources
     recovery         deadlines for recovery after a failure
-    holes_s_max      largest total time (s) for which messages that a limit judges may be missing
-                     in the log of a vehicle; beyond it the limit is not judged and the run has
-                     failed; by default 0
-    late_s_max       largest delay (s) with which a vehicle may be driven in real time; beyond it
-                     limits on the vehicle are not judged and the run has failed; by default 1 s
+    holes_s_max      largest total time (s) for which messages that a limit judges may be missing,
+                     by default 0; beyond it the limit is not judged and the run has failed
+    late_s_max       likewise the largest delay (s) of a vehicle in real time, by default 1 s
     after_collision  "end" the run with the collision that breaks the limit, or with the first
                      without a limit; or "continue". Default: "end" if collisions_max is given
     """

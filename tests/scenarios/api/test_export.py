@@ -88,8 +88,9 @@ def test_the_table_of_vehicles(exported: tuple[Path, SecondReading]) -> None:
             for column in ("true_error_m", "station_m", "true_gap_m"):
                 assert row[column] == ours.get(key, {}).get(column)
             if key in figures and row["true_error_m"] is not None and not reading.damaged:
-                assert row["true_error_m"] == known(figures[key].cross_track_error_m)
-                assert row["true_gap_m"] == known(figures[key].true_gap_m)
+                error_m = known(figures[key].cross_track_error_m)
+                assert row["true_error_m"] == pytest.approx(error_m, rel=1e-12)
+                assert row["true_gap_m"] == pytest.approx(known(figures[key].true_gap_m), rel=1e-12)
                 compared += 1
         assert compared > 50 or reading.damaged
 

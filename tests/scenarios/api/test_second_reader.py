@@ -77,11 +77,10 @@ def test_true_errors_and_gaps(both: tuple[convoy.Run, SecondReading]) -> None:
             ours = float(true.error_m[row]), float(true.gap_m[row])
             if reading.damaged and math.isnan(ours[0] + ours[1]):  # beside it
                 continue
-            assert ours == pytest.approx(
-                (deviation.cross_track_error_m, deviation.true_gap_m), abs=1e-3 * reading.damaged
-            )
+            theirs = deviation.cross_track_error_m, deviation.true_gap_m
+            assert ours == pytest.approx(theirs, rel=1e-12, abs=1e-3 * reading.damaged)
             compared += 1
-        assert compared >= 0.5 * len(rows)
+        assert compared >= 0.4 * len(rows)
 
 
 def test_places_along_the_path_of_the_lead(both: tuple[convoy.Run, SecondReading]) -> None:

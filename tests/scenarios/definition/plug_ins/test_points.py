@@ -389,5 +389,5 @@ def test_a_measure_that_fails_is_left_out_with_a_warning(module: Module, tmp_pat
     summary = run_virtual(load_scenario("lane_change", [*TWO, own]), tmp_path, Stop())
     assert summary.outcome == "completed"
     assert [line.partition(": holds() ")[2] for line in summary.warnings] == [
-        "raised ZeroDivisionError: division by zero; left out from then on"
+        "raised ZeroDivisionError: division by zero; left out"
     ] * 2
