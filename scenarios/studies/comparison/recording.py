@@ -1,7 +1,6 @@
-"""The comparison of several runs as one recording of Rerun."""
+"""The comparison of several runs as one recording of Rerun, an extra."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 from zlib import crc32
 
 import numpy as np
@@ -10,12 +9,10 @@ from scenarios.results.run_drawing import scene_of
 from scenarios.results.true_motion import BodySize, sizes_of
 from scenarios.studies.comparison.road import OffsetDifference, PlacedVehicle
 from scenarios.studies.comparison.runs import RunComparison, RunGroup
+from transport.picture.comparison import Placed, VehicleTrack, draw_tracks
 from transport.picture.option import RerunOption
 from transport.picture.view import OpenRecording
 from vehicles.car.parameters import LINCOLN_MKZ
-
-if TYPE_CHECKING:  # brings Rerun, an extra
-    from transport.picture.comparison import Placed, VehicleTrack
 
 
 def show_comparison(
@@ -29,16 +26,12 @@ def show_comparison(
     title = " · ".join(group.title for group in comparison.groups)
     identifier = f"compare-{crc32(paths.encode()):08x}"
     with OpenRecording(option, identifier, title) as picture:
-        if not picture.enabled:
-            return
         _draw(comparison, picture)
         if option.sink == "serve":
             wait(picture.destination)
 
 
 def _draw(comparison: RunComparison, picture: OpenRecording) -> None:
-    from transport.picture.comparison import draw_tracks  # noqa: PLC0415 - an extra
-
     first = comparison.groups[0]
     scene = scene_of(first.record.scenario, list(first.vehicles))
     differences = {(one.label, one.vehicle): one for one in comparison.positions}
@@ -55,9 +48,7 @@ def _draw(comparison: RunComparison, picture: OpenRecording) -> None:
 
 def _track(
     group: RunGroup, place: int, vehicle: PlacedVehicle, difference: OffsetDifference | None
-) -> "VehicleTrack":
-    from transport.picture.comparison import Placed, VehicleTrack  # noqa: PLC0415 - an extra
-
+) -> VehicleTrack:
     true, station = vehicle.true, vehicle.station_m
     curves = {
         "error": Placed(true.t_s, station, true.error_m),
@@ -81,10 +72,8 @@ def _track(
     )
 
 
-def _divergence(comparison: RunComparison) -> "Placed | None":
+def _divergence(comparison: RunComparison) -> Placed | None:
     """Time, station and place where a vehicle of the first group parts; None if none does."""
-    from transport.picture.comparison import Placed  # noqa: PLC0415 - an extra
-
     first = comparison.first
     if first is None or (row := first.parts) is None:
         return None
