@@ -35,7 +35,7 @@ from transport.picture.shapes import (
     points,
     road_marks,
 )
-from transport.picture.trajectories import consistent, lines_of
+from transport.picture.trajectories import lines_of
 from vehicles.schedule import MILLISECOND, SECOND
 
 CAR_NS = 40 * MILLISECOND
@@ -184,7 +184,7 @@ class RunPicture:
     def _draw_trajectories(self, trajectories: Columns) -> None:
         vehicle = trajectories.vehicle
         rows = self._due(vehicle, "trajectory", trajectories.at_ns, TRAJECTORY_NS)
-        drawn = consistent(trajectories.of(rows))
+        drawn = trajectories.of(rows)
         if not len(drawn):
             return
         self._send(f"world/trajectory/{vehicle}", drawn.at_ns, strips_of(*lines_of(drawn)))
