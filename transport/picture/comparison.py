@@ -27,7 +27,7 @@ CAR_STEP = 2  # True poses (50 Hz) per position of a car
 
 
 class Placed(NamedTuple):
-    """VehicleValues (N) at times (s after the start) and distances along the path (m)."""
+    """Values (N) at times (s after the start) and distances along the path (m)."""
 
     at_s: Floats
     station_m: Floats

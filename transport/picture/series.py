@@ -70,7 +70,7 @@ BAND_ALPHA = 70  # Opacity (of 255) of a band's line; bands overlap
 
 
 class PanelCurve(NamedTuple):
-    """VehicleValues of a panel under the name of a vehicle, a link, or a vehicle and a source."""
+    """Curve of a panel under the name of a vehicle, a link, or a vehicle and a source."""
 
     panel: str
     name: str
@@ -233,7 +233,7 @@ def _link(sender: str, receiver: str) -> tuple[str, str]:
 def _by_source(tracking: Columns, name: str) -> Iterator[tuple[str, Integers, Array]]:
     """Yield instants and values of each source that is neither lead nor predecessor.
 
-    VehicleValues are those of the field `name`, or the statuses for `other_sources`.
+    Values are those of the field `name`, or the statuses for `other_sources`.
     """
     texts = tracking["other_sources"]
     parts: defaultdict[str, list[tuple[Integers, Array]]] = defaultdict(list)
