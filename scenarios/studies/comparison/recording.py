@@ -51,11 +51,13 @@ def _track(
 ) -> VehicleTrack:
     true, station = vehicle.true, vehicle.station_m
     curves = {
-        "error": Placed(true.t_s, station, true.error_m),
-        "gap": Placed(true.t_s, station, true.gap_m),
+        "error": Placed.known(true.t_s, station, true.error_m),
+        "gap": Placed.known(true.t_s, station, true.gap_m),
     }
     if difference is not None:
-        curves["difference"] = Placed(difference.at_s, difference.station_m, difference.offset_m)
+        curves["difference"] = Placed.known(
+            difference.at_s, difference.station_m, difference.offset_m
+        )
     known = group.record.known_scenario
     starts = np.array([change.at_s for change in vehicle.modes])
     places = vehicle.station_at(np.maximum(starts, true.t_s[0]))
@@ -66,9 +68,10 @@ def _track(
         vehicle=vehicle.name,
         place=place,
         body=sizes_of(known)[vehicle.name] if known else BodySize.of(LINCOLN_MKZ),
-        poses=Placed(true.t_s, station, poses),
+        path=poses[:, :2],
+        poses=Placed.known(true.t_s, station, poses),
         curves=curves,
-        modes=Placed(starts, places, modes),
+        modes=Placed.known(starts, places, modes),
     )
 
 
@@ -81,4 +84,4 @@ def _divergence(comparison: RunComparison) -> Placed | None:
     vehicle = group.vehicles[first.vehicle]
     pose = int(np.abs(vehicle.true.t_s - first.at_s[row]).argmin())
     place = np.column_stack((vehicle.east_m, vehicle.north_m))[[pose]]
-    return Placed(first.at_s[[row]], first.station_m[[row]], place)
+    return Placed.known(first.at_s[[row]], first.station_m[[row]], place)
