@@ -17,7 +17,6 @@ from transport.picture.shapes import (
     car,
     draw_road,
     legend,
-    plan_frame,
     points,
 )
 
@@ -91,7 +90,6 @@ def draw_tracks(
     recording.send_blueprint(comparison_blueprint(scene, len(runs)))
     tag_m = Reach.of(scene).tag_m
     draw_road(recording, scene)
-    recording.log("world/plan", plan_frame(), static=True)
     followed = scene.vehicles[len(scene.vehicles) // 2]
     items: list[tuple[str, Colour]] = []
     for track in sorted(tracks, key=lambda one: (one.place, one.run)):

@@ -31,7 +31,6 @@ from transport.picture.shapes import (
     draw_road,
     legend,
     line_style,
-    plan_frame,
     points,
     road_marks,
 )
@@ -89,7 +88,6 @@ class RunPicture:
         self._largest_errors: dict[str, float] = {}
         self._marked: defaultdict[str, set[str]] = defaultdict(set)
         recording.send_blueprint(blueprint(scene, RunExtent(scene.duration_s)))
-        recording.log("world/plan", plan_frame(), static=True)
         for name in scene.vehicles:
             self._place(name)
         draw_road(recording, scene)
