@@ -18,7 +18,6 @@ from scenarios.definition.errors import require
 from scenarios.definition.scenario import Scenario
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.live import LiveRun, LiveValues
-from scenarios.results.run_drawing import open_drawing
 from scenarios.results.summary import RunSummary
 from scenarios.results.summary_columns import Column
 from scenarios.runs.observer import Observer, ProgressLines, Watcher
@@ -132,14 +131,15 @@ def displays(
     with recording_reported(lost), ExitStack() as stack:
         observers, watchers = list[Observer](), list[Watcher]()
         option = parse_rerun_option(display.rerun)
-        drawing = stack.enter_context(open_drawing(option, scenario, folder / LOG_NAME))
         if option.sink != "off":
+            from scenarios.results.run_drawing import open_drawing
+
+            drawing = stack.enter_context(open_drawing(option, scenario, folder / LOG_NAME))
             observers.append(drawing)
             watchers.append(drawing)
-        if drawing.destination and not display.quiet:
-            Console(stderr=True).print(
-                f"watch it: {drawing.destination}", soft_wrap=True, highlight=False, markup=False
-            )
+            if not display.quiet:
+                line = f"watch it: {drawing.destination}"
+                Console(stderr=True).print(line, soft_wrap=True, highlight=False, markup=False)
         if not display.quiet:
             progress = stack.enter_context(Progress(scenario))
             observers.append(progress)

@@ -91,9 +91,7 @@ def review(
     names = _in_order(reader) if scenario is None else list(scenario.vehicle_names)
     excerpt = excerpt.with_lead(names, reader.path)
     with _open(reader, option, scenario, names, excerpt) as view:
-        count = 0
-        if view.enabled:
-            count = _draw(reader, view, scenario, excerpt, progress)
+        count = _draw(reader, view, scenario, excerpt, progress)
         view.finish()
         if at_s is not None:
             view.show_at(at_s)
@@ -124,8 +122,13 @@ def _draw(
         if run is None:
             view.draw(Batch(start_ns=start, tables=tables))
         else:
-            shown = vehicles or run.names
-            view.draw(batch_of(run, found, tables, (span[0], span[1] + 1), shown))
+            shown = vehicles or {*run.names}
+            new = [
+                event
+                for event in found
+                if span[0] <= event.at_ns <= span[1] and not shown.isdisjoint(event.vehicles)
+            ]
+            view.draw(batch_of(run, new, tables, (span[0], span[1] + 1), shown))
         count += sum(map(len, tables.values()))
         progress(min((end - start) / max(reader.last_at - start, 1), 1.0))
         begin = end

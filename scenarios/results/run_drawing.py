@@ -1,7 +1,9 @@
-"""Draws a run with its true errors, gaps and events, live or from its log."""
+"""Draws a run with its true errors, gaps and events, live or from its log.
+
+Import this module only for a picture: it loads Rerun, an extra.
+"""
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
 from pathlib import Path
 from zlib import crc32
 
@@ -33,9 +35,9 @@ def batch_of(
     span: tuple[int, int],
     vehicles: Collection[str],
 ) -> Batch:
-    """Batch of a picture: `tables`, and errors, gaps and events from `span[0]` to before `span[1]`.
+    """Batch of a picture: `tables`, `events`, errors and gaps from `span[0]` to before `span[1]`.
 
-    Those of `vehicles` are drawn; instants are ns.
+    Errors and gaps are those of `vehicles`; instants are ns.
     """
     names = [name for name in run.followers if name in vehicles]
     return Batch(
@@ -43,11 +45,7 @@ def batch_of(
         tables=tables,
         errors=_values(run, true_errors, names, span),
         gaps=_values(run, true_gaps, names, span),
-        marks=[
-            Mark(event.kind, event.at_ns, event.place, event.vehicles)
-            for event in events
-            if span[0] <= event.at_ns < span[1] and not set(vehicles).isdisjoint(event.vehicles)
-        ],
+        marks=[Mark(event.kind, event.at_ns, event.place, event.vehicles) for event in events],
     )
 
 
@@ -87,8 +85,7 @@ class RunDrawing(Closing):
 
     def listen(self, at: int, message: Message) -> None:
         """Take a message recorded at an instant (ns)."""
-        if self._view.enabled:
-            self._collector.listen(at, message)
+        self._collector.listen(at, message)
 
     def update(self, live: LiveRun) -> None:
         self._last = live
@@ -97,15 +94,11 @@ class RunDrawing(Closing):
 
     def _draw(self, live: LiveRun, until: int) -> None:
         """Draw the rows before an instant (ns), and the events that are new."""
-        if not self._view.enabled:
-            return
         run, tables = live.window, self._rows_until(until)
         known = [event for event in live.events if event.at_ns < until]
         new = [event for event in known if event.key not in self._marked]
         self._marked |= {event.key for event in new}
-        batch = batch_of(run, (), tables, (self._until, until), self._vehicles)
-        marks = [Mark(event.kind, event.at_ns, event.place, event.vehicles) for event in new]
-        self._view.draw(replace(batch, marks=marks))
+        self._view.draw(batch_of(run, new, tables, (self._until, until), self._vehicles))
         self._until = until
 
     def _rows_until(self, until: int) -> dict[tuple[str, str], Columns]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from scenarios.results.events import EventKind
@@ -109,30 +108,22 @@ def link_name(row: LinkSummary) -> str:
     return f"{row.sender} → {row.receiver}"
 
 
-def _dropped(row: LinkSummary) -> str:
-    return _counts(row.dropped) or "0"
-
-
-def _not_arrived(row: LinkSummary) -> str:
-    causes = {word.replace("_", " "): count for word, count in row.not_arrived.items()}
-    return _counts(causes) or "0"
-
-
 def _altered(row: LinkSummary) -> str:
-    false = {f"false: {kind}": count for kind, count in row.false.items()}
-    return _counts({"copies": row.copies, **false}) or "0"
+    return _counts({"copies": row.copies, **{f"false: {kind}": n for kind, n in row.false.items()}})
 
 
 def _counts(counts: Mapping[str, int]) -> str:
-    return ", ".join(f"{count} {word}" for word, count in counts.items() if count)
+    """Counts above 0 with their kinds; "0" without any."""
+    return ", ".join(f"{count} {kind}" for kind, count in counts.items() if count) or "0"
 
 
 def _fresh_column(age_ms: str) -> Column[LinkSummary]:
     return Column(f"≤ {age_ms}\nms, %", lambda row: row.safe_time_ratio.get(age_ms), ".1f", 100.0)
 
 
+VEHICLE: Column[VehicleSummary] = Column("vehicle", lambda row: row.name, left=True)
 VEHICLE_COLUMNS: Sequence[Column[VehicleSummary]] = (
-    Column("vehicle", lambda row: row.name, left=True),
+    VEHICLE,
     Column(
         "true\nerror, cm\nmax / rms",
         lambda row: _pair(row.cross_track_error_m_max, row.cross_track_error_m_rms),
@@ -156,7 +147,7 @@ VEHICLE_COLUMNS: Sequence[Column[VehicleSummary]] = (
 )
 """True figures of each vehicle next to its estimates."""
 DETAIL_COLUMNS: Sequence[Column[VehicleSummary]] = (
-    Column("vehicle", lambda row: row.name, left=True),
+    VEHICLE,
     Column("largest\nerror\nat, s", lambda row: row.cross_track_error_max_at_s, ".2f"),
     Column("least\ngap\nat, s", lambda row: row.true_gap_min_at_s, ".2f"),
     Column(
@@ -173,7 +164,7 @@ DETAIL_COLUMNS: Sequence[Column[VehicleSummary]] = (
     Column("distance\nm", lambda row: row.distance_m, ".0f"),
 )
 PROCESS_COLUMNS: Sequence[Column[VehicleSummary]] = (
-    Column("vehicle", lambda row: row.name, left=True),
+    VEHICLE,
     Column("poses\nrecorded", lambda row: row.poses),
     Column("poses not\nrecorded", lambda row: row.missing_poses),
     Column("late\nticks", lambda row: row.late_ticks),
@@ -189,7 +180,7 @@ PROCESS_COLUMNS: Sequence[Column[VehicleSummary]] = (
 )
 """Poses of each vehicle in the log, and figures of its process."""
 REACTION_COLUMNS: Sequence[Column[VehicleSummary]] = (
-    Column("vehicle", lambda row: row.name, left=True),
+    VEHICLE,
     Column("mode\nchanges", lambda row: row.reaction.mode_changes),
     Column("recoveries", lambda row: row.reaction.recoveries),
     Column(
@@ -243,8 +234,8 @@ MESSAGE_COLUMNS: Sequence[Column[LinkSummary]] = (
     Column("delivered", lambda row: row.delivered, wraps=True),
     Column("late", lambda row: row.late, wraps=True),
     Column("reordered", lambda row: row.reordered, wraps=True),
-    Column("dropped", _dropped, wraps=True),
-    Column("not arrived", _not_arrived, wraps=True),
+    Column("dropped", lambda row: _counts(row.dropped), wraps=True),
+    Column("not arrived", lambda row: _counts(row.not_arrived).replace("_", " "), wraps=True),
     Column("in flight", lambda row: row.in_flight, wraps=True),
     Column("unrecorded", lambda row: row.unrecorded, wraps=True, optional=True),
     Column("copied or\naltered", _altered, wraps=True, optional=True),
@@ -289,14 +280,8 @@ def _gain_columns(signal: StringSignal) -> Iterator[Column[VehicleSummary]]:
     yield Column(f"from\n{head}", lambda row: first(row.string), ".2f", optional=True)
 
 
-def _own_columns(summary: RunSummary) -> Iterator[Column[VehicleSummary]]:
-    yield VEHICLE_COLUMNS[0]
-    for name in dict.fromkeys(name for row in summary.vehicles for name in row.own_figures):
-        yield Column(name, partial(_own_figure, name), ".4g")
-
-
-def _own_figure(name: str, row: VehicleSummary) -> float | None:
-    return row.own_figures.get(name)
+def _own_column(name: str) -> Column[VehicleSummary]:
+    return Column(name, lambda row: row.own_figures.get(name), ".4g")
 
 
 # ---- The tables of a summary
@@ -328,6 +313,7 @@ def tables_of(summary: RunSummary) -> Iterator[SummaryTable]:
     degraded = any(row.reaction != NO_REACTION or row.overrides for row in followers)
     link_news = any(has_link_news(row, summary.warnings) for row in links)
     gains = [column for signal in STRING_SIGNALS for column in _gain_columns(signal)]
+    own = dict.fromkeys(name for row in vehicles for name in row.own_figures)
     title = "string stability: gains in L2 / L∞; -: no more than noise"
     arrivals = "arrivals and age of data: mean / 95th percentile / max"
     process_news = any(map(_has_process_news, vehicles))
@@ -335,8 +321,8 @@ def tables_of(summary: RunSummary) -> Iterator[SummaryTable]:
         SummaryTable("vehicles", VEHICLE_COLUMNS, vehicles),
         SummaryTable("vehicles, details", DETAIL_COLUMNS, vehicles, is_news=False),
         SummaryTable("processes", PROCESS_COLUMNS, vehicles, process_news),
-        SummaryTable("own figures", [*_own_columns(summary)], vehicles),
-        SummaryTable(title, [VEHICLE_COLUMNS[0], *gains], followers, is_news=False),
+        SummaryTable("own figures", [VEHICLE, *map(_own_column, own)], vehicles),
+        SummaryTable(title, [VEHICLE, *gains], followers, is_news=False),
         SummaryTable(
             "degradation",
             REACTION_COLUMNS,

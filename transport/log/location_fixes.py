@@ -14,8 +14,8 @@ from mcap.reader import NonSeekingReader
 from mcap.records import Message
 
 from transport.log.errors import LogError
+from vehicles.schedule import SECOND
 
-SECOND = 1_000_000_000
 RECORD_BYTES_MAX = 2**28
 """Maximum length of a record; a larger one is damage."""
 

@@ -29,6 +29,7 @@ from mcap.writer import Writer
 
 from transport.columns import Array, Integers
 from transport.log.errors import LogError, UnwritableError
+from vehicles.schedule import SECOND
 
 MAGIC = b"\x89MCAP0\r\n"
 """An MCAP file begins and ends with these bytes (MCAP specification, section Magic)."""
@@ -44,7 +45,6 @@ LARGEST_RECORD = 2**30
 """Bytes; a larger stated size is damage."""
 MAX_LISTED = 3
 """Maximum number of damaged places that are listed."""
-SECOND = 1_000_000_000
 
 THINNED_NAME = "thinned"
 """Name of the metadata record with the maximum rates of thinned topics."""

@@ -9,7 +9,7 @@ from transport.columns import DEVIATION, Columns
 from transport.log.columns import read_columns
 from transport.log.errors import LogError
 from transport.log.mcap_file import REPAIRED, THINNED_NAME, McapFile
-from transport.topics import TOPICS, Topic, key
+from transport.topics import TOPICS, key
 from vehicles.messages import Message
 
 OF_DECISIONS = {"trajectory"}
@@ -62,19 +62,8 @@ class LogReader:
     ) -> Iterator[tuple[int, str, Message]]:
         """Yield (log time in ns, vehicle, message) in the order of the log.
 
-        `topics` and `vehicles` select messages; by default all are read.
+        `topics` and `vehicles` select messages; by default all are read. Raises LogError.
         """
-        for log_time, vehicle, topic, data in self.encoded_messages(topics, vehicles):
-            try:
-                message = decode(topic, data)
-            except RefusedMessageError as error:
-                raise LogError(f"{self.path}: /{key(vehicle, topic)}: {error}") from error
-            yield log_time, vehicle, message
-
-    def encoded_messages(
-        self, topics: Collection[str] | None = None, vehicles: Collection[str] | None = None
-    ) -> Iterator[tuple[int, str, Topic, bytes]]:
-        """Yield (log time in ns, vehicle, topic, Protobuf bytes), as `messages` does decoded."""
         wanted = self._channels(TOPICS if topics is None else topics, vehicles)
         for chunk in self.file.chunks:
             if chunk.channels.isdisjoint(wanted):
@@ -82,9 +71,15 @@ class LogReader:
             read = self.file.read([chunk])
             columns = read.channels, read.logged_at, read.starts, read.ends
             for channel, at, start, end in zip(*(c.tolist() for c in columns), strict=True):
-                if channel in wanted:
-                    vehicle, topic = wanted[channel]
-                    yield at, vehicle, TOPICS[topic], read.content[start:end]
+                if channel not in wanted:
+                    continue
+                vehicle, topic = wanted[channel]
+                try:
+                    message = decode(TOPICS[topic], read.content[start:end])
+                except RefusedMessageError as error:
+                    name = key(vehicle, TOPICS[topic])
+                    raise LogError(f"{self.path}: /{name}: {error}") from error
+                yield at, vehicle, message
 
     def _channels(
         self, topics: Collection[str], vehicles: Collection[str] | None

@@ -1,4 +1,4 @@
-"""What a picture receives: the scene once, then tables and figures batch by batch."""
+"""What a picture receives: the scene once, then tables and metrics batch by batch."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -36,7 +36,7 @@ class RunScene:
 
 
 class VehicleValues(NamedTuple):
-    """VehicleValues (N) of a figure of a vehicle at instants (ns) in order."""
+    """Values (N) of a metric of a vehicle at instants (ns) in order."""
 
     at_ns: Integers
     values: Floats

@@ -7,17 +7,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import rerun as rr
 
+from transport.columns import Array
 from transport.panels import PANELS, Colour, colour_of
 from transport.picture.batch import Floats, RunScene
 from transport.picture.layout import WORST, Reach, comparison_blueprint
-from transport.picture.rows import TIMELINE, frames_of
+from transport.picture.rows import TIMELINE, RowSender, frames_of
 from transport.picture.shapes import (
     CarShape,
     car,
     draw_road,
     legend,
-    line_style,
-    plan_frame,
     points,
 )
 
@@ -27,15 +26,24 @@ CAR_STEP = 2  # True poses (50 Hz) per position of a car
 
 
 class Placed(NamedTuple):
-    """VehicleValues (N) at times (s after the start) and distances along the path (m)."""
+    """Values (N) at places (N, 2): times (s after the start), distances along the path (m)."""
 
-    at_s: Floats
-    station_m: Floats
+    at: Floats
     values: Any
 
-    def times(self) -> list[rr.TimeColumn]:
-        since_start = np.round(self.at_s * 1e9).astype("timedelta64[ns]")
-        furthest = np.maximum.accumulate(self.station_m)  # a car that rolls back stays there
+    @classmethod
+    def known(cls, at_s: Floats, station_m: Floats, values: Any) -> "Placed":
+        """Values whose distances are known."""
+        rows = np.isfinite(station_m)
+        return cls(np.column_stack((at_s, station_m))[rows], values[rows])
+
+
+class PlacedSender(RowSender):
+    """Sends rows with a time and a distance."""
+
+    def times(self, at: Array) -> list[rr.TimeColumn]:
+        since_start = np.round(at[:, 0] * 1e9).astype("timedelta64[ns]")
+        furthest = np.maximum.accumulate(at[:, 1])  # a car that rolls back stays there
         return [
             rr.TimeColumn(TIMELINE, duration=since_start),
             rr.TimeColumn(PLACE_TIMELINE, sequence=np.round(furthest).astype(np.int64)),
@@ -46,15 +54,17 @@ class Placed(NamedTuple):
 class VehicleTrack:
     """One vehicle of the run `run` (A, B, …), at `place` in its convoy.
 
-    `body` is its length and width (m), and the distance of its middle ahead of its pose. `poses`
-    have rows of east and north in the common plane (m) and yaw (rad). `curves` are by quantity:
-    error, gap, and from the second run on the difference from the first one. `modes` begin there.
+    `body` is its length and width (m), and the distance of its middle ahead of its pose. `path` has
+    east and north in the common plane (m) of all poses, and `poses` also yaw (rad). `curves` are by
+    quantity: error, gap, and from the second run on the difference from the first one. `modes`
+    begin there.
     """
 
     run: str
     vehicle: str
     place: int
     body: tuple[float, float, float]
+    path: Floats
     poses: Placed
     curves: Mapping[str, Placed]
     modes: Placed
@@ -75,24 +85,29 @@ def draw_tracks(
 
     `divergence` is the place (east, north) at which two runs first differ, `text` Markdown.
     """
+    sender = PlacedSender(recording)
     runs = list(dict.fromkeys(track.run for track in tracks))
     recording.send_blueprint(comparison_blueprint(scene, len(runs)))
     tag_m = Reach.of(scene).tag_m
     draw_road(recording, scene)
-    recording.log("world/plan", plan_frame(), static=True)
     followed = scene.vehicles[len(scene.vehicles) // 2]
     items: list[tuple[str, Colour]] = []
     for track in sorted(tracks, key=lambda one: (one.place, one.run)):
         number = runs.index(track.run)
         colour = _colour(track.place, number)
-        _draw_car(recording, track, colour, tag_m if number else -tag_m)
-        _draw_curves(recording, track, colour, 1.5 if number else 2.5)
-        _draw_modes(recording, track)
+        _draw_car(sender, track, colour, tag_m if number else -tag_m)
+        for quantity, curve in track.curves.items():
+            entity = f"plots/{quantity}/{track.vehicle}/{track.run}"
+            width = 1.5 if number else 2.5
+            sender.curve(entity, *curve, track.label, colour, width=width)
+        if track.place:
+            entity = f"mode/{track.vehicle}_{track.run}"
+            sender.states(entity, *track.modes, PANELS["mode"].states)
         if track.vehicle == followed and not number:
-            _draw_positions(recording, ["world/convoy"], track, flip=True)
+            _draw_positions(sender, "world/convoy", track, flip=True)
         items.append((track.label, colour))
     if divergence is not None:
-        _draw_divergence(recording, divergence)
+        _draw_divergence(sender, divergence)
         items.append(("first divergence", WORST))
     recording.log("legend", legend(items), static=True)
     document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
@@ -107,70 +122,40 @@ def _colour(place: int, number: int) -> Colour:
     return red, green, blue
 
 
-def _draw_car(
-    recording: rr.RecordingStream, track: VehicleTrack, colour: Colour, tag_m: float
-) -> None:
+def _draw_car(sender: RowSender, track: VehicleTrack, colour: Colour, tag_m: float) -> None:
     name = f"{track.run}/{track.vehicle}"
     shapes = {
-        f"driven/{name}": rr.LineStrips2D.from_fields(strips=[track.poses.values[::CAR_STEP, :2]]),
+        f"driven/{name}": rr.LineStrips2D(
+            [track.path[::CAR_STEP]],
+            colors=[colour],
+            radii=rr.Radius.ui_points(1.0),
+            draw_order=5,
+        ),
         f"cars/{name}": car(CarShape(*track.body), colour),
         f"cars/{name}/dot": points(width=4.0, order=19, colour=colour, at=(0.0, 0.0)),
         f"names/{name}": points(order=30, colour=colour, text=track.label, at=(0.0, tag_m)),
     }
-    style = line_style(colour, width=1.0, order=5)
-    recording.log(f"world/driven/{name}", style, static=True)
     for entity, shape in shapes.items():
-        recording.log(f"world/{entity}", shape, static=True)
-    _draw_positions(recording, [f"world/cars/{name}", f"world/names/{name}"], track)
+        sender.style(f"world/{entity}", shape)
+    for branch in ("cars", "names"):
+        _draw_positions(sender, f"world/{branch}/{name}", track)
 
 
 def _draw_positions(
-    recording: rr.RecordingStream, entities: Sequence[str], track: VehicleTrack, flip: bool = False
+    sender: RowSender, entity: str, track: VehicleTrack, *, flip: bool = False
 ) -> None:
-    """Move frames with a vehicle."""
-    rows = np.flatnonzero(np.isfinite(track.poses.station_m))[::CAR_STEP]
-    placed = Placed(*(column[rows] for column in track.poses))
-    for entity in entities if rows.size else ():
-        frames = frames_of(placed.values, flip=flip)
-        recording.send_columns(entity, placed.times(), frames)
+    """Move a frame with a vehicle."""
+    at, poses = (column[::CAR_STEP] for column in track.poses)
+    if len(at):
+        sender.send(entity, at, frames_of(poses, flip=flip))
 
 
-def _draw_curves(
-    recording: rr.RecordingStream, track: VehicleTrack, colour: Colour, width: float
-) -> None:
-    style = rr.SeriesLines(colors=[colour], names=[track.label], widths=[width])
-    for quantity, curve in track.curves.items():
-        known = np.isfinite(curve.values) & np.isfinite(curve.station_m)
-        if known.any():
-            entity = f"plots/{quantity}/{track.vehicle}/{track.run}"
-            drawn = Placed(*(column[known] for column in curve))
-            recording.log(entity, style, static=True)
-            scalars = rr.Scalars.columns(scalars=drawn.values)
-            recording.send_columns(entity, drawn.times(), scalars)
-
-
-def _draw_modes(recording: rr.RecordingStream, track: VehicleTrack) -> None:
-    known = np.isfinite(track.modes.station_m)
-    if track.place and known.any():
-        modes = Placed(*(column[known] for column in track.modes))
-        entity, states = f"mode/{track.vehicle}_{track.run}", PANELS["mode"].states
-        names, colours = list(states), list(states.values())
-        style = rr.StateConfiguration(values=names, labels=names, colors=colours)
-        recording.log(entity, style, static=True)
-        changes = rr.StateChange.columns(state=modes.values.tolist())
-        recording.send_columns(entity, modes.times(), changes)
-
-
-def _draw_divergence(recording: rr.RecordingStream, first: Placed) -> None:
+def _draw_divergence(sender: RowSender, first: Placed) -> None:
     """Mark the first divergence in the plans and, on the zero line, in the plots of errors."""
-    text = f"first divergence, {first.station_m[0]:.0f} m"
+    text = f"first divergence, {first.at[0, 1]:.0f} m"
     (east, north), *_ = first.values.tolist()
     mark = points(width=7.0, order=40, colour=WORST, text=text, at=(east, north))
-    recording.log("world/divergence", mark, static=True)
-    point = rr.SeriesPoints(
-        colors=[WORST], markers=["Diamond"], names=["first divergence"], marker_sizes=[7.0]
-    )
+    sender.style("world/divergence", mark)
     for quantity in ("error", "difference"):
         entity = f"plots/{quantity}/divergence"
-        recording.log(entity, point, static=True)
-        recording.send_columns(entity, first.times(), rr.Scalars.columns(scalars=[0.0]))
+        sender.zero_marks(entity, first.at, "first divergence", (WORST, "Diamond", 7.0))

@@ -15,16 +15,16 @@ it in `plots/<quantity>/<vehicle>/<run>` and `mode/<vehicle>_<run>`.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint import encodings
 
-from transport.panels import PANELS, ROWS, Colour, Panel, Row, colour_of
+from transport.panels import PANELS, ROWS, Panel, Row, colour_of
 from transport.picture.batch import Floats, Road, RunScene
-from transport.picture.rows import TIMELINE
+from transport.picture.rows import TIMELINE, MarkStyle
 
 MAX_ALL_DETAILED = 12  # Largest convoy of which all vehicles are drawn in detail
 DETAILED = 8  # Number of vehicles of a longer convoy that are drawn in detail
@@ -46,7 +46,6 @@ def detailed(vehicles: Sequence[str]) -> tuple[str, ...]:
 # ---- Colours and sizes
 
 
-Shape = Literal["Asterisk", "Circle", "Cross", "Diamond", "Down", "Plus", "Right", "Square", "Up"]
 MARGIN_M = 6.0  # Margin of the moving view around the centre of a car
 FEW_VEHICLES = 5  # Largest convoy whose links and modes share one view
 MIN_TAG_M, TAG_PX = 4.0, 34.0  # Distance of a tag from its car, on the screen half its length
@@ -54,7 +53,7 @@ VIEW_WIDTH_PX, VIEW_HEIGHT_PX = 888.0, 260.0  # Least size of plans in 1600 × 1
 LEGEND_WIDTH, LEGEND_HEIGHT = 100.0, 7.4  # In its own unit, nearly nine pixels of 1600
 WORST = (0x00, 0xB4, 0xC8)
 
-EVENTS: dict[str, tuple[Colour, Shape, float]] = {
+EVENTS: dict[str, MarkStyle] = {
     "own": ((0xF0, 0x30, 0x90), "Right", 5.0),
     "overridden": ((0x8A, 0x8A, 0x50), "Circle", 5.0),
     "overspeed": ((0x00, 0x82, 0x64), "Up", 5.0),
@@ -71,7 +70,7 @@ EVENTS: dict[str, tuple[Colour, Shape, float]] = {
 }
 """Colours of events, readable on dark and light backgrounds and unlike those of the cars, and their
 shapes and sizes in the plots; the worst comes last and so above the others."""
-MARKS = {"change": ((0x00, 0x3C, 0xFF), "Circle", 5.0), **EVENTS}
+MARKS: dict[str, MarkStyle] = {"change": ((0x00, 0x3C, 0xFF), "Circle", 5.0), **EVENTS}
 
 
 class Reach(NamedTuple):

@@ -1,6 +1,7 @@
 """Arrays as columns of a recording, which cost a hundredth of single values."""
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
@@ -10,6 +11,8 @@ from transport.columns import Array, Integers
 from transport.panels import Colour
 from transport.picture.batch import Floats
 
+Shape = Literal["Asterisk", "Circle", "Cross", "Diamond", "Down", "Plus", "Right", "Square", "Up"]
+MarkStyle = tuple[Colour, Shape, float]  # The size is that in the plots
 TIMELINE = "run_time"  # Time since the start of the run; the timeline `time` has Unix time
 
 _NUMBER = pa.field("item", pa.float32(), nullable=False)
@@ -51,27 +54,72 @@ def packed(colours: list[Colour]) -> Array:
 
 
 class RowSender:
-    """Sends rows to a recording of a run that began at `start` (ns)."""
+    """Sends rows, curves and states to a recording of a run that began at `start` (ns)."""
 
     def __init__(self, recording: rr.RecordingStream) -> None:
         self.recording = recording
         self.start = 0
         self._styled: set[str] = set()
         self._periods: dict[tuple[str, str], int] = {}
+        self._states: dict[str, str] = {}
 
-    def send(self, entity: str, at: Integers, columns: rr.ComponentColumnList) -> None:
-        """Send rows with their instants (ns) on both timelines."""
-        times = [
+    def times(self, at: Array) -> list[rr.TimeColumn]:
+        """Both timelines at instants (ns)."""
+        return [
             rr.TimeColumn(TIMELINE, duration=(at - self.start).astype("timedelta64[ns]")),
             rr.TimeColumn("time", timestamp=at.astype("datetime64[ns]")),
         ]
-        self.recording.send_columns(entity, times, columns)
+
+    def send(self, entity: str, at: Array, columns: rr.ComponentColumnList) -> None:
+        """Send rows with their instants."""
+        self.recording.send_columns(entity, self.times(at), columns)
 
     def style(self, entity: str, style: rr.AsComponents) -> None:
         """Set the style of an entity once."""
         if entity not in self._styled:
             self._styled.add(entity)
             self.recording.log(entity, style, static=True)
+
+    def curve(
+        self,
+        entity: str,
+        at: Array,
+        values: Floats,
+        label: str,
+        colour: Colour,
+        *,
+        width: float = 1.5,
+    ) -> None:
+        """Draw the values of a curve; unknown ones are left out."""
+        known = np.isfinite(values)
+        if known.any():
+            self.style(entity, rr.SeriesLines(colors=[colour], names=[label], widths=[width]))
+            self.send(entity, at[known], rr.Scalars.columns(scalars=values[known]))
+
+    def zero_marks(self, entity: str, at: Array, label: str, style: MarkStyle) -> None:
+        """Draw marks on the zero line of a plot."""
+        colour, shape, size = style
+        point = rr.SeriesPoints(
+            colors=[colour], markers=[shape], names=[label], marker_sizes=[size]
+        )
+        self.style(entity, point)
+        self.send(entity, at, rr.Scalars.columns(scalars=np.zeros(len(at))))
+
+    def states(
+        self, entity: str, at: Array, states: Array, colours: Mapping[str, Colour], title: str = ""
+    ) -> None:
+        """Draw the changes of a state; `title` follows the state's name in the strip."""
+        if not len(states):
+            return
+        known = list(colours)
+        labels = [f"{state} · {title}" if title else state for state in known]
+        style = rr.StateConfiguration(values=known, labels=labels, colors=list(colours.values()))
+        self.style(entity, style)
+        before = np.concatenate((np.array([self._states.get(entity)], object), states[:-1]))
+        rows = np.flatnonzero(states != before)
+        self._states[entity] = states[-1]
+        if rows.size:
+            self.send(entity, at[rows], rr.StateChange.columns(state=states[rows].tolist()))
 
     def due(self, vehicle: str, entity: str, at: Integers, period: int) -> Integers:
         """First row of each period (ns) of rows that come in several batches; 0 picks all."""

@@ -31,11 +31,10 @@ from transport.picture.shapes import (
     draw_road,
     legend,
     line_style,
-    plan_frame,
     points,
     road_marks,
 )
-from transport.picture.trajectories import consistent, lines_of
+from transport.picture.trajectories import lines_of
 from vehicles.schedule import MILLISECOND, SECOND
 
 CAR_NS = 40 * MILLISECOND
@@ -89,7 +88,6 @@ class RunPicture:
         self._largest_errors: dict[str, float] = {}
         self._marked: defaultdict[str, set[str]] = defaultdict(set)
         recording.send_blueprint(blueprint(scene, RunExtent(scene.duration_s)))
-        recording.log("world/plan", plan_frame(), static=True)
         for name in scene.vehicles:
             self._place(name)
         draw_road(recording, scene)
@@ -184,7 +182,7 @@ class RunPicture:
     def _draw_trajectories(self, trajectories: Columns) -> None:
         vehicle = trajectories.vehicle
         rows = self._due(vehicle, "trajectory", trajectories.at_ns, TRAJECTORY_NS)
-        drawn = consistent(trajectories.of(rows))
+        drawn = trajectories.of(rows)
         if not len(drawn):
             return
         self._send(f"world/trajectory/{vehicle}", drawn.at_ns, strips_of(*lines_of(drawn)))
@@ -316,21 +314,16 @@ class RunPicture:
                 positions=places + right_m * np.column_stack((np.sin(yaw), -np.cos(yaw))),
                 labels=[mark.label for mark in some],
             )
-            entity, (colour, shape, size) = f"world/events/{kind}", MARKS[kind]
+            entity, colour = f"world/events/{kind}", MARKS[kind][0]
             self._sender.style(entity, points(width=6.0, order=40, colour=colour))
             self._send(entity, at, rr.Points2D.columns(positions=places))
             self._sender.style(f"{entity}/name", points(order=41, colour=colour))
             self._send(f"{entity}/name", at, names)
-            title = kind.replace("_", " ")
-            point = rr.SeriesPoints(
-                colors=[colour], markers=[shape], names=[title], marker_sizes=[size]
-            )
+            label = kind.replace("_", " ")
             plots = [_marked_plots(mark.vehicles[-1:]) for mark in some]
             for plot in dict.fromkeys(plot for of_mark in plots for plot in of_mark):
                 times = at[[plot in of_mark for of_mark in plots]]
-                zeros = rr.Scalars.columns(scalars=np.zeros(len(times)))
-                self._sender.style(f"{plot}/events/{kind}", point)
-                self._send(f"{plot}/events/{kind}", times, zeros)
+                self._sender.zero_marks(f"{plot}/events/{kind}", times, label, MARKS[kind])
 
     def _pose_at(self, vehicle: str, at: int) -> Floats | None:
         """East, north (m) and yaw (rad) of a vehicle at an instant (ns), if known."""

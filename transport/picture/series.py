@@ -4,7 +4,6 @@ import math
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
@@ -17,13 +16,12 @@ from transport.panels import (
     PANELS,
     SILENT,
     SLOW_CURVE_NS,
-    Colour,
     Panel,
     Series,
     colour_of,
     flagged,
 )
-from transport.picture.batch import BATCH_NS, Batch, Floats
+from transport.picture.batch import BATCH_NS, Batch
 from transport.picture.rows import RowSender
 from transport.topics import counts_as_loss
 from vehicles.messages import statuses_in
@@ -69,16 +67,6 @@ SIGMAS = 3.0  # Half-width of a band in standard deviations
 BAND_ALPHA = 70  # Opacity (of 255) of a band's line; bands overlap
 
 
-class PanelCurve(NamedTuple):
-    """VehicleValues of a panel under the name of a vehicle, a link, or a vehicle and a source."""
-
-    panel: str
-    name: str
-    label: str
-    colour: Colour
-    width: float = 1.5
-
-
 class PanelSeries:
     """Draws the fields of tables into the panels that show them."""
 
@@ -89,7 +77,6 @@ class PanelSeries:
         self._sender = sender
         self._detailed = detailed
         self._place_of = place_of
-        self._states: dict[str, str] = {}
         self._judged = Counter[tuple[str, str, int, str]]()
         self._following: dict[tuple[str, str], int] = {}  # next half second of each link
         self.link_troubles: defaultdict[str, float] = defaultdict(float)
@@ -104,22 +91,13 @@ class PanelSeries:
                     self._draw_panel(panel, columns)
         for panel_name, figures in (("cross_track", batch.errors), ("true_gap", batch.gaps)):
             for vehicle, figure in figures.items():
-                colour = colour_of(self._place_of(vehicle))
-                self._add(PanelCurve(panel_name, vehicle, vehicle, colour), *figure)
+                entity, colour = f"plots/{panel_name}/{vehicle}", colour_of(self._place_of(vehicle))
+                self._sender.curve(entity, *figure, vehicle, colour)
         for verdicts in batch.of_topic("verdict"):
             if verdicts.vehicle in self._detailed:
                 self._count(verdicts)
         for truth in batch.of_topic("truth"):
             self._draw_windows(truth.vehicle, int(truth.at_ns.max()))
-
-    def _add(self, curve: PanelCurve, at: Integers, values: Floats) -> None:
-        """Draw values of a curve at instants (ns); unknown ones are left out."""
-        known = np.isfinite(values)
-        if known.any():
-            entity = f"plots/{curve.panel}/{curve.name}"
-            colours, names, widths = [curve.colour], [curve.label], [curve.width]
-            self._sender.style(entity, rr.SeriesLines(colors=colours, names=names, widths=widths))
-            self._sender.send(entity, at[known], rr.Scalars.columns(scalars=values[known]))
 
     def _draw_panel(self, panel: Panel, columns: Columns) -> None:
         vehicle = columns.vehicle
@@ -143,12 +121,11 @@ class PanelSeries:
     ) -> None:
         name = f"{vehicle}/{series.name}" if series.name else vehicle
         if panel.kind == "states":
-            self._draw_states(panel, name, "", at, values)
+            self._sender.states(f"{panel.name}/{name}", at, values, panel.states)
             return
         label, colour = series.label_of(vehicle), series.colour_at(self._place_of(vehicle))
-        self._add(
-            PanelCurve(panel.name, name, label, colour, series.width), at, values * panel.factor
-        )
+        entity, drawn = f"plots/{panel.name}/{name}", values * panel.factor
+        self._sender.curve(entity, at, drawn, label, colour, width=series.width)
 
     def _draw_band(self, panel: Panel, series: Series, columns: Columns) -> None:
         """Draw a band of some standard deviations around a value."""
@@ -166,24 +143,6 @@ class PanelSeries:
             band = rr.Measurements.columns(values=values[rows], variances=width[rows] ** 2)
             self._sender.send(entity, columns.at_ns[rows], band)
 
-    def _draw_states(
-        self, panel: Panel, name: str, title: str, at: Integers, states: Array
-    ) -> None:
-        """Draw the changes of a state; `title` follows the state's name in the strip."""
-        if not len(states):
-            return
-        entity = f"{panel.name}/{name}"
-        known, colours = list(panel.states), list(panel.states.values())
-        labels = [f"{state} · {title}" if title else state for state in known]
-        self._sender.style(
-            entity, rr.StateConfiguration(values=known, labels=labels, colors=colours)
-        )
-        before = np.concatenate((np.array([self._states.get(entity)], object), states[:-1]))
-        rows = np.flatnonzero(states != before)
-        self._states[entity] = states[-1]
-        if rows.size:
-            self._sender.send(entity, at[rows], rr.StateChange.columns(state=states[rows].tolist()))
-
     # ---- Links
 
     def _count(self, verdicts: Columns) -> None:
@@ -200,7 +159,9 @@ class PanelSeries:
                 (sender, receiver, *judged)
                 for judged in zip(windows, states[rows].tolist(), strict=True)
             )
-            self._draw_states(PANELS["messages"], *_link(sender, receiver), at, states[rows])
+            name, title = _link(sender, receiver)
+            colours = PANELS["messages"].states
+            self._sender.states(f"messages/{name}", at, states[rows], colours, title)
 
     def _draw_windows(self, receiver: str, newest: int) -> None:
         """Draw the links to a receiver in each half second before its newest pose (ns)."""
@@ -219,10 +180,9 @@ class PanelSeries:
             losses = PANELS["loss"].factor * np.array([loss for _, loss in windows])
             name, title = _link(sender, receiver)
             self.link_troubles[name] += sum(TROUBLE.get(state, loss) for state, loss in windows)
-            self._draw_states(PANELS["links"], name, title, at, states)
-            self._add(
-                PanelCurve("loss", name, title, colour_of(self._place_of(receiver))), at, losses
-            )
+            self._sender.states(f"links/{name}", at, states, PANELS["links"].states, title)
+            colour = colour_of(self._place_of(receiver))
+            self._sender.curve(f"plots/loss/{name}", at, losses, title, colour)
 
 
 def _link(sender: str, receiver: str) -> tuple[str, str]:
@@ -233,7 +193,7 @@ def _link(sender: str, receiver: str) -> tuple[str, str]:
 def _by_source(tracking: Columns, name: str) -> Iterator[tuple[str, Integers, Array]]:
     """Yield instants and values of each source that is neither lead nor predecessor.
 
-    VehicleValues are those of the field `name`, or the statuses for `other_sources`.
+    Values are those of the field `name`, or the statuses for `other_sources`.
     """
     texts = tracking["other_sources"]
     parts: defaultdict[str, list[tuple[Integers, Array]]] = defaultdict(list)

@@ -26,11 +26,6 @@ class CarShape(NamedTuple):
     forward: float
 
 
-def plan_frame() -> rr.Transform3D:
-    """Frame of the plans, with north up."""
-    return rr.Transform3D(mat3x3=axes_of(np.zeros((1, 3)), 1.0, flip=True)[0].T)
-
-
 def line_style(colour: Colour, *, width: float, order: float) -> rr.LineStrips2D:
     """Style of a line that is logged in pieces; it is logged once to make each piece cheaper."""
     return rr.LineStrips2D.from_fields(
@@ -99,7 +94,9 @@ def legend(items: Sequence[tuple[str, Colour]]) -> rr.Points2D:
 
 
 def draw_road(recording: rr.RecordingStream, scene: RunScene) -> None:
-    """Draw the path of the lead and the edges of its lane, as far as known."""
+    """Draw the path of the lead and the edges of its lane, as far as known, with north up."""
+    frame = rr.Transform3D(mat3x3=axes_of(np.zeros((1, 3)), 1.0, flip=True)[0].T)
+    recording.log("world/plan", frame, static=True)
     if scene.path is None:
         return
     points = np.column_stack(scene.path)

@@ -1,7 +1,5 @@
 """Points of many composite trajectories at once."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from transport.columns import Columns, Integers, ranges
@@ -10,10 +8,8 @@ from vehicles.geometry.arc_spline import LONGEST_M
 
 SAGITTA_M = 0.01  # Largest distance of a drawn line from its trajectory
 MOST_STEPS = 1000.0  # Of a piece, whatever a message contains
-RATE = "piece_curvature_rate_per_m2"
 _START = ("east_m", "north_m", "yaw_rad", "curvature_per_m", "curvature_rate_per_m2", "length_m")
 PIECES = tuple(f"piece_{name}" for name in _START)
-SAMPLES = ("sample_east_m", "sample_north_m", "sample_source")
 
 
 def lines_of(trajectories: Columns) -> tuple[Integers, Floats]:
@@ -54,17 +50,3 @@ def lines_of(trajectories: Columns) -> tuple[Integers, Floats]:
     return np.bincount(row, counts, len(trajectories)).astype(np.int64), np.column_stack(
         (places.real, places.imag)
     )
-
-
-def consistent(trajectories: Columns) -> Columns:
-    """Trajectories whose lists fit together, with curvature rates, which old logs lack."""
-    lists = dict(trajectories.lists)
-    if not lists[RATE].values.size:
-        curvatures = lists["piece_curvature_per_m"]
-        lists[RATE] = curvatures._replace(values=np.zeros(curvatures.values.size))
-    fits = np.ones(len(trajectories), bool)
-    for first, *others in (PIECES, SAMPLES):
-        for other in others:
-            fits &= np.diff(lists[first].offsets) == np.diff(lists[other].offsets)
-    completed = replace(trajectories, lists=lists)
-    return completed if fits.all() else completed.of(fits)

@@ -1,6 +1,6 @@
 """The picture of a run in Rerun, at the destination that the user requests.
 
-Rerun itself (90 MB, half a second) is loaded only for a picture.
+Import this module only for a picture: Rerun takes 90 MB and half a second.
 """
 
 import os
@@ -9,6 +9,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlsplit
+
+import rerun as rr
+from rerun.experimental import ViewerClient
 
 from transport.closing import Closing
 from transport.picture import viewer_process
@@ -20,6 +23,7 @@ from transport.picture.option import (
     RerunOption,
     refuse_foreign_file,
 )
+from transport.picture.run_picture import RunPicture
 from transport.picture.viewer_process import ViewerError
 
 APPLICATION = "convoy"
@@ -31,51 +35,47 @@ FLUSH_TICK_S = 0.1
 
 
 class OpenRecording(Closing):
-    """A recording that is sent to the destination of `option`.
+    """A recording that is sent to the destination of `option`, which is not "off".
 
-    `destination` describes to the user where it is shown; `enabled` is False without a picture.
-    Raises ViewerError if the picture cannot be shown.
+    `destination` describes to the user where it is shown. Raises ViewerError if the picture cannot
+    be shown.
     """
 
     def __init__(self, option: RerunOption, recording_id: str, title: str = "") -> None:
-        self.destination = ""
-        self.enabled = option.sink != "off"
         self._is_saved = option.sink == "save"
         self._page: Any = None
-        self.recording: Any = None
         self._viewer = ""
-        if option.sink == "off":
-            return
-        import rerun as rr  # noqa: PLC0415 - see above
-
+        self._is_open = True
         self.recording = rr.RecordingStream(
             APPLICATION,
             recording_id=recording_id,
             batcher_config=rr.ChunkBatcherConfig(flush_tick=FLUSH_TICK_S),
         )
-        self._open(rr, option)
+        self.destination = self._open(option)
         if title:
             self.recording.send_recording_name(title)
 
-    def _open(self, rr: Any, option: RerunOption) -> None:
+    def _open(self, option: RerunOption) -> str:
+        """Send the recording to its destination, and return that."""
         match option.sink:
             case "save":
-                self.destination = option.target
                 refuse_foreign_file(option)
-                self.recording.set_sinks(_save(rr, option.target))
+                self.recording.set_sinks(_save(option.target))
+                return option.target
             case "connect":
-                self.destination = self._viewer = option.target
-                self.recording.set_sinks(_connect(rr, option.target))
+                self._viewer = option.target
+                self.recording.set_sinks(_connect(option.target))
+                return option.target
             case "spawn":
                 port = viewer_process.free_port(LOOPBACK, DATA_PORT)
                 viewer_process.start_native_viewer(port)
-                self.destination = "Rerun's viewer"
                 self._viewer = f"rerun+http://{LOOPBACK}:{port}/proxy"
                 self.recording.set_sinks(rr.GrpcSink(self._viewer))
+                return "Rerun's viewer"
             case _:
-                self._serve(rr, option)
+                return self._serve(option)
 
-    def _serve(self, rr: Any, option: RerunOption) -> None:
+    def _serve(self, option: RerunOption) -> str:
         address = option.address
         host = viewer_process.local_address(address)
 
@@ -95,15 +95,13 @@ class OpenRecording(Closing):
             return self._page is not None
 
         page_port = viewer_process.listen(address, option.page_port, PAGE_PORT, serve_page)
-        self.destination = f"http://{host}:{page_port}/?url={quote(data_url, safe='')}"
+        return f"http://{host}:{page_port}/?url={quote(data_url, safe='')}"
 
     def show_at(self, at_s: float) -> None:
         """Move the time cursor of the viewer to a time (s) after the start of the run.
 
         Raises ViewerError if the viewer does not do it.
         """
-        from rerun.experimental import ViewerClient  # noqa: PLC0415 - see above
-
         self.recording.flush(timeout_sec=LOG_FLUSH_S)
         deadline = time.monotonic() + CURSOR_S
         while True:
@@ -123,13 +121,13 @@ class OpenRecording(Closing):
         Raises UnwritableRecordingError if the file of a saved recording is incomplete.
         """
         failure = ""
-        if self.recording is not None:
-            recording, self.recording = self.recording, None
+        if self._is_open:
+            self._is_open = False
             try:
-                recording.flush(timeout_sec=FLUSH_S)
+                self.recording.flush(timeout_sec=FLUSH_S)
             except RuntimeError as error:  # a viewer that was closed is no failure
                 failure = str(error) if self._is_saved else ""
-            recording.disconnect()
+            self.recording.disconnect()
         if self._page is not None:
             viewer_process.stop(self._page)
             self._page = None
@@ -149,11 +147,7 @@ class RerunView(OpenRecording):
         self, option: RerunOption, *, recording_id: str, scene: RunScene, title: str = ""
     ) -> None:
         super().__init__(option, recording_id, title)
-        self._picture: Any = None
-        if self.enabled:
-            from transport.picture.run_picture import RunPicture  # noqa: PLC0415 - see above
-
-            self._picture = RunPicture(self.recording, scene)
+        self._picture: RunPicture | None = RunPicture(self.recording, scene)
 
     def draw(self, batch: Batch) -> None:
         if self._picture is not None:
@@ -171,7 +165,7 @@ class RerunView(OpenRecording):
         super().close()
 
 
-def _save(rr: Any, path: str) -> Any:
+def _save(path: str) -> Any:
     try:
         with Path(path).open("wb"):  # Rerun would only warn
             return rr.FileSink(path)
@@ -179,7 +173,7 @@ def _save(rr: Any, path: str) -> Any:
         raise ViewerError(f"{path}: cannot write the recording: {error.strerror}") from error
 
 
-def _connect(rr: Any, url: str) -> Any:
+def _connect(url: str) -> Any:
     parts = urlsplit(url)
     if not viewer_process.is_listening(parts.hostname or "", parts.port or DATA_PORT):
         raise ViewerError(f"{url}: no Rerun viewer listens there")

@@ -22,6 +22,7 @@ from scenarios.results.figure_style import (
 from scenarios.results.run_figures import ModeStrip, NotebookFigure, draw_curve, draw_strips
 from scenarios.studies.comparison.road import PlacedVehicle
 from scenarios.studies.comparison.runs import RunComparison, RunGroup
+from transport.log.errors import LogError
 
 MOST_SHOWN = 4
 """Followers with curves by default, those that differ most."""
@@ -37,15 +38,22 @@ TITLE_WIDTH = 100
 def draw_comparison(comparison: RunComparison, path: Path, vehicles: Sequence[str] = ()) -> None:
     """Draw a figure into a new file, PNG, SVG or PDF by its extension.
 
-    Raises FileExistsError, or ScenarioError for another extension.
+    Raises FileExistsError, ScenarioError for another extension, or LogError for unknown vehicles.
     """
     write_picture(comparison_figure(comparison, vehicles), path)
 
 
 @mpl.rc_context(STYLE)
 def comparison_figure(comparison: RunComparison, vehicles: Sequence[str] = ()) -> Figure:
-    """Draw the curves of `vehicles`, by default of the followers that differ most."""
-    shown = list(vehicles) or shown_followers(comparison)
+    """Draw the curves of `vehicles`, by default of the followers that differ most.
+
+    Raises LogError for vehicles that the first run of A does not hold.
+    """
+    first = comparison.groups[0]
+    if unknown := [name for name in vehicles if name not in first.vehicles]:
+        known = ", ".join(first.vehicles)
+        raise LogError(f"{first.record.log}: holds no vehicle {', '.join(unknown)}; it has {known}")
+    shown = list(vehicles) or most_different(comparison)
     strips = STRIP_IN * len(shown) * len(comparison.groups) + 0.3
     heights = (1.45, 1.2, 1.2, strips)
     figure = NotebookFigure(figsize=(PAGE_IN, sum(heights) + 1.6), layout="constrained")
@@ -68,46 +76,44 @@ def comparison_figure(comparison: RunComparison, vehicles: Sequence[str] = ()) -
     return figure
 
 
-def shown_followers(comparison: RunComparison) -> list[str]:
-    """Followers that differ most, in the order of the convoy."""
-    _, *followers = comparison.groups[0].vehicles
+def most_different(comparison: RunComparison) -> list[str]:
+    """Followers that differ most, in the order of the convoy; the lead if it drives alone."""
+    lead, *followers = comparison.groups[0].vehicles
     largest = dict.fromkeys(followers, 0.0)
     for one in comparison.positions:
         if one.vehicle in largest and (row := one.largest) is not None:
             largest[one.vehicle] = max(largest[one.vehicle], abs(float(one.offset_m[row])))
     worst = sorted(followers, key=lambda name: -largest[name])[:MOST_SHOWN]
-    return [name for name in followers if name in worst]
+    return [name for name in followers if name in worst] or [lead]
 
 
 def _draw_column(
     rows: Sequence[Axes], comparison: RunComparison, shown: Sequence[str], *, over_time: bool
 ) -> None:
-    errors, differences, gaps, _ = rows
-    names = list(comparison.groups[0].vehicles)
-    styles: dict[tuple[str, str], dict[str, Any]] = {
+    errors, differences, gaps, modes = rows
+    styles = {
         (group.label, name): {
-            "color": vehicle_colour(names.index(name)),
+            "color": colour,
             "linestyle": LINES[number % len(LINES)],
             "linewidth": 1.0 if number else 1.3,
             "alpha": 1.0 if number else 0.55,
         }
         for number, group in enumerate(comparison.groups)
-        for name in shown
-        if name in group.vehicles and name in names
+        for name, colour in _colours(comparison, shown).items()
     }
-    strips: list[ModeStrip] = []
-    span = (np.inf, -np.inf)
+    strips, places = [], []
     for group, vehicle in _shown(comparison, shown):
-        style = styles[group.label, vehicle.name]
-        along = vehicle.true.t_s if over_time else vehicle.station_m
-        draw_curve(errors, (along, vehicle.true.error_m), **style)
-        draw_curve(gaps, (along, vehicle.true.gap_m), **style)
-        span = min(span[0], np.nanmin(along)), max(span[1], np.nanmax(along))
-        edges = np.array([*(change.at_s for change in vehicle.modes), vehicle.true.t_s[-1]])
-        edges = edges if over_time else vehicle.station_at(np.maximum(edges, vehicle.true.t_s[0]))
-        modes = [change.mode for change in vehicle.modes]
-        strips.append(ModeStrip(f"{vehicle.name} {group.label}", edges.tolist(), modes))
-    draw_strips(rows[3], strips, span)
+        style, true = styles[group.label, vehicle.name], vehicle.true
+        along = true.t_s if over_time else vehicle.station_m
+        draw_curve(errors, (along, true.error_m), **style)
+        draw_curve(gaps, (along, true.gap_m), **style)
+        places.append(along)
+        edges = np.array([*(change.at_s for change in vehicle.modes), true.t_s[-1]])
+        edges = edges if over_time else vehicle.station_at(np.maximum(edges, true.t_s[0]))
+        names = [change.mode for change in vehicle.modes]
+        strips.append(ModeStrip(f"{vehicle.name} {group.label}", edges.tolist(), names))
+    everywhere = np.concatenate(places)  # NaN beside another road
+    draw_strips(modes, strips, (np.fmin.reduce(everywhere), np.fmax.reduce(everywhere)))
     for one in comparison.positions:
         if one.vehicle in shown:
             along = one.at_s if over_time else one.station_m
@@ -117,6 +123,11 @@ def _draw_column(
         along = first.at_s if over_time else first.station_m
         for axes in rows:
             axes.axvline(float(along[first.parts]), **MARK)
+
+
+def _colours(comparison: RunComparison, shown: Sequence[str]) -> dict[str, str]:
+    convoy = list(comparison.groups[0].vehicles)
+    return {name: vehicle_colour(convoy.index(name)) for name in shown}
 
 
 def _shown(
@@ -137,9 +148,8 @@ def _run_handles(comparison: RunComparison) -> Iterator[Line2D]:
 
 def _vehicle_handles(comparison: RunComparison, shown: Sequence[str]) -> Iterator[Line2D | Patch]:
     """Entries of the legend: vehicles, the first divergence, modes that occur."""
-    names = list(comparison.groups[0].vehicles)
-    for name in shown:
-        yield Line2D([], [], color=vehicle_colour(names.index(name)), label=name)
+    for name, colour in _colours(comparison, shown).items():
+        yield Line2D([], [], color=colour, label=name)
     if comparison.first:
         yield Line2D([], [], label="first divergence", **MARK)
     used = {change.mode for _, one in _shown(comparison, shown) for change in one.modes}

@@ -1,7 +1,6 @@
-"""The comparison of several runs as one recording of Rerun."""
+"""The comparison of several runs as one recording of Rerun, an extra."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 from zlib import crc32
 
 import numpy as np
@@ -10,12 +9,10 @@ from scenarios.results.run_drawing import scene_of
 from scenarios.results.true_motion import BodySize, sizes_of
 from scenarios.studies.comparison.road import OffsetDifference, PlacedVehicle
 from scenarios.studies.comparison.runs import RunComparison, RunGroup
+from transport.picture.comparison import Placed, VehicleTrack, draw_tracks
 from transport.picture.option import RerunOption
 from transport.picture.view import OpenRecording
 from vehicles.car.parameters import LINCOLN_MKZ
-
-if TYPE_CHECKING:  # brings Rerun, an extra
-    from transport.picture.comparison import Placed, VehicleTrack
 
 
 def show_comparison(
@@ -29,16 +26,12 @@ def show_comparison(
     title = " · ".join(group.title for group in comparison.groups)
     identifier = f"compare-{crc32(paths.encode()):08x}"
     with OpenRecording(option, identifier, title) as picture:
-        if not picture.enabled:
-            return
         _draw(comparison, picture)
         if option.sink == "serve":
             wait(picture.destination)
 
 
 def _draw(comparison: RunComparison, picture: OpenRecording) -> None:
-    from transport.picture.comparison import draw_tracks  # noqa: PLC0415 - an extra
-
     first = comparison.groups[0]
     scene = scene_of(first.record.scenario, list(first.vehicles))
     differences = {(one.label, one.vehicle): one for one in comparison.positions}
@@ -55,16 +48,16 @@ def _draw(comparison: RunComparison, picture: OpenRecording) -> None:
 
 def _track(
     group: RunGroup, place: int, vehicle: PlacedVehicle, difference: OffsetDifference | None
-) -> "VehicleTrack":
-    from transport.picture.comparison import Placed, VehicleTrack  # noqa: PLC0415 - an extra
-
+) -> VehicleTrack:
     true, station = vehicle.true, vehicle.station_m
     curves = {
-        "error": Placed(true.t_s, station, true.error_m),
-        "gap": Placed(true.t_s, station, true.gap_m),
+        "error": Placed.known(true.t_s, station, true.error_m),
+        "gap": Placed.known(true.t_s, station, true.gap_m),
     }
     if difference is not None:
-        curves["difference"] = Placed(difference.at_s, difference.station_m, difference.offset_m)
+        curves["difference"] = Placed.known(
+            difference.at_s, difference.station_m, difference.offset_m
+        )
     known = group.record.known_scenario
     starts = np.array([change.at_s for change in vehicle.modes])
     places = vehicle.station_at(np.maximum(starts, true.t_s[0]))
@@ -75,16 +68,15 @@ def _track(
         vehicle=vehicle.name,
         place=place,
         body=sizes_of(known)[vehicle.name] if known else BodySize.of(LINCOLN_MKZ),
-        poses=Placed(true.t_s, station, poses),
+        path=poses[:, :2],
+        poses=Placed.known(true.t_s, station, poses),
         curves=curves,
-        modes=Placed(starts, places, modes),
+        modes=Placed.known(starts, places, modes),
     )
 
 
-def _divergence(comparison: RunComparison) -> "Placed | None":
+def _divergence(comparison: RunComparison) -> Placed | None:
     """Time, station and place where a vehicle of the first group parts; None if none does."""
-    from transport.picture.comparison import Placed  # noqa: PLC0415 - an extra
-
     first = comparison.first
     if first is None or (row := first.parts) is None:
         return None
@@ -92,4 +84,4 @@ def _divergence(comparison: RunComparison) -> "Placed | None":
     vehicle = group.vehicles[first.vehicle]
     pose = int(np.abs(vehicle.true.t_s - first.at_s[row]).argmin())
     place = np.column_stack((vehicle.east_m, vehicle.north_m))[[pose]]
-    return Placed(first.at_s[[row]], first.station_m[[row]], place)
+    return Placed.known(first.at_s[[row]], first.station_m[[row]], place)

@@ -81,19 +81,19 @@ def test_batches_of_any_length_give_the_same_rows(drawn: Table, tmp_path: Path, 
     assert {**again, "/__properties": None} == {**drawn, "/__properties": None}
 
 
-def test_without_a_picture_rerun_is_not_loaded() -> None:
+def test_without_a_picture_rerun_is_not_loaded(tmp_path: Path) -> None:
     program = """
-import sys
-from transport.picture.batch import Batch, RunScene
-from transport.picture.option import parse_rerun_option
-from transport.picture.view import RerunView
-scene = RunScene(vehicles=("v1",))
-with RerunView(parse_rerun_option("off"), recording_id="x", scene=scene) as view:
-    view.draw(Batch(start_ns=0, tables={}))
-assert view.destination == ""
-assert not {"rerun", "rerun_bindings", "pyarrow"} & set(sys.modules)
+import contextlib, sys
+from scenarios.cli.main import cli
+with contextlib.suppress(SystemExit):
+    cli(["run", "lane_change", "--clock", "virtual", "--set", "duration_s=0.1", "--quiet"])
+assert {"mcap", "scenarios.cli.display"} < set(sys.modules)
+assert not {"rerun", "rerun_bindings"} & set(sys.modules)
 """
-    subprocess.run([sys.executable, "-c", program], check=True)
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
+    subprocess.run(
+        [sys.executable, "-c", program], check=True, cwd=tmp_path, env=environment, timeout=60
+    )
 
 
 def test_cars_are_drawn_at_their_true_poses(drawn: Table) -> None:

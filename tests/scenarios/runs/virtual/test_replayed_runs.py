@@ -13,7 +13,9 @@ from scenarios.results.log_summary import summary_of
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from tests.made.transport.changed_logs import changed_log
+from transport.codec import encode
 from transport.log.reader import LogReader
+from transport.topics import TOPIC_OF
 from vehicles.messages import GpsPose, Message, TruePose
 
 OVERRIDES = (
@@ -41,8 +43,8 @@ def sent(
     log: Path, vehicle: str, topics: Sequence[str] | None = None
 ) -> list[tuple[int, str, bytes]]:
     """Instants, topics and bytes of the messages of a vehicle, in order."""
-    rows = LogReader(log).encoded_messages(topics, (vehicle,))
-    return [(at, topic.name, data) for at, _, topic, data in rows]
+    rows = LogReader(log).messages(topics, (vehicle,))
+    return [(at, TOPIC_OF[type(message)].name, encode(message)) for at, _, message in rows]
 
 
 @pytest.mark.parametrize("replayed", [("v1",), ("v1", "v2"), ("v3",)])

@@ -15,6 +15,7 @@ from scenarios.results.log_summary import scenario_of, summary_of
 from scenarios.results.summary import RunSummary
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
+from scenarios.studies.comparison.figure import comparison_figure
 from scenarios.studies.comparison.metrics import metric_differences
 from scenarios.studies.comparison.runs import compare_runs, logs_of
 from tests.made.transport.changed_logs import changed_log
@@ -197,6 +198,7 @@ def test_positions_of_another_origin_are_moved(tmp_path: Path) -> None:
     assert float(one.north_m[0]) == pytest.approx(110.9, abs=0.2)
     assert np.isnan(one.offset_m).all()  # another road
     assert comparison.positions[0].offset_m.size == 0
+    assert comparison_figure(comparison).axes
 
 
 def test_a_drive_that_crosses_itself_stays_on_its_branch() -> None:
@@ -212,6 +214,9 @@ def test_a_drive_that_crosses_itself_stays_on_its_branch() -> None:
 
 def test_a_figure_is_written_once(whole: Path, shifted: Path, tmp_path: Path) -> None:
     out = tmp_path / "both.svg"
+    unknown = compare(whole, shifted, "-o", out, "--vehicles", "v2,v9")
+    assert unknown.exit_code == 2
+    assert unknown.stderr.endswith("run.mcap: holds no vehicle v9; it has v1, v2, v3\n")
     assert compare(whole, shifted, "-o", out).exit_code == 1
     assert out.read_bytes().startswith(b"<?xml")
     assert compare(whole, shifted, "-o", out).exit_code == 2
