@@ -112,7 +112,7 @@ def impossible_poses(pose: GpsPose) -> Iterator[Put]:
         {"seq": 2**64 - 1},
     ):
         yield here, encode(replace(pose, **fields))
-    yield here, encode(replace(as_current(pose), seq=2**63))
+    yield here, encode(replace(as_current(pose), seq=2**40))
 
 
 def false_starts_and_ends(others: dict[Topic, Message]) -> Iterator[Put]:
