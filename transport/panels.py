@@ -37,6 +37,9 @@ Any two of them are at least 0.12 apart in Oklab (Ottosson 2020).
 """
 
 
+ROAD: Colour = (0x6A, 0x6A, 0x6A)
+
+
 def colour_of(place: int) -> Colour:
     """Colour of the vehicle at `place` of the convoy; after twelve they repeat, darker."""
     if place == 0:

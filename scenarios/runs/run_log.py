@@ -215,13 +215,13 @@ class RunLog:
             summary = self._summary(self.reason)
             self._writer.attach(SUMMARY_NAME, "application/json", to_json(summary).encode())
             self._writer.close()
-        if summary is None or self._writer.broken:
+        if summary is None or self._writer.failure:
             self.reason = failure_reason(self.reason, [self._writer.failure])
             summary = self._summary(self.reason)
         try:
             write_summary(self._folder, summary)
         except LogError as error:  # no other summary than that in the log is written
-            if not self._writer.broken:
+            if not self._writer.failure:
                 self.reason = failure_reason(self.reason, [str(error)])
             summary = self._summary(self.reason)
         return summary

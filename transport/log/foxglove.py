@@ -6,7 +6,7 @@ name and is forward, left, up.
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
@@ -19,7 +19,7 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
-from transport.panels import PANELS, Colour, Panel, colour_of
+from transport.panels import PANELS, ROAD, Colour, Panel, colour_of
 from vehicles.geometry.arc_spline import points_along
 from vehicles.geometry.lanes import Points, lane_edges, simplified
 from vehicles.messages import CompositeTrajectory, GpsPose, LogText, Message, RunStart, TruePose
@@ -37,7 +37,6 @@ POSE_PERIOD_NS = 80 * MILLISECOND
 """True poses of every fourth control tick; our own topics contain all of them."""
 ONCE_NS = 2**62
 """Period of messages logged once."""
-ROAD: Colour = (0x6A, 0x6A, 0x6A)
 EDGE: Colour = (0xA0, 0xA0, 0xA0)
 _LEVELS = {**{name.lower(): level for name, level in Log.Level.items()}, "alert": Log.ERROR}
 
@@ -89,15 +88,12 @@ class Scene:
 
     def make_path(self, start: RunStart) -> PosesInFrame:
         """The lead's path as poses, for viewers without scene entities."""
-        poses = PosesInFrame(frame_id=FRAME_ID)
-        poses.timestamp.FromNanoseconds(start.start_at_ns)
-        if self.path is not None:
-            points = simplified(*self.path, spacing=DASHES_M).tolist()
-            for (east, north), (next_east, next_north) in pairwise(points):
-                pose = poses.poses.add()
-                yaw = math.atan2(next_north - north, next_east - east)
-                _set_pose(pose.position, pose.orientation, east, north, yaw)
-        return poses
+        points = simplified(*self.path, spacing=DASHES_M).tolist() if self.path else []
+        dashes = (
+            (east, north, math.atan2(next_north - north, next_east - east))
+            for (east, north), (next_east, next_north) in pairwise(points)
+        )
+        return _poses(start.start_at_ns, dashes)
 
 
 def _entity(update: Any, at: int, frame: str, name: str) -> Any:
@@ -125,6 +121,16 @@ def _paint(color: Any, colour: Colour) -> None:
 def _set_pose(position: Any, orientation: Any, east: float, north: float, yaw: float) -> None:
     position.x, position.y = east, north
     orientation.z, orientation.w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
+
+
+def _poses(at: int, points: Iterable[tuple[float, float, float]]) -> PosesInFrame:
+    """Poses of points with rows of east, north (m) and yaw (rad)."""
+    poses = PosesInFrame(frame_id=FRAME_ID)
+    poses.timestamp.FromNanoseconds(at)
+    for point in points:
+        pose = poses.poses.add()
+        _set_pose(pose.position, pose.orientation, *point)
+    return poses
 
 
 # ---- Standard messages
@@ -178,12 +184,7 @@ def _transform(truth: TruePose) -> FrameTransform:
 
 
 def _preview(trajectory: CompositeTrajectory) -> PosesInFrame:
-    poses = PosesInFrame(frame_id=FRAME_ID)
-    poses.timestamp.FromNanoseconds(trajectory.decided_at_ns)
-    for east, north, yaw in points_along(trajectory, PREVIEW_SPACING_M):
-        pose = poses.poses.add()
-        _set_pose(pose.position, pose.orientation, east, north, yaw)
-    return poses
+    return _poses(trajectory.decided_at_ns, points_along(trajectory, PREVIEW_SPACING_M))
 
 
 def _text(line: LogText) -> Log:

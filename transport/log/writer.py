@@ -83,7 +83,7 @@ class LogWriter(Closing):
         """Create the file; raises LogError. `rates_hz` are maximum rates by topic."""
         self._path = path
         self.failure = ""
-        """Why the file cannot be written."""
+        """Why the file cannot be written; empty if it can."""
         try:
             self._file = path.open("x+b")
             lock(self._file, path)
@@ -108,11 +108,6 @@ class LogWriter(Closing):
         if rates_hz:
             self.metadata(THINNED_NAME, {topic: f"{rate:g}" for topic, rate in rates_hz.items()})
 
-    @property
-    def broken(self) -> bool:
-        """True once the file cannot be written."""
-        return bool(self.failure)
-
     def write(self, log_time: int, message: Message, data: bytes | None = None) -> None:
         """Log one message and its standard messages.
 
@@ -121,7 +116,7 @@ class LogWriter(Closing):
         """
         topic, vehicle = TOPIC_OF[type(message)], message.vehicle
         valid_at: int = getattr(message, topic.instant)
-        if self.broken or not self._thinning.keeps(topic.name, vehicle, valid_at):
+        if self.failure or not self._thinning.keeps(topic.name, vehicle, valid_at):
             return
         own, others = self._channels.get((vehicle, topic.name)) or self._open(topic, vehicle)
         content = encode(message) if data is None else data
@@ -135,7 +130,7 @@ class LogWriter(Closing):
         self, log_time: int, vehicle: str, true_at: int, error: float, gap: float
     ) -> None:
         """Log the true error and gap (m, may be NaN) of a vehicle at an instant (ns)."""
-        if self.broken:
+        if self.failure:
             return
         if vehicle not in self._deviations:
             name = f"/convoy/{vehicle}/deviation"
@@ -181,20 +176,20 @@ class LogWriter(Closing):
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Attach a file with the log time of the last message."""
-        if self.broken:
+        if self.failure:
             return
         with self._named_failure():
             self._writer.add_attachment(0, self._log_time, name, media_type, data)
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write named text values; readers use the last record of a name."""
-        if self.broken:
+        if self.failure:
             return
         with self._named_failure():
             self._writer.add_metadata(name, dict(values))
 
     def flush(self) -> None:
-        if self.broken:
+        if self.failure:
             return
         self._chunk_ends_at = 0  # the next message begins a chunk
         with self._named_failure():

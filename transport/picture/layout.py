@@ -256,14 +256,16 @@ def _tabs(row: Row, scene: RunScene, extent: RunExtent) -> rrb.Tabs | None:
 def _plot(
     panel: Panel, extent: RunExtent, vehicle: str = "", **contents: Any
 ) -> rrb.TimeSeriesView:
-    """Plot of all vehicles, or of one. The legend view replaces its legend, which covers data."""
+    """Plot of all vehicles, or of one."""
     arguments = {"name": panel.heading(vehicle), **contents}
-    return rrb.TimeSeriesView(
-        origin=f"plots/{panel.name}/{vehicle}".rstrip("/"),
-        plot_legend=rrb.PlotLegend(visible=False),
-        axis_x=_whole_run(extent.duration_s),
-        **arguments,
-    )
+    origin = f"plots/{panel.name}/{vehicle}".rstrip("/")
+    return _time_series(origin, extent.duration_s, **arguments)
+
+
+def _time_series(origin: str, duration_s: float | None, **contents: Any) -> rrb.TimeSeriesView:
+    """Plot without its own legend, which covers data."""
+    hidden, axis = rrb.PlotLegend(visible=False), _whole_run(duration_s)
+    return rrb.TimeSeriesView(origin=origin, plot_legend=hidden, axis_x=axis, **contents)
 
 
 def _plots_of_followers(panel: Panel, scene: RunScene, extent: RunExtent) -> list[rrb.View]:
@@ -336,14 +338,8 @@ PLOTS = {
 def comparison_blueprint(scene: RunScene, runs: int) -> rrb.Blueprint:
     """Layout for several runs of the vehicles of a scene."""
     # On another timeline a fixed range would be one of nanoseconds.
-    time_axis, hidden = _whole_run(None), rrb.PlotLegend(visible=False)
-    plots = [
-        rrb.TimeSeriesView(
-            name=heading, origin=f"plots/{quantity}", plot_legend=hidden, axis_x=time_axis
-        )
-        for quantity, heading in PLOTS.items()
-    ]
-    modes = rrb.StateTimelineView(name="Modes", origin="mode", time_view=time_axis)
+    plots = [_time_series(f"plots/{name}", None, name=title) for name, title in PLOTS.items()]
+    modes = rrb.StateTimelineView(name="Modes", origin="mode", time_view=_whole_run(None))
     modes_share = min(2.0 + 0.6 * max(len(scene.vehicles) - 1, 1) * runs, 9.0)
     convoys = rrb.Spatial2DView(
         name="Convoys (driving to the right, A is faded)",

@@ -202,10 +202,9 @@ class RunPicture:
         It follows the middle of the detailed vehicles, and if that sends nothing the next vehicle
         towards an end of the convoy that does.
         """
-        known = {name: track for name, track in self._tracks.items() if len(track.at_ns)}
-        if not known or not at.size:
+        if not at.size:
             return
-        names, tracks = list(known), list(known.values())
+        names, tracks = list(self._tracks), list(self._tracks.values())
         poses = np.stack([track.poses[track.rows(at)] for track in tracks])
         seen = np.stack([track.at_ns[track.rows(at)] for track in tracks])
         sends = (seen <= at) & (at - seen <= SILENT_NS)  # (vehicles, instants)
@@ -328,7 +327,7 @@ class RunPicture:
     def _pose_at(self, vehicle: str, at: int) -> Floats | None:
         """East, north (m) and yaw (rad) of a vehicle at an instant (ns), if known."""
         track = self._tracks.get(vehicle)
-        return track.poses[int(track.rows(np.array(at)))] if track and len(track.at_ns) else None
+        return None if track is None else track.poses[int(track.rows(np.array(at)))]
 
     def _log_legend(self) -> None:
         """Show the colours of vehicles, of curves with their own colours, and of marks."""

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import rerun as rr
 
-from transport.panels import Colour
+from transport.panels import ROAD, Colour
 from transport.picture.batch import RunScene
 from transport.picture.layout import LEGEND_WIDTH
 from transport.picture.rows import axes_of
@@ -14,7 +14,7 @@ from vehicles.geometry.lanes import lane_edges as edges_of
 
 MARK_SPACING_M = 50.0
 MARK_CLEARANCE_M = 15.0  # Least distance between two marks: later laps have none
-ROAD, LANE_EDGE = (0x6A, 0x6A, 0x6A), (0x58, 0x58, 0x58)
+LANE_EDGE = (0x58, 0x58, 0x58)
 CHARACTER, ROW_HEIGHT = 0.95, 3.7  # Width and height (in the legend's unit)
 
 

@@ -123,7 +123,7 @@ def test_a_log_that_is_truncated_while_it_is_written_is_an_error(
             file.truncate(1_000_000)
     with pytest.raises(LogError, match=f"{path}: cannot write the log: "):
         log.close()
-    assert log.broken
+    assert log.failure
 
 
 def test_a_message_that_is_not_in_the_completed_file_is_missed(
