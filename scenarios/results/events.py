@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from scenarios.results.tables import RunTables, once
 from scenarios.results.true_motion import (
-    Flags,
-    Floats,
     Gaps,
     bodies,
     corners,
@@ -22,7 +20,7 @@ from scenarios.results.true_motion import (
     path_feet,
     sizes_of,
 )
-from transport.columns import Columns, Integers
+from transport.columns import Columns, Flags, Floats, Integers
 from vehicles.car.tyres import SLIDING_SHARE
 from vehicles.messages import statuses_in
 from vehicles.schedule import SECOND, nanoseconds

@@ -18,7 +18,6 @@ from scenarios.results.record import (
     AWAY_NS,
     FOREVER,
     LONGEST_STEP,
-    Flags,
     cut_off,
     end_of_record,
     final_health,
@@ -31,7 +30,7 @@ from scenarios.results.record import (
     scheduled,
 )
 from scenarios.results.tables import RunTables, once
-from transport.columns import Columns, Integers
+from transport.columns import Columns, Flags, Integers
 from vehicles.messages import Health
 from vehicles.schedule import MILLISECOND, SECOND
 

@@ -23,9 +23,9 @@ from scenarios.results.link_account import (
     absence_lines,
     away_lines,
 )
-from scenarios.results.record import Flags, last_health, pose_rate_hz, poses_of
+from scenarios.results.record import last_health, pose_rate_hz, poses_of
 from scenarios.results.tables import RunTables
-from transport.columns import Array, Columns, Integers
+from transport.columns import Array, Columns, Flags, Integers
 from transport.topics import counts_as_loss
 from vehicles.messages import statuses_in
 from vehicles.schedule import MILLISECOND, SECOND

@@ -21,14 +21,8 @@ from scenarios.results.events import (
     stops,
 )
 from scenarios.results.tables import Collector, RunTables
-from scenarios.results.true_motion import (
-    Floats,
-    at_instants,
-    cross_track_error,
-    gaps,
-    path_feet,
-)
-from transport.columns import Columns, joined
+from scenarios.results.true_motion import at_instants, cross_track_error, gaps, path_feet
+from transport.columns import Columns, Floats, joined
 from transport.topics import counts_as_loss
 from vehicles.messages import (
     Change,

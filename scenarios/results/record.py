@@ -7,20 +7,18 @@ from math import ceil
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from scenarios.definition.changes import VEHICLE_CHANGES, is_changed
 from scenarios.definition.schema.change_tables import CrashTable
 from scenarios.results.tables import RunTables
-from transport.columns import Columns, Integers
+from transport.columns import Columns, Flags, Integers
 from vehicles.messages import Health
 from vehicles.schedule import SECOND, instant, nanoseconds
 
 HoleKind = Literal["pose", "true pose"]
 RecordKind = Literal["true pose", "decision"]
 """Messages of which figures, events and limits are made."""
-Flags = NDArray[np.bool_]
 USUAL_RATE_HZ = 20.0
 LONGEST_STEP = 1.5
 """Time, in control periods, between two decisions or true poses without a hole."""

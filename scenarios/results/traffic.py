@@ -26,8 +26,8 @@ from scenarios.results.events import (
     spans,
 )
 from scenarios.results.tables import RunTables, once
-from scenarios.results.true_motion import Flags, Floats, at_instants, gaps
-from transport.columns import Integers
+from scenarios.results.true_motion import at_instants, distances, gaps
+from transport.columns import Flags, Floats, Integers
 from vehicles.driver.controller import SpacingPolicy
 from vehicles.messages import Override
 from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
@@ -190,7 +190,8 @@ def _falling_behind(
 def _gap_excess(run: RunTables, follower: str, ahead: str) -> Floats:
     """Gap (m) to a vehicle beyond that which law and data age explain, NaN where unknown."""
     own = motion(run, follower)
-    apart = gaps(run, follower, "" if ahead == run.ahead(follower) else ahead)
+    is_next = ahead == run.ahead(follower)
+    apart = gaps(run, follower) if is_next else distances(run, ahead, follower)
     gap = at_instants(own.at_ns, apart.at_ns, apart.distance)
     desired = _desired_gap(run, own.speed, gap)
     excess: Floats = gap - (desired + ALLOWED_GAP_M + ALLOWED_HEADWAY_S * own.speed)

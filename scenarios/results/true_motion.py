@@ -12,12 +12,9 @@ from numpy.typing import NDArray
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.tables import RunTables, common, once
-from transport.columns import Columns, Integers
+from transport.columns import Columns, Flags, Floats, Integers
 from vehicles.car.parameters import VehicleParameters
 from vehicles.schedule import SECOND
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 # ---- Feet of points on a path
 
@@ -337,9 +334,9 @@ class Gaps(NamedTuple):
 
 
 @once
-def gaps(run: RunTables, follower: str, ahead: str = "") -> Gaps:
+def gaps(run: RunTables, follower: str) -> Gaps:
     """True gap of a follower to the body ahead, at instants with poses of both."""
-    return distances(run, ahead or run.ahead(follower), follower)
+    return distances(run, run.ahead(follower), follower)
 
 
 def distances(run: RunTables, first: str, second: str, within_m: float = np.inf) -> Gaps:

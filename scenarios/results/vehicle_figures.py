@@ -17,8 +17,8 @@ from scenarios.results.record import missing_poses, poses_of, silent_from_s
 from scenarios.results.string_figures import NO_STRING, StringFigures, string_figures
 from scenarios.results.tables import RunTables, common, once
 from scenarios.results.traffic import overrides
-from scenarios.results.true_motion import Floats, cross_track_error, gaps, road_error
-from transport.columns import Columns, Integers
+from scenarios.results.true_motion import cross_track_error, gaps, road_error
+from transport.columns import Columns, Floats, Integers
 from vehicles.car.tyres import SLIDING_SHARE, linear_range
 
 
