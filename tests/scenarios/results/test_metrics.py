@@ -198,6 +198,7 @@ def test_figures_of_a_link_follow_from_its_verdicts() -> None:
         "v2",
         "v3",
         *(gps("v2", seq) for seq in range(6)),
+        *(tracking("v3", seq) for seq in range(36)),
         verdict("v2", "v3", 0, latency_ms=30.0),
         verdict("v2", "v3", 1, dropped="loss"),
         verdict("v2", "v3", 2, latency_ms=50.0),
