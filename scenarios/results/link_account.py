@@ -289,7 +289,7 @@ def _missing(record: _Record, account: LinkAccount) -> _Missing:
     is_missing = np.ones(sent, bool)
     is_missing[judged[(judged >= 0) & (judged < sent)]] = False
     numbers = np.flatnonzero(is_missing)
-    sent_at = sending_instants(sender.poses, sent, run.start_at or 0)[numbers]
+    sent_at = sending_instants(sender.poses, sent, run.beginning)[numbers]
     largest = int(account.latencies.max(initial=0)) + TRANSIT_NS
     return _Missing(replace(account, sent=sent), numbers, sent_at, sent_at + largest)
 
@@ -321,7 +321,7 @@ def _fates(record: _Record, missing: _Missing, hidden: Flags) -> list[MissingVer
     decided_at, final = record.vehicles[receiver].decided_at, record.vehicles[receiver].final
     lists_arrivals = final is not None and len(delays) > 0
     may_arrive = due_at >= record.end_at - TRANSIT_NS
-    if final is not None and len(delays):  # the last report lists what had arrived
+    if final is not None and lists_arrivals:  # the last report lists what had arrived
         longest = delays.max() // RESOLUTION_NS * RESOLUTION_NS
         may_arrive = sent_at + longest >= final.reported_at_ns + LAST_LOOK_NS
     begun_at, judged = run.start_at or record.end_at, account.verdicts["pose_seq"]

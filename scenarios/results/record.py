@@ -113,12 +113,11 @@ def seen_before(run: RunTables, topic: str, vehicles: Iterable[str], at: int) ->
 
     None if the messages of `topic` of all `vehicles` were recorded just before.
     """
-    start_at = run.start_at or 0
     return min(
         (
             gap.before
             for name in vehicles
-            for gap in gaps(run.table(name, topic), begin=start_at)
+            for gap in gaps(run.table(name, topic), begin=run.beginning)
             if gap.before < at <= gap.after
         ),
         default=None,
@@ -316,7 +315,7 @@ def missing_poses(run: RunTables, name: str) -> int:
 
 def pose_holes(run: RunTables, name: str) -> list[RecordHole]:
     """Holes in the poses of a vehicle, up to its end or that of the run."""
-    poses, rate_hz, start_at = poses_of(run, name), pose_rate_hz(run, name), run.start_at or 0
+    poses, rate_hz, start_at = poses_of(run, name), pose_rate_hz(run, name), run.beginning
     if rate_hz is None:
         return [
             _hole(name, gap, gap.before - start_at, gap.after - start_at)
@@ -358,7 +357,7 @@ def unseen(run: RunTables) -> tuple[UnseenSpan, ...]:
 
 
 def _unseen(run: RunTables, name: str) -> Iterator[UnseenSpan]:
-    start_at, truth = run.start_at or 0, run.table(name, "truth")
+    start_at, truth = run.beginning, run.table(name, "truth")
     spans: list[tuple[RecordKind, Gap]] = [
         *(("true pose", gap) for gap in gaps(truth, begin=start_at)),
         *(("decision", gap) for gap in gaps(run.table(name, "tracking"), begin=start_at)),
