@@ -259,9 +259,9 @@ def lost_paths(run: RunTables, follower: str) -> Iterator[Event]:
 def source_statuses(run: RunTables, follower: str) -> Mapping[str, NDArray[np.object_]]:
     """Status of each source of a follower at its decisions (N), "" where it has none."""
     tracking, ahead = run.table(follower, "tracking"), run.ahead(follower)
-    statuses = {run.lead: tracking["lead_status"]}
+    statuses = {run.lead: tracking["lead_status"].copy()}
     if ahead != run.lead:
-        statuses[ahead] = tracking["predecessor_status"]
+        statuses[ahead] = tracking["predecessor_status"].copy()
     others = tracking["other_sources"]
     for text in set(others.tolist()) - {""}:
         rows = others == text

@@ -156,10 +156,14 @@ def _along(path: Polyline, chord: NDArray[np.intp], east: Floats, north: Floats)
 
 
 def known_feet(path: Polyline, east: Floats, north: Floats, near: Floats) -> Feet:
-    """Feet on the lead's path; NaN beyond its end, at its holes, and before an unknown start."""
+    """Feet on the lead's path; NaN beyond its end, at its holes, and before an unknown start.
+
+    Points whose station `near` is NaN have none.
+    """
     chord, (station, lateral) = _feet(path, east, north, near)
     unknown = (station > path.station[-1] + path.length[-1]) | path.hole[chord]
     unknown |= (station < 0.0) & (not path.from_start)
+    unknown |= np.isnan(near)
     return Feet(np.where(unknown, np.nan, station), np.where(unknown, np.nan, lateral))
 
 
