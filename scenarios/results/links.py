@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from math import sqrt
+from math import inf, sqrt
 from statistics import NormalDist
 from typing import Any, NamedTuple
 
@@ -99,9 +99,7 @@ def mean_length(lengths: NDArray[np.int_], confidence: float) -> ConfidenceInter
     scatter = (count * second - first * first) / (count * (count - 1)) if count > 1 else 0.0
     spread = sqrt(max(scatter, mean * (mean - 1.0))) / sqrt(count)
     half = quantile_of_normal(confidence) * spread
-    return ConfidenceInterval(
-        mean, max(1.0, mean - half), mean + half if count > 1 else float("inf")
-    )
+    return ConfidenceInterval(mean, max(1.0, mean - half), mean + half if count > 1 else inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,13 +286,13 @@ class SourceAges(NamedTuple):
 
 def source_ages(run: RunTables, receiver: str) -> dict[str, SourceAges]:
     """Ages of the sources of a follower; none of the lead."""
-    if receiver == run.names[0]:
+    if receiver == run.lead:
         return {}
-    tracking, ahead = run.table(receiver, "tracking"), run.names[run.names.index(receiver) - 1]
+    tracking, ahead = run.table(receiver, "tracking"), run.ahead(receiver)
     at, ages = tracking.at_ns, _other_ages(tracking)
-    if ahead != run.names[0]:
+    if ahead != run.lead:
         ages[ahead] = SourceAges(tracking["predecessor_age_s"], tracking["predecessor_status"], at)
-    ages[run.names[0]] = SourceAges(tracking["lead_age_s"], tracking["lead_status"], at)
+    ages[run.lead] = SourceAges(tracking["lead_age_s"], tracking["lead_status"], at)
     return ages
 
 
@@ -425,7 +423,7 @@ def _summary(
         loss_ratio_high=loss.high,
         burst_messages_mean=burst.value if burst else None,
         burst_messages_low=burst.low if burst else None,
-        burst_messages_high=burst.high if burst else None,
+        burst_messages_high=burst.high if burst and burst.high < inf else None,
         burst_messages_max=longest,
         latency_ms_mean=mean,
         latency_ms_low=None if mean is None else mean - half,
