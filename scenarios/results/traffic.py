@@ -25,6 +25,7 @@ from scenarios.results.events import (
     place_at,
     spans,
 )
+from scenarios.results.record import FOREVER
 from scenarios.results.tables import RunTables, once
 from scenarios.results.true_motion import at_instants, distances, gaps
 from transport.columns import Flags, Floats, Integers
@@ -34,7 +35,6 @@ from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
 
 PERIOD_NS = 100 * MILLISECOND
 """Period of the judged instants."""
-FOREVER = 2**62
 LONGEST_STEP_NS = 250 * MILLISECOND
 """Longest time between two poses from which an acceleration is computed."""
 
@@ -182,7 +182,7 @@ def _falling_behind(
     was_close = np.zeros(len(ahead), bool)
     close = known & (excess <= 0.0)
     for rows in np.split(np.arange(len(ahead)), np.searchsorted(own.at_ns, sorted(resets))):
-        was_close[rows] = np.maximum.accumulate(close[rows]) if len(rows) else False
+        was_close[rows] = np.maximum.accumulate(close[rows])
     values = np.where(was_close & known, excess, 0.0)
     yield from _lasting(run, "falls_behind", follower, values, known, BEHIND_NS)
 
@@ -277,8 +277,8 @@ class Overrides(NamedTuple):
 def overrides(run: RunTables, follower: str) -> Overrides:
     """Shares of the time in which the guard overrode the longitudinal law of a follower."""
     command = run.table(follower, "command")
-    reasons = command["override"][command.at_ns >= run.beginning + SETTLING_NS]
-    at = command.at_ns[command.at_ns >= run.beginning + SETTLING_NS]
+    command = command.of(command.at_ns >= run.beginning + SETTLING_NS)
+    at, reasons = command.at_ns, command["override"]
     if not len(reasons):
         return Overrides(None, {}, 0, 0.0)
     (rows,) = np.nonzero(reasons != "")

@@ -100,7 +100,6 @@ class ProgressLines:
         self._names = scenario.vehicle_names
         self._duration_s = scenario.duration_s
         self._report = report
-        self._every_s = LINE_EVERY_S
         self._drawn = 0.0
 
     def listen(self, _at: int, text: Message) -> None:
@@ -111,12 +110,10 @@ class ProgressLines:
 
     def update(self, live: LiveRun) -> None:
         now = time.monotonic()
-        if now - self._drawn >= self._every_s:
+        if now - self._drawn >= LINE_EVERY_S:
             self._drawn = now
-            self._show(live)
-
-    def _show(self, live: LiveRun) -> None:
-        self._report(f"{self._title(live)} · {self._of_all(live)}")
+            time_text = f"{live.seconds:.1f} of {self._duration_s:.1f} s"
+            self._report(f"{time_text} · {self._of_all(live)}")
 
     def _of_all(self, live: LiveRun) -> str:
         """Format the worst metrics of all vehicles, and the sums of their messages."""
@@ -137,6 +134,3 @@ class ProgressLines:
             f"largest true error now {now * 100:.1f} cm, so far {largest * 100:.1f} cm{min_gap}"
             f" · delivered {delivered} · dropped {dropped} · late {late}"
         )
-
-    def _title(self, live: LiveRun) -> str:
-        return f"{live.seconds:.1f} of {self._duration_s:.1f} s"
