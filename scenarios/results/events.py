@@ -80,6 +80,12 @@ def spans(at: Integers, holds: Flags, quiet_ns: int | None = None) -> list[tuple
     return list(zip(firsts.tolist(), lasts.tolist(), strict=True))
 
 
+def begins(holds: Flags) -> Flags:
+    """Whether a condition begins to hold in each row."""
+    first: Flags = holds & ~np.append(False, holds[:-1])
+    return first
+
+
 def seconds_between(at: Integers, first: int, last: int) -> float:
     return int(at[last] - at[first]) / SECOND
 

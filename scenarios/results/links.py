@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scenarios.definition.changes import changed_links
 from scenarios.definition.channel.build import ExpectedChannel, expected_channel
 from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.results.events import begins
 from scenarios.results.link_account import (
     CAUSE_WORDS,
     LONGEST_NS,
@@ -147,8 +148,6 @@ ROUNDING_MS = 0.01
 """Delays are whole nanoseconds, and counted to 10 µs."""
 OF_VEHICLES = {"transmitter_off", "receiver_off"}
 """Reasons of a vehicle rather than of the link."""
-MOST_WORDS, OTHER_WORD = 50, "other"
-"""Number of distinct reasons counted; further ones share OTHER_WORD."""
 SILENT_LINK_S = 1.0
 """A link without loss that delivers nothing for this time is reported."""
 
@@ -321,9 +320,8 @@ def false_alarms(ages: SourceAges, until: int) -> int | None:
     """
     if (ages.status == "unheard").all():
         return None
-    is_lost = ages.status == "lost"
-    begins = is_lost & ~np.append(False, is_lost[:-1])
-    return int((begins & (ages.at_ns <= until)).sum())
+    is_newly_lost = begins(ages.status == "lost")
+    return int((is_newly_lost & (ages.at_ns <= until)).sum())
 
 
 def carried_losses(account: LinkAccount) -> Flags:
@@ -450,12 +448,8 @@ def _spread_figures(name: str, times_ns: Integers) -> dict[str, Any]:
 
 
 def _counts(words: Array) -> dict[str, int]:
-    """Count words in alphabetical order; rare ones beyond MOST_WORDS share OTHER_WORD."""
-    counts = Counter[str](words.tolist())
-    frequent = dict(counts.most_common(MOST_WORDS))
-    if len(counts) > MOST_WORDS:
-        frequent[OTHER_WORD] = counts.total() - sum(frequent.values())
-    return dict(sorted(frequent.items()))
+    """Count words in alphabetical order."""
+    return dict(sorted(Counter(words.tolist()).items()))
 
 
 def _mean_ms(times_ns: Integers) -> float | None:

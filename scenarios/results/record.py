@@ -190,20 +190,15 @@ def planned_ns(run: RunTables) -> int:
     return nanoseconds(run.scenario.duration_s)
 
 
-def ran_ns(run: RunTables) -> int:
-    """Duration of the run (ns), without the time after its planned end."""
-    return min(run.ran_ns, planned_ns(run))
-
-
 def silent_from_s(run: RunTables, name: str) -> float | None:
     """Time (s) after which nothing of a vehicle was recorded although the run went on."""
     last_at = run.last_at[name]
     if run.start_at is None:
         return None
     if not last_at:  # nothing of it was ever recorded
-        return 0.0 if ran_ns(run) >= planned_ns(run) else None
+        return 0.0 if run.ran_ns >= planned_ns(run) else None
     until = max(last_at - run.start_at, 0)
-    return until / SECOND if ran_ns(run) - until > SILENT_NS else None
+    return until / SECOND if run.ran_ns - until > SILENT_NS else None
 
 
 def ran_until(run: RunTables, name: str) -> int | None:
@@ -217,8 +212,8 @@ def ran_until(run: RunTables, name: str) -> int | None:
         return None
     if not health.final:
         is_silent = silent_from_s(run, name) is not None
-        return None if is_silent or ran_ns(run) < planned_ns(run) else ran_ns(run)
-    until = min(ran_ns(run), health.reported_at_ns - run.start_at)
+        return None if is_silent or run.ran_ns < planned_ns(run) else run.ran_ns
+    until = min(run.ran_ns, health.reported_at_ns - run.start_at)
     if until < planned_ns(run):  # stopped early: its last poses were not sent
         until -= SILENT_NS
     return until
@@ -235,7 +230,7 @@ def scheduled(run: RunTables, name: str, rate_hz: float | None, *, whole_run: bo
 
     It is 0 if the end or the rate is unknown.
     """
-    until = ran_ns(run) if whole_run else ran_until(run, name)
+    until = run.ran_ns if whole_run else ran_until(run, name)
     return 0 if until is None or rate_hz is None else expected_poses(until, rate_hz)
 
 
@@ -328,10 +323,8 @@ def pose_holes(run: RunTables, name: str) -> list[RecordHole]:
 
 def _true_holes(run: RunTables, name: str, known: Sequence[RecordHole]) -> Iterator[RecordHole]:
     """Holes in the true poses of a vehicle outside of the `known` ones."""
-    rate_hz, slack_s = (
-        run.scenario.control_rate_hz,
-        1.0 / (pose_rate_hz(run, name) or USUAL_RATE_HZ),
-    )
+    rate_hz = run.scenario.control_rate_hz
+    slack_s = 1.0 / (pose_rate_hz(run, name) or USUAL_RATE_HZ)
     due = scheduled(run, name, rate_hz, whole_run=never_seen(run, name))
     for gap in gaps(run.table(name, "truth"), due):
         hole = _scheduled_hole(name, gap, rate_hz, "true pose")
@@ -382,7 +375,7 @@ def _due_until(run: RunTables, name: str) -> int | None:
     health = last_health(run, name)
     is_open = health is not None and not health.final and not ended_early(run, name)
     if (is_open and silent_from_s(run, name) is not None) or never_seen(run, name):
-        return ran_ns(run)
+        return run.ran_ns
     return ran_until(run, name)
 
 

@@ -42,7 +42,10 @@ CONVERTED_EVERY = 4000
 
 @dataclass(frozen=True)
 class RunTables:
-    """Messages of a run of `ran_ns`; a vehicle or a topic without messages has an empty table."""
+    """Messages of a run; a vehicle or a topic without messages has an empty table.
+
+    `ran_ns` is the duration of the run (ns), at most the planned one.
+    """
 
     scenario: Scenario
     tables: Tables

@@ -27,7 +27,7 @@ from scenarios.results.events import (
 )
 from scenarios.results.record import FOREVER
 from scenarios.results.tables import RunTables, once
-from scenarios.results.true_motion import at_instants, distances, gaps
+from scenarios.results.true_motion import at_instants, distances, first_of_periods, gaps
 from transport.columns import Flags, Floats, Integers
 from vehicles.driver.controller import SpacingPolicy
 from vehicles.messages import Override
@@ -86,8 +86,7 @@ class Motion(NamedTuple):
 def motion(run: RunTables, name: str) -> Motion:
     """Motion of a vehicle at its first true pose in each period."""
     truth = run.table(name, "truth")
-    period = truth.at_ns // PERIOD_NS
-    truth = truth.of(np.diff(period, prepend=-1) != 0)
+    truth = truth.of(first_of_periods(truth.at_ns, PERIOD_NS))
     at, speed = truth.at_ns, truth["speed_mps"]
     step = np.diff(at, prepend=at[:1])
     is_known = (step > 0) & (step <= LONGEST_STEP_NS)

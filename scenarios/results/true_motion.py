@@ -358,6 +358,12 @@ def distances(run: RunTables, first: str, second: str, within_m: float = np.inf)
     return found
 
 
+def first_of_periods(at: Integers, period_ns: int) -> Flags:
+    """Whether each instant (ns) is the first one in its period."""
+    is_first: Flags = np.diff(at // period_ns, prepend=-1) != 0
+    return is_first
+
+
 def at_instants(at: Integers, known_at: Integers, values: Floats) -> Floats:
     """Values at instants `at`; NaN where they are not known."""
     found = np.full(len(at), np.nan)
