@@ -122,7 +122,7 @@ ROOMS = {
     "scenarios/results": 9_270,
     "scenarios/runs": 6_430,
     "scenarios/studies": 11_610,
-    "transport": 1_130,
+    "transport": 1_195,
     "transport/bus": 780,
     "transport/links": 4_620,
     "transport/log": 1_630,

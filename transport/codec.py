@@ -4,7 +4,6 @@ import sys
 from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import MISSING, fields
-from itertools import pairwise
 from math import isfinite, isinf
 from typing import Any, Final, Literal, get_args, get_origin
 
@@ -149,9 +148,8 @@ def _values(form: MessageForm, parsed: Any, *, exact: bool) -> dict[str, Any]:
 
 
 def _check_numbers(form: MessageForm, values: dict[str, Any]) -> None:
-    for name in form.integers:
-        if values[name] > LARGEST:
-            raise RefusedMessageError("absurd", f"{name} is {values[name]}")
+    if (largest := max([values[name] for name in form.integers])) > LARGEST:
+        raise RefusedMessageError("absurd", f"an integer is {largest}")
     for name in form.finite:
         if not isfinite(values[name]):
             raise RefusedMessageError("absurd", f"{name} is {values[name]}")
@@ -166,7 +164,7 @@ def _check_numbers(form: MessageForm, values: dict[str, Any]) -> None:
             raise RefusedMessageError("absurd", f"{name} has a number that is not finite")
 
 
-# ---- Received numbers of a sender's messages, for links, recorder and figures
+# ---- Received numbers of a sender's messages, for links and recorder
 
 
 MAX_RANGES: Final = 1000
@@ -178,7 +176,7 @@ class MessageNumbers:
     """Numbers of a sender's messages of one topic, stored as ranges; added in any order."""
 
     def __init__(self, most_ranges: int = sys.maxsize, window: int = sys.maxsize) -> None:
-        """Numbers that would exceed `most_ranges` ranges are counted, but not stored.
+        """Numbers that would exceed `most_ranges` ranges are not stored.
 
         Ranges that end `window` or more numbers behind the newest one are deleted.
         """
@@ -186,7 +184,6 @@ class MessageNumbers:
         self._lasts: list[int] = []
         self._most_ranges = most_ranges
         self._window = window
-        self.count = 0
 
     def __contains__(self, number: int) -> bool:
         lasts = self._lasts
@@ -195,8 +192,7 @@ class MessageNumbers:
         return self._firsts[bisect_left(lasts, number)] <= number
 
     def add(self, number: int) -> bool:
-        """Count a message; returns whether its number is new."""
-        self.count += 1
+        """Add a number; returns whether it is new."""
         firsts, lasts = self._firsts, self._lasts
         if lasts and number == lasts[-1] + 1:  # the usual case
             lasts[-1] = number
@@ -228,11 +224,3 @@ class MessageNumbers:
     def ranges(self) -> Iterator[tuple[int, int]]:
         """Yield (first, last) of each range of stored numbers, in order."""
         return zip(self._firsts, self._lasts, strict=True)
-
-    def missing(self, expected: int) -> Iterator[tuple[int, int]]:
-        """Yield (first, last) of each hole, up to `expected` numbers or the newest number."""
-        ends = [(-1, -1), *zip(self._firsts, self._lasts, strict=True)]
-        ends.append((max(expected, self.newest + 1),) * 2)
-        for (_, before), (after, _) in pairwise(ends):
-            if after - before > 1:
-                yield before + 1, after - 1

@@ -14,6 +14,8 @@ from transport.topics import TOPICS
 
 Array = NDArray[Any]
 Integers = NDArray[np.int64]
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 DEVIATION = "deviation"  # Topic of the true errors and gaps, which only the log has
 

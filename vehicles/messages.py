@@ -95,9 +95,9 @@ NO_ANNOUNCEMENT = Announcement()
 
 
 def statuses_in(other_sources: str) -> dict[str, SourceStatus]:
-    """Parse `Tracking.other_sources`, names with their statuses."""
+    """Parse `Tracking.other_sources`, names with their statuses; a name without one is left out."""
     words = other_sources.replace(",", "").split()
-    return dict(zip(words[::2], cast("list[SourceStatus]", words[1::2]), strict=True))
+    return dict(zip(words[::2], cast("list[SourceStatus]", words[1::2]), strict=False))
 
 
 @dataclass(slots=True, kw_only=True)

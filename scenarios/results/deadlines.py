@@ -8,8 +8,8 @@ from scenarios.definition.schema.limit_tables import ModeLimit, RecoveryLimit, S
 from scenarios.results.events import source_statuses
 from scenarios.results.reaction import is_degraded
 from scenarios.results.tables import RunTables
-from scenarios.results.true_motion import Flags, cross_track_error
-from transport.columns import Integers
+from scenarios.results.true_motion import cross_track_error
+from transport.columns import Flags, Integers
 from vehicles.schedule import SECOND, nanoseconds
 
 UNRECORDED_NS = SECOND

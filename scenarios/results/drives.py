@@ -4,14 +4,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scenarios.results.tables import RunTables
 from scenarios.results.true_motion import path_feet
+from transport.columns import Floats
 from vehicles.messages import Message, RunStart, Tracking, TruePose
 from vehicles.schedule import SECOND
 
-Array = NDArray[np.float64]
 TRIAL_KINDS: frozenset[type[Message]] = frozenset((RunStart, TruePose, Tracking))
 """Messages of which drives are made."""
 
@@ -26,14 +25,14 @@ class Drive:
     """
 
     name: str
-    at: Array
-    east: Array
-    north: Array
-    speed: Array
-    lateral_error: Array
-    heading_error: Array
-    station: Array
-    cross_track: Array
+    at: Floats
+    east: Floats
+    north: Floats
+    speed: Floats
+    lateral_error: Floats
+    heading_error: Floats
+    station: Floats
+    cross_track: Floats
 
     @property
     def tracking_max(self) -> float:
@@ -71,7 +70,7 @@ class Trial:
         return tuple(drive.cross_track_max for drive in self.followers)
 
 
-def _largest(values: Array) -> float:
+def _largest(values: Floats) -> float:
     return float(np.abs(values).max(initial=0.0))
 
 

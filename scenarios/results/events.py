@@ -10,15 +10,13 @@ from numpy.typing import NDArray
 
 from scenarios.results.tables import RunTables, once
 from scenarios.results.true_motion import (
-    Flags,
-    Floats,
     Gaps,
     body_sizes,
     corner_offsets,
     distances,
     gaps,
 )
-from transport.columns import Columns, Integers
+from transport.columns import Columns, Flags, Floats, Integers
 from vehicles.car.tyres import SLIDING_SHARE
 from vehicles.messages import statuses_in
 from vehicles.schedule import SECOND, nanoseconds
@@ -76,6 +74,12 @@ def spans(at: Integers, holds: Flags, quiet_ns: int | None = None) -> list[tuple
     ends = np.diff(rows) > 1 if quiet_ns is None else np.diff(at[rows]) > quiet_ns
     firsts, lasts = rows[np.concatenate(([True], ends))], rows[np.concatenate((ends, [True]))]
     return list(zip(firsts.tolist(), lasts.tolist(), strict=True))
+
+
+def begins(holds: Flags) -> Flags:
+    """Whether a condition begins to hold in each row."""
+    first: Flags = holds & ~np.append(False, holds[:-1])
+    return first
 
 
 def seconds_between(at: Integers, first: int, last: int) -> float:
@@ -254,9 +258,9 @@ def lost_paths(run: RunTables, follower: str) -> Iterator[Event]:
 def source_statuses(run: RunTables, follower: str) -> Mapping[str, NDArray[np.object_]]:
     """Status of each source of a follower at its decisions (N), "" where it has none."""
     tracking, ahead = run.table(follower, "tracking"), run.ahead(follower)
-    statuses = {run.lead: tracking["lead_status"]}
+    statuses = {run.lead: tracking["lead_status"].copy()}
     if ahead != run.lead:
-        statuses[ahead] = tracking["predecessor_status"]
+        statuses[ahead] = tracking["predecessor_status"].copy()
     others = tracking["other_sources"]
     for text in set(others.tolist()) - {""}:
         rows = others == text

@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from operator import attrgetter
-from typing import get_args
+from typing import TypeVar, get_args
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from scenarios.definition.schema.limit_rows import LIMITS, LimitRow, Live, row_o
 from scenarios.definition.schema.limit_tables import LimitsTable
 from scenarios.definition.schema.plug_ins.point import PlugInError
 from scenarios.results.deadlines import DeadlineFigure
+from scenarios.results.events import Event
 from scenarios.results.record import RecordKind, UnseenSpan
 from scenarios.results.run_event import RunEvent, events
 from scenarios.results.summary import LimitFigure, RunSummary
@@ -33,6 +34,7 @@ USUAL_LATE_S = 1.0
 """Largest delay with which a vehicle may be driven without limits.late_s_max."""
 Needed = tuple[str, RecordKind]
 """Vehicle and kind of its messages."""
+AnyEvent = TypeVar("AnyEvent", Event, RunEvent)
 
 
 def judged_by_record(
@@ -208,7 +210,7 @@ def broken_by(limit: Limit, summary: RunSummary) -> bool:
     return any(map(limit.is_beyond, known or ([] if limit.row.is_least else [0.0])))
 
 
-def _counted(limit: Limit, events: Sequence[RunEvent]) -> list[RunEvent]:
+def _counted(limit: Limit, events: Sequence[AnyEvent]) -> list[AnyEvent]:
     """Events that a limit counts; a limit of one vehicle counts those that involve it."""
     return [
         event
@@ -333,13 +335,8 @@ def first_breach(run: RunTables, limit: Limit) -> int | None:
     None also for a limit on a metric that only a whole run has, see `LimitRow.live`.
     """
     if limit.row.event:
-        counted = [
-            event.at_ns
-            for event in events(run)
-            if event.kind == limit.row.event and limit.vehicle in {"", *event.vehicles}
-        ]
-        most = int(limit.bound)
-        return counted[most] if len(counted) > most else None
+        counted, most = _counted(limit, events(run)), int(limit.bound)
+        return counted[most].at_ns if len(counted) > most else None
     if limit.row.live not in SIGNALS:
         return None
     names = run.names if limit.row.of_lead else run.followers

@@ -18,7 +18,6 @@ from scenarios.results.record import (
     AWAY_NS,
     FOREVER,
     LONGEST_STEP,
-    Flags,
     cut_off,
     end_of_record,
     final_health,
@@ -31,7 +30,7 @@ from scenarios.results.record import (
     scheduled,
 )
 from scenarios.results.tables import RunTables, once
-from transport.columns import Columns, Integers
+from transport.columns import Columns, Flags, Integers
 from vehicles.messages import Health
 from vehicles.schedule import MILLISECOND, SECOND
 
@@ -194,7 +193,7 @@ class _Vehicle(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class _Record:
+class _LinkRecord:
     """Facts of a run that all of its links share; `step` is the longest between decisions (ns)."""
 
     run: RunTables
@@ -205,10 +204,10 @@ class _Record:
     step: int
 
 
-def _record_of(run: RunTables) -> _Record:
+def _record_of(run: RunTables) -> _LinkRecord:
     lost, step = cut_off(run), round(LONGEST_STEP * SECOND / run.scenario.control_rate_hz)
     vehicles = {name: _vehicle(run, name, step, was_cut_off=name in lost) for name in run.names}
-    return _Record(run, vehicles, lost, is_physical(run), end_of_record(run), step)
+    return _LinkRecord(run, vehicles, lost, is_physical(run), end_of_record(run), step)
 
 
 def _vehicle(run: RunTables, name: str, step: int, *, was_cut_off: bool) -> _Vehicle:
@@ -275,7 +274,7 @@ class _Missing(NamedTuple):
     due_at: Integers
 
 
-def _missing(record: _Record, account: LinkAccount) -> _Missing:
+def _missing(record: _LinkRecord, account: LinkAccount) -> _Missing:
     """Count the messages of a link, and find those without a verdict.
 
     Messages after the sender's last recorded pose are known by its schedule or, without its final
@@ -290,13 +289,13 @@ def _missing(record: _Record, account: LinkAccount) -> _Missing:
     is_missing = np.ones(sent, bool)
     is_missing[judged[(judged >= 0) & (judged < sent)]] = False
     numbers = np.flatnonzero(is_missing)
-    sent_at = sending_instants(sender.poses, sent, run.start_at or 0)[numbers]
+    sent_at = sending_instants(sender.poses, sent, run.beginning)[numbers]
     largest = int(account.latencies.max(initial=0)) + TRANSIT_NS
     return _Missing(replace(account, sent=sent), numbers, sent_at, sent_at + largest)
 
 
 def _unrecorded(
-    record: _Record, receiver: str, missing: Mapping[Link, _Missing]
+    record: _LinkRecord, receiver: str, missing: Mapping[Link, _Missing]
 ) -> dict[Link, Flags]:
     """Whether the verdict on each message is missing in the log, by the numbers of verdicts.
 
@@ -315,14 +314,14 @@ def _unrecorded(
     return dict(zip(links, np.split(hidden, ends)[:-1], strict=True))
 
 
-def _fates(record: _Record, missing: _Missing, hidden: Flags) -> list[MissingVerdict]:
+def _fates(record: _LinkRecord, missing: _Missing, hidden: Flags) -> list[MissingVerdict]:
     """Fate of each message without a verdict: the first condition that holds decides."""
     run, account, sent_at, due_at = record.run, missing.account, missing.sent_at, missing.due_at
     (sender, receiver), delays = account.link, account.transport_delays
     decided_at, final = record.vehicles[receiver].decided_at, record.vehicles[receiver].final
     lists_arrivals = final is not None and len(delays) > 0
     may_arrive = due_at >= record.end_at - TRANSIT_NS
-    if final is not None and len(delays):  # the last report lists what had arrived
+    if final is not None and lists_arrivals:  # the last report lists what had arrived
         longest = delays.max() // RESOLUTION_NS * RESOLUTION_NS
         may_arrive = sent_at + longest >= final.reported_at_ns + LAST_LOOK_NS
     begun_at, judged = run.start_at or record.end_at, account.verdicts["pose_seq"]
@@ -361,7 +360,7 @@ def _waiting(text: str, sender: str, numbers: Integers) -> Flags:
     return waiting
 
 
-def _is_down(record: _Record, missing: _Missing) -> Flags:
+def _is_down(record: _LinkRecord, missing: _Missing) -> Flags:
     """Whether the receiver's software did not run when a message should have arrived."""
     name, sent_at = missing.account.link[1], missing.sent_at
     receiver = record.vehicles[name]
@@ -378,7 +377,7 @@ def _is_down(record: _Record, missing: _Missing) -> Flags:
 
 
 def _transport_causes(
-    record: _Record, link: Link, sent_at: Integers
+    record: _LinkRecord, link: Link, sent_at: Integers
 ) -> Iterator[tuple[Fate, str, Flags]]:
     """Yield causes of losses by the vehicles that were away at the instants (ns) of sending."""
     away = {}

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from math import sqrt
+from math import inf, sqrt
 from statistics import NormalDist
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scenarios.definition.changes import changed_links
 from scenarios.definition.channel.build import ExpectedChannel, expected_channel
 from scenarios.definition.schema.link_tables import LinkTable
+from scenarios.results.events import begins
 from scenarios.results.link_account import (
     CAUSE_WORDS,
     LONGEST_NS,
@@ -23,9 +24,9 @@ from scenarios.results.link_account import (
     absence_lines,
     away_lines,
 )
-from scenarios.results.record import Flags, last_health, pose_rate_hz, poses_of
+from scenarios.results.record import last_health, pose_rate_hz, poses_of
 from scenarios.results.tables import RunTables
-from transport.columns import Array, Columns, Integers
+from transport.columns import Array, Columns, Flags, Integers
 from transport.topics import counts_as_loss
 from vehicles.messages import statuses_in
 from vehicles.schedule import MILLISECOND, SECOND
@@ -99,9 +100,7 @@ def mean_length(lengths: NDArray[np.int_], confidence: float) -> ConfidenceInter
     scatter = (count * second - first * first) / (count * (count - 1)) if count > 1 else 0.0
     spread = sqrt(max(scatter, mean * (mean - 1.0))) / sqrt(count)
     half = quantile_of_normal(confidence) * spread
-    return ConfidenceInterval(
-        mean, max(1.0, mean - half), mean + half if count > 1 else float("inf")
-    )
+    return ConfidenceInterval(mean, max(1.0, mean - half), mean + half if count > 1 else inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,8 +148,6 @@ ROUNDING_MS = 0.01
 """Delays are whole nanoseconds, and counted to 10 µs."""
 OF_VEHICLES = {"transmitter_off", "receiver_off"}
 """Reasons of a vehicle rather than of the link."""
-MOST_WORDS, OTHER_WORD = 50, "other"
-"""Number of distinct reasons counted; further ones share OTHER_WORD."""
 SILENT_LINK_S = 1.0
 """A link without loss that delivers nothing for this time is reported."""
 
@@ -288,13 +285,13 @@ class SourceAges(NamedTuple):
 
 def source_ages(run: RunTables, receiver: str) -> dict[str, SourceAges]:
     """Ages of the sources of a follower; none of the lead."""
-    if receiver == run.names[0]:
+    if receiver == run.lead:
         return {}
-    tracking, ahead = run.table(receiver, "tracking"), run.names[run.names.index(receiver) - 1]
+    tracking, ahead = run.table(receiver, "tracking"), run.ahead(receiver)
     at, ages = tracking.at_ns, _other_ages(tracking)
-    if ahead != run.names[0]:
+    if ahead != run.lead:
         ages[ahead] = SourceAges(tracking["predecessor_age_s"], tracking["predecessor_status"], at)
-    ages[run.names[0]] = SourceAges(tracking["lead_age_s"], tracking["lead_status"], at)
+    ages[run.lead] = SourceAges(tracking["lead_age_s"], tracking["lead_status"], at)
     return ages
 
 
@@ -323,9 +320,8 @@ def false_alarms(ages: SourceAges, until: int) -> int | None:
     """
     if (ages.status == "unheard").all():
         return None
-    is_lost = ages.status == "lost"
-    begins = is_lost & ~np.append(False, is_lost[:-1])
-    return int((begins & (ages.at_ns <= until)).sum())
+    is_newly_lost = begins(ages.status == "lost")
+    return int((is_newly_lost & (ages.at_ns <= until)).sum())
 
 
 def carried_losses(account: LinkAccount) -> Flags:
@@ -425,7 +421,7 @@ def _summary(
         loss_ratio_high=loss.high,
         burst_messages_mean=burst.value if burst else None,
         burst_messages_low=burst.low if burst else None,
-        burst_messages_high=burst.high if burst else None,
+        burst_messages_high=burst.high if burst and burst.high < inf else None,
         burst_messages_max=longest,
         latency_ms_mean=mean,
         latency_ms_low=None if mean is None else mean - half,
@@ -452,12 +448,8 @@ def _spread_figures(name: str, times_ns: Integers) -> dict[str, Any]:
 
 
 def _counts(words: Array) -> dict[str, int]:
-    """Count words in alphabetical order; rare ones beyond MOST_WORDS share OTHER_WORD."""
-    counts = Counter[str](words.tolist())
-    frequent = dict(counts.most_common(MOST_WORDS))
-    if len(counts) > MOST_WORDS:
-        frequent[OTHER_WORD] = counts.total() - sum(frequent.values())
-    return dict(sorted(frequent.items()))
+    """Count words in alphabetical order."""
+    return dict(sorted(Counter(words.tolist()).items()))
 
 
 def _mean_ms(times_ns: Integers) -> float | None:

@@ -22,13 +22,13 @@ from scenarios.results.events import (
 )
 from scenarios.results.tables import Collector, RunTables
 from scenarios.results.true_motion import (
-    Floats,
     at_instants,
     cross_track_error,
+    first_of_periods,
     gaps,
     path_feet,
 )
-from transport.columns import Columns, joined
+from transport.columns import Columns, Floats, joined
 from transport.topics import counts_as_loss
 from vehicles.messages import (
     Change,
@@ -221,7 +221,7 @@ def deviations(run: RunTables, since: int, until: int) -> list[Deviation]:
     found = []
     for name in run.followers:
         at = run.table(name, "truth").at_ns
-        is_first = np.diff(at // DEVIATION_PERIOD_NS, prepend=-1) != 0
+        is_first = first_of_periods(at, DEVIATION_PERIOD_NS)
         (rows,) = np.nonzero((at > since) & (at <= until) & is_first)
         apart = gaps(run, name)
         gap = at_instants(at[rows], apart.at_ns, apart.distance)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from operator import itemgetter
 from pathlib import Path
 
@@ -83,7 +84,7 @@ def summarise(
         holes=record_holes(run),
         limits=limits,
         warnings=(
-            *late_lines(vehicles, standstills(run)),
+            *late_lines(vehicles, partial(standstills, run)),
             *transport_lines(links, vehicles, away_spans(run)),
             *alerts(run),
             *own.faults,
@@ -111,25 +112,27 @@ def alerts(run: RunTables) -> Sequence[str]:
 
 def standstills(run: RunTables) -> Sequence[str]:
     """Times in which no message of any vehicle was recorded, such as "7.10 to 12.10 s"."""
-    logged = [run.table(name, "truth").logged_at_ns for name in run.names]
-    at = np.unique(np.concatenate(logged))
+    none = np.zeros(0, np.int64)
+    tables = [columns for (name, _), columns in run.tables.items() if name in run.names]
+    at = np.unique(np.concatenate([none, *(columns.logged_at_ns for columns in tables)]))
     return [
         f"{run.seconds(at[row]):.2f} to {run.seconds(at[row + 1]):.2f} s"
         for row in np.flatnonzero(np.diff(at) > STANDSTILL_NS)
     ]
 
 
-def late_lines(vehicles: Sequence[VehicleSummary], stopped: Sequence[str] = ()) -> Iterator[str]:
+def late_lines(
+    vehicles: Sequence[VehicleSummary], find_standstills: Callable[[], Sequence[str]] = list
+) -> Iterator[str]:
     """Warn if the vehicles did not keep up with the wall clock.
 
-    `stopped` are times in which nothing was recorded: all processes stood still.
+    `find_standstills` returns the times in which nothing was recorded: all processes stood still.
     """
     late = late_ratio(vehicles)
     if late <= LATE_RATIO:
         return
-    if stopped:
-        times = ", ".join(stopped)
-        yield f"nothing ran from {times}: {100.0 * late:.2g} % of the ticks began late"
+    if stopped := find_standstills():
+        yield f"nothing ran from {', '.join(stopped)}: {100.0 * late:.2g} % of the ticks began late"
         return
     worst = max(vehicles, key=lambda vehicle: vehicle.lateness_ms_max)
     yield (

@@ -8,15 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.results.events import is_one_of, source_statuses, spans
+from scenarios.results.events import LOST_MODES, begins, is_one_of, source_statuses, spans
 from scenarios.results.tables import RunTables, common, once
-from scenarios.results.true_motion import Flags, Floats
-from transport.columns import Integers
+from transport.columns import Flags, Floats, Integers
 from vehicles.schedule import SECOND
 
 MICROMETRES = 1_000_000
-WITHOUT_SOURCE = ("coast", "stop", "straight")
-"""Modes of a follower that relies on none of its sources, or stops before a hole in its path."""
 NOT_RELIED_ON = ("lost", "distrusted", "probation")
 """Statuses of a source."""
 
@@ -88,9 +85,9 @@ def reaction(run: RunTables, follower: str) -> ReactionSummary:
     degraded = spans(at, is_degraded(run, follower))
     lasted = [int(at[last + 1] - at[first]) for first, last in degraded if last + 1 < len(at)]
     is_blind, blind_m = tracking["known_m"] < 0.0, tracking["blind_m"]
-    begins = _begins(is_blind) & ~is_one_of(mode, *WITHOUT_SOURCE)
+    is_unplanned = begins(is_blind) & ~is_one_of(mode, *LOST_MODES)
     planned = blind_m[stops]
-    predicted = [*blind_m[begins], *planned[np.isfinite(planned)]]
+    predicted = [*blind_m[is_unplanned], *planned[np.isfinite(planned)]]
     _, distance = blind_distance(run, follower)
     return ReactionSummary(
         mode_changes=len(entered) - 1,
@@ -100,11 +97,5 @@ def reaction(run: RunTables, follower: str) -> ReactionSummary:
         stops=len(stops),
         blind_m=float(distance[-1]) if len(distance) else 0.0,
         predicted_blind_m_max=max(map(float, predicted), default=None),
-        hazards=int(np.count_nonzero(_begins(tracking["hazard"]))),
+        hazards=int(np.count_nonzero(begins(tracking["hazard"]))),
     )
-
-
-def _begins(holds: Flags) -> Flags:
-    """Rows in which a condition begins to hold."""
-    begins: Flags = holds & ~np.concatenate(([False], holds[:-1]))
-    return begins

@@ -7,20 +7,18 @@ from math import ceil
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from scenarios.definition.changes import VEHICLE_CHANGES, is_changed
 from scenarios.definition.schema.change_tables import CrashTable
 from scenarios.results.tables import RunTables
-from transport.columns import Columns, Integers
+from transport.columns import Columns, Flags, Integers
 from vehicles.messages import Health
 from vehicles.schedule import SECOND, instant, nanoseconds
 
 HoleKind = Literal["pose", "true pose"]
 RecordKind = Literal["true pose", "decision"]
 """Messages of which figures, events and limits are made."""
-Flags = NDArray[np.bool_]
 USUAL_RATE_HZ = 20.0
 LONGEST_STEP = 1.5
 """Time, in control periods, between two decisions or true poses without a hole."""
@@ -115,12 +113,11 @@ def seen_before(run: RunTables, topic: str, vehicles: Iterable[str], at: int) ->
 
     None if the messages of `topic` of all `vehicles` were recorded just before.
     """
-    start_at = run.start_at or 0
     return min(
         (
             gap.before
             for name in vehicles
-            for gap in gaps(run.table(name, topic), begin=start_at)
+            for gap in gaps(run.table(name, topic), begin=run.beginning)
             if gap.before < at <= gap.after
         ),
         default=None,
@@ -193,20 +190,15 @@ def planned_ns(run: RunTables) -> int:
     return nanoseconds(run.scenario.duration_s)
 
 
-def ran_ns(run: RunTables) -> int:
-    """Duration of the run (ns), without the time after its planned end."""
-    return min(run.ran_ns, planned_ns(run))
-
-
 def silent_from_s(run: RunTables, name: str) -> float | None:
     """Time (s) after which nothing of a vehicle was recorded although the run went on."""
     last_at = run.last_at[name]
     if run.start_at is None:
         return None
     if not last_at:  # nothing of it was ever recorded
-        return 0.0 if ran_ns(run) >= planned_ns(run) else None
+        return 0.0 if run.ran_ns >= planned_ns(run) else None
     until = max(last_at - run.start_at, 0)
-    return until / SECOND if ran_ns(run) - until > SILENT_NS else None
+    return until / SECOND if run.ran_ns - until > SILENT_NS else None
 
 
 def ran_until(run: RunTables, name: str) -> int | None:
@@ -220,8 +212,8 @@ def ran_until(run: RunTables, name: str) -> int | None:
         return None
     if not health.final:
         is_silent = silent_from_s(run, name) is not None
-        return None if is_silent or ran_ns(run) < planned_ns(run) else ran_ns(run)
-    until = min(ran_ns(run), health.reported_at_ns - run.start_at)
+        return None if is_silent or run.ran_ns < planned_ns(run) else run.ran_ns
+    until = min(run.ran_ns, health.reported_at_ns - run.start_at)
     if until < planned_ns(run):  # stopped early: its last poses were not sent
         until -= SILENT_NS
     return until
@@ -238,7 +230,7 @@ def scheduled(run: RunTables, name: str, rate_hz: float | None, *, whole_run: bo
 
     It is 0 if the end or the rate is unknown.
     """
-    until = ran_ns(run) if whole_run else ran_until(run, name)
+    until = run.ran_ns if whole_run else ran_until(run, name)
     return 0 if until is None or rate_hz is None else expected_poses(until, rate_hz)
 
 
@@ -318,7 +310,7 @@ def missing_poses(run: RunTables, name: str) -> int:
 
 def pose_holes(run: RunTables, name: str) -> list[RecordHole]:
     """Holes in the poses of a vehicle, up to its end or that of the run."""
-    poses, rate_hz, start_at = poses_of(run, name), pose_rate_hz(run, name), run.start_at or 0
+    poses, rate_hz, start_at = poses_of(run, name), pose_rate_hz(run, name), run.beginning
     if rate_hz is None:
         return [
             _hole(name, gap, gap.before - start_at, gap.after - start_at)
@@ -331,10 +323,8 @@ def pose_holes(run: RunTables, name: str) -> list[RecordHole]:
 
 def _true_holes(run: RunTables, name: str, known: Sequence[RecordHole]) -> Iterator[RecordHole]:
     """Holes in the true poses of a vehicle outside of the `known` ones."""
-    rate_hz, slack_s = (
-        run.scenario.control_rate_hz,
-        1.0 / (pose_rate_hz(run, name) or USUAL_RATE_HZ),
-    )
+    rate_hz = run.scenario.control_rate_hz
+    slack_s = 1.0 / (pose_rate_hz(run, name) or USUAL_RATE_HZ)
     due = scheduled(run, name, rate_hz, whole_run=never_seen(run, name))
     for gap in gaps(run.table(name, "truth"), due):
         hole = _scheduled_hole(name, gap, rate_hz, "true pose")
@@ -360,7 +350,7 @@ def unseen(run: RunTables) -> tuple[UnseenSpan, ...]:
 
 
 def _unseen(run: RunTables, name: str) -> Iterator[UnseenSpan]:
-    start_at, truth = run.start_at or 0, run.table(name, "truth")
+    start_at, truth = run.beginning, run.table(name, "truth")
     spans: list[tuple[RecordKind, Gap]] = [
         *(("true pose", gap) for gap in gaps(truth, begin=start_at)),
         *(("decision", gap) for gap in gaps(run.table(name, "tracking"), begin=start_at)),
@@ -385,7 +375,7 @@ def _due_until(run: RunTables, name: str) -> int | None:
     health = last_health(run, name)
     is_open = health is not None and not health.final and not ended_early(run, name)
     if (is_open and silent_from_s(run, name) is not None) or never_seen(run, name):
-        return ran_ns(run)
+        return run.ran_ns
     return ran_until(run, name)
 
 

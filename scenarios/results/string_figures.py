@@ -12,10 +12,10 @@ from math import sqrt
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scenarios.results.tables import RunTables, common
-from scenarios.results.true_motion import Floats, path_feet
+from scenarios.results.true_motion import path_feet
+from transport.columns import Floats, Integers
 from vehicles.schedule import SECOND
 
 CELL_M = 2.0
@@ -157,7 +157,7 @@ def _norms_over_time(values: Floats) -> Norms | None:
 class _Frames(NamedTuple):
     """Stations (m) and speeds (m/s) of all vehicles, shapes (vehicles, N), at instants (ns)."""
 
-    at_ns: NDArray[np.int64]
+    at_ns: Integers
     stations: Floats
     speeds: Floats
 
@@ -166,11 +166,8 @@ def _frames(run: RunTables) -> _Frames:
     """Instants at which all vehicles and the feet of all followers are known."""
     truths = [run.table(name, "truth") for name in run.names]
     stations = [path_feet(run, name).station for name in run.followers]
-    if len(truths[0]):
-        distance = truths[0]["distance_m"]
-        stations = [distance - distance[0], *stations]
-    else:
-        stations = [np.zeros(0), *stations]
+    distance = truths[0]["distance_m"]
+    stations = [distance - distance[:1], *stations]
     known = [np.flatnonzero(~np.isnan(station)) for station in stations]
     instants = [truth.at_ns[rows] for truth, rows in zip(truths, known, strict=True)]
     at, places = common(*instants)

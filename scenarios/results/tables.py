@@ -42,7 +42,10 @@ CONVERTED_EVERY = 4000
 
 @dataclass(frozen=True)
 class RunTables:
-    """Messages of a run of `ran_ns`; a vehicle or a topic without messages has an empty table."""
+    """Messages of a run; a vehicle or a topic without messages has an empty table.
+
+    `ran_ns` is the duration of the run (ns), at most the planned one.
+    """
 
     scenario: Scenario
     tables: Tables
@@ -124,13 +127,22 @@ def in_order(columns: Columns) -> Columns:
 
 
 def common(*instants: Integers) -> tuple[Integers, list[NDArray[np.intp]]]:
-    """Instants that all sorted arrays contain, and their rows in each of them."""
-    at = instants[0]
-    if all(len(others) == len(at) and bool((others == at).all()) for others in instants[1:]):
-        return at, [np.arange(len(at))] * len(instants)  # the usual case
-    for others in instants[1:]:
-        at = np.intersect1d(at, others, assume_unique=True)
-    return at, [np.searchsorted(each, at) for each in instants]
+    """Instants that all arrays contain, in order, and their first rows in each of them.
+
+    Messages from the bus may have wrong instants, so the arrays need not be sorted.
+    """
+    first, *more = instants
+    if (np.diff(first) > 0).all() and all(np.array_equal(first, each) for each in more):
+        return first, [np.arange(len(first))] * len(instants)  # the usual case
+    at = np.unique(first)
+    for others in more:
+        at = np.intersect1d(at, others)
+    orders = [np.argsort(each, kind="stable") for each in instants]
+    rows = [
+        order[np.searchsorted(each, at, sorter=order)]
+        for each, order in zip(instants, orders, strict=True)
+    ]
+    return at, rows
 
 
 class Collector:

@@ -25,16 +25,16 @@ from scenarios.results.events import (
     place_at,
     spans,
 )
+from scenarios.results.record import FOREVER
 from scenarios.results.tables import RunTables, once
-from scenarios.results.true_motion import Flags, Floats, at_instants, gaps
-from transport.columns import Integers
+from scenarios.results.true_motion import at_instants, distances, first_of_periods, gaps
+from transport.columns import Flags, Floats, Integers
 from vehicles.driver.controller import SpacingPolicy
 from vehicles.messages import Override
 from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
 
 PERIOD_NS = 100 * MILLISECOND
 """Period of the judged instants."""
-FOREVER = 2**62
 LONGEST_STEP_NS = 250 * MILLISECOND
 """Longest time between two poses from which an acceleration is computed."""
 
@@ -68,7 +68,7 @@ FIGURE_OF: Mapping[EventKind, str] = {
 """Figure of each event besides its duration."""
 
 
-class Motion(NamedTuple):
+class TrafficMotion(NamedTuple):
     """A vehicle ten times a second: instants (ns), place (m), speed (m/s) and acceleration (m/s²).
 
     The acceleration is the mean since `since_ns`. Shapes (N).
@@ -83,11 +83,10 @@ class Motion(NamedTuple):
 
 
 @once
-def motion(run: RunTables, name: str) -> Motion:
-    """Motion of a vehicle at its first true pose in each period."""
+def motion(run: RunTables, name: str) -> TrafficMotion:
+    """TrafficMotion of a vehicle at its first true pose in each period."""
     truth = run.table(name, "truth")
-    period = truth.at_ns // PERIOD_NS
-    truth = truth.of(np.diff(period, prepend=-1) != 0)
+    truth = truth.of(first_of_periods(truth.at_ns, PERIOD_NS))
     at, speed = truth.at_ns, truth["speed_mps"]
     step = np.diff(at, prepend=at[:1])
     is_known = (step > 0) & (step <= LONGEST_STEP_NS)
@@ -95,7 +94,7 @@ def motion(run: RunTables, name: str) -> Motion:
     change = np.diff(speed, prepend=speed[:1])
     acceleration[is_known] = change[is_known] * SECOND / step[is_known]
     since = np.where(is_known, at - step, at)
-    return Motion(at, since, truth["east_m"], truth["north_m"], speed, acceleration)
+    return TrafficMotion(at, since, truth["east_m"], truth["north_m"], speed, acceleration)
 
 
 # ---- Vehicles that are not judged
@@ -182,7 +181,7 @@ def _falling_behind(
     was_close = np.zeros(len(ahead), bool)
     close = known & (excess <= 0.0)
     for rows in np.split(np.arange(len(ahead)), np.searchsorted(own.at_ns, sorted(resets))):
-        was_close[rows] = np.maximum.accumulate(close[rows]) if len(rows) else False
+        was_close[rows] = np.maximum.accumulate(close[rows])
     values = np.where(was_close & known, excess, 0.0)
     yield from _lasting(run, "falls_behind", follower, values, known, BEHIND_NS)
 
@@ -190,7 +189,8 @@ def _falling_behind(
 def _gap_excess(run: RunTables, follower: str, ahead: str) -> Floats:
     """Gap (m) to a vehicle beyond that which law and data age explain, NaN where unknown."""
     own = motion(run, follower)
-    apart = gaps(run, follower, "" if ahead == run.ahead(follower) else ahead)
+    is_next = ahead == run.ahead(follower)
+    apart = gaps(run, follower) if is_next else distances(run, ahead, follower)
     gap = at_instants(own.at_ns, apart.at_ns, apart.distance)
     desired = _desired_gap(run, own.speed, gap)
     excess: Floats = gap - (desired + ALLOWED_GAP_M + ALLOWED_HEADWAY_S * own.speed)
@@ -219,7 +219,7 @@ def _is_caused(run: RunTables, follower: str) -> Flags:
     return caused
 
 
-def _fastest_lead(lead: Motion, own: Motion, row: int) -> float:
+def _fastest_lead(lead: TrafficMotion, own: TrafficMotion, row: int) -> float:
     """Largest speed (m/s) of the lead since it was where the follower is, at least for 10 s."""
     at = own.at_ns[row]
     known = (lead.at_ns <= at) & (lead.at_ns >= at - LONGEST_MEMORY_NS)
@@ -276,8 +276,8 @@ class Overrides(NamedTuple):
 def overrides(run: RunTables, follower: str) -> Overrides:
     """Shares of the time in which the guard overrode the longitudinal law of a follower."""
     command = run.table(follower, "command")
-    reasons = command["override"][command.at_ns >= run.beginning + SETTLING_NS]
-    at = command.at_ns[command.at_ns >= run.beginning + SETTLING_NS]
+    command = command.of(command.at_ns >= run.beginning + SETTLING_NS)
+    at, reasons = command.at_ns, command["override"]
     if not len(reasons):
         return Overrides(None, {}, 0, 0.0)
     (rows,) = np.nonzero(reasons != "")

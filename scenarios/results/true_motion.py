@@ -12,12 +12,9 @@ from numpy.typing import NDArray
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.tables import RunTables, common, once
-from transport.columns import Columns, Integers
+from transport.columns import Columns, Flags, Floats, Integers
 from vehicles.car.parameters import VehicleParameters
 from vehicles.schedule import SECOND
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 # ---- Feet of points on a path
 
@@ -34,7 +31,7 @@ ROWS_AT_ONCE = 50
 """Rows of a vehicle (1 s at 50 Hz) after which its expected feet are corrected."""
 
 
-class Polyline(NamedTuple):
+class PathChords(NamedTuple):
     """Chords of a path; shapes (N): begin, direction (not normalised), length and station (m).
 
     `hole` marks chords over a part that was not recorded. `from_start`: the first chord is a
@@ -59,7 +56,7 @@ class Feet(NamedTuple):
 
 
 @once
-def lead_path(run: RunTables) -> Polyline | None:
+def lead_path(run: RunTables) -> PathChords | None:
     """Path that the lead drove: the polyline through its poses, and a straight before the first.
 
     The straight has the direction of the road, or of the first pose if that is not the start. None
@@ -76,7 +73,7 @@ def lead_path(run: RunTables) -> Polyline | None:
     along_north = np.concatenate(([np.sin(yaw)], np.diff(north[rows])))
     length = np.hypot(along_east, along_north)
     before = np.maximum(rows - 1, 0)
-    return Polyline(
+    return PathChords(
         np.concatenate(([east[0] - along_east[0]], east[rows[:-1]])),
         np.concatenate(([north[0] - along_north[0]], north[rows[:-1]])),
         along_east,
@@ -101,19 +98,19 @@ def _without_standstill(east: Floats, north: Floats) -> NDArray[np.intp]:
     return np.array(rows)
 
 
-def road_path(scenario: Scenario, name: str) -> tuple[Polyline, float]:
+def road_path(scenario: Scenario, name: str) -> tuple[PathChords, float]:
     """Road of a vehicle, and the station (m) from which its distance counts."""
     path, start = scenario.road_of(name)
     east, north = np.diff(path.east), np.diff(path.north)
     none = np.zeros(len(east), bool)
     length = np.hypot(east, north)
     station = np.asarray(path.station[:-1])
-    return Polyline(
+    return PathChords(
         path.east[:-1], path.north[:-1], east, north, length, station, none, True
     ), start
 
 
-def feet(path: Polyline, east: Floats, north: Floats, near: Floats) -> Feet:
+def feet(path: PathChords, east: Floats, north: Floats, near: Floats) -> Feet:
     """Feet of points (N) on a path, each searched forwards from a little behind station `near` (N).
 
     So each foot is on its own branch where a path crosses or repeats itself. Both end chords are
@@ -123,7 +120,7 @@ def feet(path: Polyline, east: Floats, north: Floats, near: Floats) -> Feet:
 
 
 def _feet(
-    path: Polyline, east: Floats, north: Floats, near: Floats
+    path: PathChords, east: Floats, north: Floats, near: Floats
 ) -> tuple[NDArray[np.intp], Feet]:
     """Chords of feet, and the feet."""
     last = len(path.east) - 1
@@ -145,12 +142,12 @@ def _feet(
     return chord, Feet(path.station[chord] + along, across / path.length[chord])
 
 
-def _chord(path: Polyline, station: Floats) -> NDArray[np.intp]:
+def _chord(path: PathChords, station: Floats) -> NDArray[np.intp]:
     found = np.searchsorted(path.station, station, side="right") - 1
     return np.clip(found, 0, len(path.east) - 1)
 
 
-def _along(path: Polyline, chord: NDArray[np.intp], east: Floats, north: Floats) -> Floats:
+def _along(path: PathChords, chord: NDArray[np.intp], east: Floats, north: Floats) -> Floats:
     """Distance (m) of points along their chords."""
     to_east, to_north = east - path.east[chord], north - path.north[chord]
     product = to_east * path.along_east[chord] + to_north * path.along_north[chord]
@@ -158,11 +155,15 @@ def _along(path: Polyline, chord: NDArray[np.intp], east: Floats, north: Floats)
     return along
 
 
-def known_feet(path: Polyline, east: Floats, north: Floats, near: Floats) -> Feet:
-    """Feet on the lead's path; NaN beyond its end, at its holes, and before an unknown start."""
+def known_feet(path: PathChords, east: Floats, north: Floats, near: Floats) -> Feet:
+    """Feet on the lead's path; NaN beyond its end, at its holes, and before an unknown start.
+
+    Points whose station `near` is NaN have none.
+    """
     chord, (station, lateral) = _feet(path, east, north, near)
     unknown = (station > path.station[-1] + path.length[-1]) | path.hole[chord]
-    unknown |= (station < 0.0) & (not path.from_start) | np.isnan(near)
+    unknown |= (station < 0.0) & (not path.from_start)
+    unknown |= np.isnan(near)
     return Feet(np.where(unknown, np.nan, station), np.where(unknown, np.nan, lateral))
 
 
@@ -356,9 +357,9 @@ class Gaps(NamedTuple):
 
 
 @once
-def gaps(run: RunTables, follower: str, ahead: str = "") -> Gaps:
+def gaps(run: RunTables, follower: str) -> Gaps:
     """True gap of a follower to the body ahead, at instants with poses of both."""
-    return distances(run, ahead or run.ahead(follower), follower)
+    return distances(run, run.ahead(follower), follower)
 
 
 def distances(run: RunTables, first: str, second: str, within_m: float = np.inf) -> Gaps:
@@ -376,6 +377,12 @@ def distances(run: RunTables, first: str, second: str, within_m: float = np.inf)
     )
     found.distance[near], found.closing[near] = apart
     return found
+
+
+def first_of_periods(at: Integers, period_ns: int) -> Flags:
+    """Whether each instant (ns) is the first one in its period."""
+    is_first: Flags = np.diff(at // period_ns, prepend=-1) != 0
+    return is_first
 
 
 def at_instants(at: Integers, known_at: Integers, values: Floats) -> Floats:

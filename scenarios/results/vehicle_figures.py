@@ -17,8 +17,8 @@ from scenarios.results.record import missing_poses, poses_of, silent_from_s
 from scenarios.results.string_figures import NO_STRING, StringFigures, string_figures
 from scenarios.results.tables import RunTables, common, once
 from scenarios.results.traffic import overrides
-from scenarios.results.true_motion import Floats, cross_track_error, gaps, road_error
-from transport.columns import Columns, Integers
+from scenarios.results.true_motion import cross_track_error, gaps, road_error
+from transport.columns import Columns, Floats, Integers
 from vehicles.car.tyres import SLIDING_SHARE, linear_range
 
 
@@ -240,13 +240,21 @@ def _of_truth(run: RunTables, name: str) -> dict[str, Any]:
         "friction_ratio_max": largest(truth["friction_ratio"]),
     }
     sliding = np.count_nonzero(truth["friction_ratio"] >= SLIDING_SHARE)
-    road = extremes(road_error(run, name))
-    return tyres | {
+    return {
+        **tyres,
+        **_of_errors(run, "road_error", road_errors(run, name)),
         "distance_m": float(truth["distance_m"][-1]) if len(truth) else 0.0,
         "sliding_s": sliding / run.scenario.control_rate_hz if len(truth) else None,
-        "road_error_m_max": road.largest if road else None,
-        "road_error_m_rms": road.rms if road else None,
-        "road_error_max_at_s": run.seconds(truth.at_ns[road.row]) if road else None,
+    }
+
+
+def _of_errors(run: RunTables, metric: str, signal: Signal) -> dict[str, Any]:
+    """Extremes of a signal (m) by the names of their fields."""
+    found = extremes(signal.values)
+    return {
+        f"{metric}_m_max": found.largest if found else None,
+        f"{metric}_m_rms": found.rms if found else None,
+        f"{metric}_max_at_s": run.seconds(signal.at_ns[found.row]) if found else None,
     }
 
 
@@ -317,16 +325,11 @@ def _of_follower(run: RunTables, name: str) -> dict[str, Any]:
     if name == run.lead:
         nothing = ("cross_track_error_m_max", "cross_track_error_m_rms")
         return dict.fromkeys(nothing)
-    true, errors = extremes(cross_track_error(run, name)), self_estimate_errors(run, name)
     at, gap = true_gaps(run, name)
     override = overrides(run, name)
     result: dict[str, Any] = {
-        "cross_track_error_m_max": true.largest if true else None,
-        "cross_track_error_m_rms": true.rms if true else None,
-        "cross_track_error_max_at_s": run.seconds(run.table(name, "truth").at_ns[true.row])
-        if true
-        else None,
-        "self_estimate_error_m_max": largest(errors.values),
+        **_of_errors(run, "cross_track_error", true_errors(run, name)),
+        "self_estimate_error_m_max": largest(self_estimate_errors(run, name).values),
         "reaction": reaction(run, name),
         "overridden_ratio": override.ratio,
         "overrides": override.ratios,

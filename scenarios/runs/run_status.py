@@ -194,7 +194,9 @@ def _others(decision: Columns) -> dict[str, ReportedSource]:
     statuses = statuses_in(decision["other_sources"][0])
     return {
         name: _state(status, *row)
-        for (name, status), *row in zip(statuses.items(), *columns, strict=True)
+        for (name, status), *row in zip(
+            statuses.items(), *columns, strict=False
+        )  # from the bus: may differ
     }
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from scenarios.results.drives import Array, Drive, Trial
+from scenarios.results.drives import Drive, Trial
 from scenarios.results.figure_style import BLUE, GREEN, GREY, ORANGE, PAGE_IN, PURPLE, RED
 from scenarios.studies.paper.experiments import (
     ALPHAS,
@@ -42,6 +42,7 @@ from scenarios.studies.paper.findings import (
     transfer,
 )
 from scenarios.studies.paper.information import noise_rms
+from transport.columns import Floats
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS
 from vehicles.preview.curve_fit import Trajectory
 from vehicles.theory.linear_model import propagation, trace_propagation
@@ -57,7 +58,7 @@ PLACES = range(3)
 Draw = Callable[[Findings], Figure]
 
 
-def _draw(axes: Axes, drives: Sequence[tuple[Drive, Array]], first: int, width: float) -> None:
+def _draw(axes: Axes, drives: Sequence[tuple[Drive, Floats]], first: int, width: float) -> None:
     """Plot values (m) of each drive over time, from place `first` in the convoy on."""
     for place, (drive, values) in enumerate(drives, start=first):
         axes.plot(

@@ -9,7 +9,7 @@ import numpy as np
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.path_tables import PointsPath
-from scenarios.results.drives import Array, Drive, Trial
+from scenarios.results.drives import Drive, Trial
 from scenarios.runs.virtual import drive_trial
 from scenarios.studies.paper.experiments import (
     FIELD_WITH,
@@ -23,6 +23,7 @@ from scenarios.studies.paper.experiments import (
     RunKey,
     Variant,
 )
+from transport.columns import Floats
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, Loading, loaded
 from vehicles.messages import CompositeTrajectory, Message, TruePose
 from vehicles.preview.curve_fit import Trajectory
@@ -252,7 +253,7 @@ class Findings:
             case Part.GAINS:
                 return self.gains_pictures is not None
 
-    def ratios(self, preview_s: float) -> tuple[Array, Array]:
+    def ratios(self, preview_s: float) -> tuple[Floats, Floats]:
         """Frequencies (rad/s, ascending) simulated with a preview, and ratios (n, followers)."""
         responses = [
             response for response in self.sine_responses if response.preview_s == preview_s
@@ -397,7 +398,7 @@ def predict_errors(
     times = np.linspace(0.0, span, SAMPLES, endpoint=False)
     east = lead.east[0] + (lead.east[-1] - lead.east[0]) * times / span
     path = np.fft.rfft(np.interp(east, lead.east, lead.north))
-    frequencies: Array = 2.0 * np.pi / span * np.arange(SAMPLES // 2 + 1, dtype=np.float64)
+    frequencies: Floats = 2.0 * np.pi / span * np.arange(SAMPLES // 2 + 1, dtype=np.float64)
     offsets = path * chain_offsets(transfer, frequencies, alpha, followers)
     ahead = np.vstack([np.zeros_like(path), offsets[:-1]])
     tracking, cross_track = (

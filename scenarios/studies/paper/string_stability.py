@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from scenarios.results.drives import Array, Trial
+from scenarios.results.drives import Trial
 from scenarios.studies.paper.base_case import levels_off, off_the_road
 from scenarios.studies.paper.claim import Answer, Claims, by_runs
 from scenarios.studies.paper.experiments import (
@@ -28,6 +28,7 @@ from scenarios.studies.paper.findings import (
     transfer,
 )
 from scenarios.studies.paper.other_cases import SIMULATIONS
+from transport.columns import Floats
 from vehicles.theory.linear_model import Transfer, chain_offsets
 from vehicles.theory.string_stability import head_to_tail, is_string_stable, peak
 
@@ -229,7 +230,7 @@ def length(trial: Trial) -> float:
     return SPACING * len(_section(trial))
 
 
-def _section(trial: Trial) -> Array:
+def _section(trial: Trial) -> Floats:
     begin = max(float(drive.station[0]) for drive in trial.followers)
     end = min(float(drive.station[-1]) for drive in trial.followers)
     return np.arange(begin, end, SPACING, dtype=np.float64)

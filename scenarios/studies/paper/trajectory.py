@@ -5,7 +5,6 @@ from math import pi
 import numpy as np
 
 from scenarios.definition.scenario import load_scenario
-from scenarios.results.drives import Array
 from scenarios.studies.paper.claim import Answer, Claims
 from scenarios.studies.paper.experiments import (
     BASE,
@@ -15,6 +14,7 @@ from scenarios.studies.paper.experiments import (
     lane_change_lengths,
 )
 from scenarios.studies.paper.findings import Findings, Tally, cm
+from transport.columns import Floats
 from vehicles.preview.curve_fit import FitSettings, Trajectory
 from vehicles.preview.paper_recipe import circle_of_least_squares
 
@@ -76,7 +76,7 @@ def one_change(findings: Findings) -> Answer:
     )
 
 
-def _changes_of_curvature(scenario: str) -> Array:
+def _changes_of_curvature(scenario: str) -> Floats:
     """Times (s) at which the lead reaches a change of curvature, at constant speed."""
     route = load_scenario(scenario).route
     distances = np.arange(0.0, route.path.length - route.start, 0.1)
@@ -85,7 +85,7 @@ def _changes_of_curvature(scenario: str) -> Array:
     return np.asarray(distances[1:][changes] / route.profile.speeds[0])
 
 
-def _most_within(instants: Array, span: float) -> int:
+def _most_within(instants: Floats, span: float) -> int:
     """Largest number of instants in a window of `span` (s), open at its end."""
     return max(int(np.sum((instants >= at) & (instants < at + span - 0.01))) for at in instants)
 
@@ -134,13 +134,13 @@ def circle(_: Findings) -> Answer:
     )
 
 
-def _arc(radius: float) -> tuple[Array, Array]:
+def _arc(radius: float) -> tuple[Floats, Floats]:
     """16 samples of the preview at 30 m/s on an arc (m), relative to their middle."""
     angles = (np.linspace(0.5, 24.0, 16) - 12.0) / radius
     return radius * np.sin(angles), radius * (1.0 - np.cos(angles))
 
 
-def _plain_equations(x: Array, y: Array, weight: Array) -> tuple[float, float, float]:
+def _plain_equations(x: Floats, y: Floats, weight: Floats) -> tuple[float, float, float]:
     """X_c, Y_c and R from eq. (5) as printed, by a general solver."""
     root = np.sqrt(weight)
     design = np.column_stack([2.0 * x, 2.0 * y, np.ones_like(x)]) * root[:, None]

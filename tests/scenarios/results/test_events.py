@@ -210,6 +210,13 @@ def test_each_distrust_of_a_source_is_an_event() -> None:
     assert [one.vehicles for one in both_ways] == [("v1", "v2")]  # the lead follows nobody
 
 
+@pytest.mark.parametrize("text", ["v9", "v1 distrusted, v9", "v9 lost v1"])
+def test_a_malformed_list_of_sources_is_read_as_far_as_it_goes(text: str) -> None:
+    """The bus is open to everybody, and the summary reads what is in the log."""
+    found = detected(*(tracking("v3", seq, other_sources=text) for seq in range(3)))
+    assert [event.kind for event in found] == ["distrust"] * ("distrusted" in text)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_the_order_of_messages_does_not_matter(seed: int) -> None:
     places = [

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scenarios.results.link_account import accounts
 from scenarios.results.links import LinkSummary, link_summaries
 from scenarios.results.run_event import run_events
+from scenarios.results.tables import common
 from scenarios.results.vehicle_figures import VehicleSummary, extremes, vehicle_summaries
 from tests.made.examples import examples
 from tests.made.scenarios.messages import gps, health, tracking, truth, verdict
@@ -40,6 +41,14 @@ def link(sender: str, receiver: str, *messages: Message) -> LinkSummary:
         for row in figures_of(*messages).links
         if (row.sender, row.receiver) == (sender, receiver)
     )
+
+
+@given(st.lists(st.lists(st.integers(0, 20), max_size=20), min_size=1, max_size=3))
+def test_common_instants_are_found_in_any_order(columns: list[list[int]]) -> None:
+    at, rows = common(*(np.array(column, np.int64) for column in columns))
+    assert at.tolist() == sorted(set.intersection(*map(set, columns)))
+    for column, places in zip(columns, rows, strict=True):
+        assert places.tolist() == [column.index(instant) for instant in at.tolist()]
 
 
 @given(values=st.lists(st.floats(-1e3, 1e3), max_size=30))
@@ -198,6 +207,7 @@ def test_figures_of_a_link_follow_from_its_verdicts() -> None:
         "v2",
         "v3",
         *(gps("v2", seq) for seq in range(6)),
+        *(tracking("v3", seq) for seq in range(36)),
         verdict("v2", "v3", 0, latency_ms=30.0),
         verdict("v2", "v3", 1, dropped="loss"),
         verdict("v2", "v3", 2, latency_ms=50.0),

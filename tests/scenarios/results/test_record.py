@@ -152,3 +152,11 @@ def test_the_instant_before_the_hole_in_which_an_event_began() -> None:
     assert seen_before(run, "truth", ["v2", "v1"], at(3.02)) is None
     assert seen_before(run, "truth", ["v2"], at(2.5)) is None
     assert seen_before(run, "tracking", ["v1"], at(0.4)) == START
+
+
+def test_without_the_start_times_count_from_the_first_true_pose() -> None:
+    late = [one for name in ("v1", "v2") for one in truths(10.0, name) if one.seq >= 100]
+    kept = [one for one in late if one.vehicle == "v1" or one.seq >= 150]
+    run = tables_of([(valid_at(one), one) for one in kept])
+    assert seen_before(run, "truth", ["v2"], at(3.0)) == at(2.0)
+    assert {span.from_s for span in unseen(run)} == {0.0}

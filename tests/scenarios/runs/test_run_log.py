@@ -126,7 +126,7 @@ def test_a_clean_link_that_delivered_nothing_fails_the_run(
     for seq in range(round(seconds * 20)):
         for name in ("v1", "v2"):
             take(run, gps(name, seq), seq)
-    take(run, health("v2", seconds=5.0, final=True, rejected_messages=24), 100)
+    take(run, health("v2", seconds=seconds, final=True, rejected_messages=24), 100)
     end = decode(TOPICS["end"], run.end(at(5.0), ""))
     assert isinstance(end, RunEnd)
     assert end.reason == run.close(at(5.1)).reason == reason
