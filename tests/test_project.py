@@ -117,25 +117,25 @@ def test_each_planted_wrong_has_its_test(wrong: str) -> None:
 ROOMS = {
     "scenarios": 10,
     "scenarios/api": 760,
-    "scenarios/cli": 6_125,
+    "scenarios/cli": 6_105,
     "scenarios/definition": 14_015,
-    "scenarios/results": 9_270,
-    "scenarios/runs": 6_430,
-    "scenarios/studies": 11_610,
-    "transport": 1_195,
+    "scenarios/results": 8_650,
+    "scenarios/runs": 6_435,
+    "scenarios/studies": 11_570,
+    "transport": 1_190,
     "transport/bus": 780,
     "transport/links": 4_620,
-    "transport/log": 1_630,
-    "transport/picture": 2_000,
+    "transport/log": 1_615,
+    "transport/picture": 1_955,
     "vehicles": 630,
     "vehicles/car": 2_845,
     "vehicles/driver": 4_700,
-    "vehicles/geometry": 1_675,
+    "vehicles/geometry": 1_545,
     "vehicles/preview": 1_630,
     "vehicles/theory": 1_095,
 }
 """Ceiling of each room in lines. A feature raises it only in a commit that says so."""
-PRODUCT_MAX, TESTS_MAX, MODULES_MAX = 71_870, 61_120, 328
+PRODUCT_MAX, TESTS_MAX, MODULES_MAX = 70_100, 61_140, 326
 """Lines of the product and of the tests, and modules of the product, `__init__` included."""
 LOADED_MAX, CALLS_MAX = 550, 400
 """Own modules that a virtual run loads, and own Python calls of its busiest follower in a control

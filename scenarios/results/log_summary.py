@@ -69,11 +69,12 @@ def summarise(
     )
     broken = [limit.message for limit in limits if limit.broken]
     reason = failure_reason(reason, [*broken, *contradictions(counted)])
-    lacking = "" if reason else incomplete(vehicles)
+    lacking = incomplete(vehicles)
+    is_failed = reason not in {"", lacking}
     links = link_summaries(run, counted)
     summary = RunSummary(
         identity=identity,
-        outcome="failed" if reason else "incomplete" if lacking else "completed",
+        outcome="failed" if is_failed else "incomplete" if lacking else "completed",
         reason=reason or lacking,
         duration_s=run.scenario.duration_s,
         ran_s=run.ran_ns / SECOND,
