@@ -108,10 +108,6 @@ class LiveRun:
         return min(at for at in self._passed.values() if at >= newest - PATIENCE_NS)
 
     @property
-    def start_at(self) -> int | None:
-        return self.window.start_at
-
-    @property
     def seconds(self) -> float:
         """Time (s) of the run so far."""
         return max(self.evaluated_until - self.window.beginning, 0) / SECOND

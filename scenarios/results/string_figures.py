@@ -118,10 +118,6 @@ class StringSignal:
         """L2 and L∞ gain from the head of the string."""
         return self._pair(figures, f"_from_{self.head}")
 
-    def has_gain(self, figures: StringFigures) -> bool:
-        gains = (*self.gains(figures), *self.gains_from_head(figures))
-        return any(gain is not None for gain in gains)
-
     def _pair(self, figures: StringFigures, reach: str) -> tuple[float | None, float | None]:
         name = f"{self.name}_gain"
         return getattr(figures, f"{name}_l2{reach}"), getattr(figures, f"{name}_linf{reach}")
