@@ -1,10 +1,7 @@
-"""Panels of the picture as a table.
-
-The picture in Rerun and the layout for Foxglove follow it.
-"""
+"""Panels of the picture in Rerun as a table."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -109,13 +106,13 @@ class Series:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Panel:
-    """Contents of a panel, its vehicles, and the layouts that contain it.
+    """Contents of a panel and its vehicles.
 
     `kind` is a plot of all vehicles, one plot for each follower, or strips of states with the
     colours `states`. Values are drawn in `unit`, `factor` times those of the messages, every
     `period_ns` (0: each of them). A vehicle that is not drawn in detail has no series, except in a
     panel of `every_vehicle`. `lead` states whether the lead has series and whether the panel shows
-    them. `marked` plots show the events. `foxglove` states whether Foxglove's layout has the panel.
+    them. `marked` plots show the events.
     """
 
     name: str
@@ -129,11 +126,6 @@ class Panel:
     every_vehicle: bool = False
     states: Mapping[str, Colour] = field(default_factory=dict)
     marked: bool = False
-    foxglove: bool = False
-
-    @property
-    def single(self) -> Iterator[Series]:
-        return (series for series in self.series if not series.each_other)
 
     @property
     def topic(self) -> str:
@@ -144,15 +136,6 @@ class Panel:
         """Title with the unit; `vehicle` is part of it if each follower has its own panel."""
         title = self.title.format(vehicle=vehicle)
         return f"{title} ({self.unit})" if self.unit else title
-
-    def applies_to(self, vehicles: Sequence[str]) -> bool:
-        return self.kind != "plot_of_one" or len(vehicles) > 1
-
-    def followers(self, vehicles: Sequence[str]) -> Mapping[int, str]:
-        """Followers by position in the layout for Foxglove: one if each has its own plot."""
-        middle = len(vehicles) // 2
-        only = range(middle, middle + 1) if self.kind == "plot_of_one" else range(len(vehicles))
-        return {place: vehicles[place] for place in only if place}
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,13 +182,13 @@ ROWS = (
         Panel(
             name="cross_track", title="True cross-track error", unit="m, left positive",
             kind="plot", series=(Series("deviation", "cross_track_error_m"),),
-            marked=True, foxglove=True,
+            marked=True,
         ),
         Panel(
             name="tracking", title="Self-estimated error, ± 3σ of the position", unit="m",
             kind="plot",
             series=(Series("tracking", "lateral_error_m", deviation="lateral_deviation_m"),),
-            lead="shown", foxglove=True,
+            lead="shown",
         ),
         Panel(
             name="steering", title="Steering", unit="deg",
@@ -223,7 +206,7 @@ ROWS = (
                 Series("tracking", "known_m", name="known",
                        label="known path", colour=(0x2F, 0x8C, 0xFF), width=2.5),
             ),
-            period_ns=CURVE_NS, marked=True, foxglove=True,
+            period_ns=CURVE_NS, marked=True,
         ),
         Panel(
             name="age", title="Pose age, lead bright, others dark", unit="s",
@@ -234,7 +217,7 @@ ROWS = (
                        brightness_ratio=0.6, first_follower=False),
                 Series("tracking", "other_age_s", brightness_ratio=0.4, each_other=True),
             ),
-            period_ns=SLOW_CURVE_NS, foxglove=True,
+            period_ns=SLOW_CURVE_NS,
         ),
         Panel(
             name="received", title="Received in the last 10 s", unit="%",
@@ -261,7 +244,7 @@ ROWS = (
         Panel(
             name="true_gap", title="Gap, true", unit="m",
             kind="plot", series=(Series("deviation", "true_gap_m"),),
-            marked=True, foxglove=True,
+            marked=True,
         ),
         Panel(
             name="gap", title="Gap, estimated bright, measured dark", unit="m",
@@ -270,7 +253,7 @@ ROWS = (
                 Series("tracking", "estimated_gap_m"),
                 Series("tracking", "measured_gap_m", name="measured", brightness_ratio=0.6),
             ),
-            foxglove=True,
+
         ),
         Panel(
             name="speed", title="Speed", unit="m/s",
@@ -293,7 +276,7 @@ ROWS = (
             name="mode", title="Modes",
             kind="states", series=(Series("tracking", "mode", flag="hazard"),),
             states=_MODES | {flagged(mode, "hazard"): _MODES[mode] for mode in _MODES},
-            lead="hidden", every_vehicle=True, foxglove=True,
+            lead="hidden", every_vehicle=True,
         ),
         Panel(
             name="sources", title="Status of the sources",

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
 from scenarios.results.events import Event
-from scenarios.results.files import LOG_NAME, SUMMARY_NAME, write_whole
+from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.limits import collision_ends_run, failure_reason, limit_figures
 from scenarios.results.link_account import accounts
 from scenarios.results.links import describe_link, link_summaries, silent_links
@@ -24,31 +24,12 @@ from scenarios.results.vehicle_figures import tyre_warnings
 from scenarios.runs.observer import Observer
 from scenarios.runs.recorder import Recorder
 from transport.log.errors import LogError
-from transport.log.foxglove import Scene, foxglove_layout
+from transport.log.foxglove import Scene
 from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
 from transport.topics import TOPICS
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.schedule import nanoseconds
-
-# ---- The layout with which Foxglove shows the log of a run without this project
-
-
-FOXGLOVE_NAME = "foxglove.json"
-
-
-def write_foxglove_layout(folder: Path, scenario: Scenario) -> None:
-    """Write a layout next to the log of a run of `scenario`, unless there is one.
-
-    Nothing depends on it, so errors such as a full disk are ignored.
-    """
-    with suppress(OSError):
-        layout = foxglove_layout(scenario.vehicle_names)
-        write_whole(folder / FOXGLOVE_NAME, layout.encode(), new=True)
-
-
-# ---- Run log
-
 
 MOST_HOLE_LINES = 20
 """Holes listed in the log; the summary lists all."""
@@ -96,7 +77,6 @@ class RunLog:
         rates_hz = scenario.tables.log.rates_hz
         self._writer = LogWriter(self._log, scene=scene_of(scenario), rates_hz=rates_hz)
         self._thinned = Collector(KINDS & {TOPICS[topic].message for topic in rates_hz})
-        write_foxglove_layout(folder, scenario)
         self._writer.metadata(METADATA_NAME, self._identity.metadata())
         self._writer.attach(ATTACHED_AS, "application/toml", scenario.text.encode())
         self.recorder = Recorder(

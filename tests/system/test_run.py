@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
-from scenarios.runs.run_log import FOXGLOVE_NAME
 from tests.made.scenarios.shipped import whole_run
 from tests.system.conftest import DURATION_S, Driven
 from tests.system.logs import (
@@ -34,7 +33,6 @@ def test_a_run_prints_progress_and_a_summary(lane_change: Driven) -> None:
     assert {path.name for path in lane_change.wall.folder.iterdir()} == {
         LOG_NAME,
         SUMMARY_NAME,
-        FOXGLOVE_NAME,
     }
 
 

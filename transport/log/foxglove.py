@@ -4,7 +4,6 @@ The world frame `map` is east, north, up at the scenario's origin. The frame of 
 name and is forward, left, up.
 """
 
-import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,7 +18,7 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
-from transport.panels import PANELS, ROAD, Colour, Panel, colour_of
+from transport.panels import ROAD, Colour, colour_of
 from vehicles.geometry.arc_spline import points_along
 from vehicles.geometry.lanes import Points, lane_edges, simplified
 from vehicles.messages import CompositeTrajectory, GpsPose, LogText, Message, RunStart, TruePose
@@ -214,81 +213,3 @@ def standard_messages(
             StandardMessage("path", PosesInFrame, scene.make_path, ONCE_NS),
         ),
     }
-
-
-# ---- Foxglove layout of a log: scene, text and plots
-
-
-KINDS = {"plot": "Plot", "states": "StateTransitions", "plot_of_one": "Plot"}
-"""Foxglove's panel types by kind of panel, from top to bottom."""
-
-
-def foxglove_layout(vehicles: Sequence[str]) -> str:
-    """Layout (JSON) of the log of a run with `vehicles`, lead first, for import in Foxglove."""
-    panels = [panel for panel in PANELS.values() if panel.foxglove and panel.applies_to(vehicles)]
-    panels.sort(key=lambda panel: list(KINDS).index(panel.kind))
-    shown = {f"{KINDS[panel.kind]}!{panel.name}": _panel(panel, vehicles) for panel in panels}
-    text = {"topicToRender": "/convoy/run/text", "minLogLevel": 1}
-    left = _split("column", 75.0, "3D!scene", "RosOut!text")
-    layout = {
-        "configById": {"3D!scene": _scene(vehicles), "RosOut!text": text, **shown},
-        "globalVariables": {},
-        "userNodes": {},
-        "playbackConfig": {"speed": 1},
-        "layout": _split("row", 55.0, left, _stacked(list(shown))),
-    }
-    return json.dumps(layout, indent=1) + "\n"
-
-
-def _split(direction: str, percentage: float, first: object, second: object) -> object:
-    shares = {"direction": direction, "splitPercentage": percentage}
-    return {"first": first, "second": second, **shares}
-
-
-def _stacked(panels: Sequence[str]) -> object:
-    """Stack panels of equal height."""
-    first, *rest = panels
-    return _split("column", 100.0 / len(panels), first, _stacked(rest)) if rest else first
-
-
-def _scene(vehicles: Sequence[str]) -> dict[str, object]:
-    shown = [f"/convoy/{name}/{topic}" for name in vehicles for topic in ("box", "preview")]
-    camera = {
-        "perspective": True,
-        "distance": 20.0 + 12.0 * len(vehicles),
-        "phi": 35.0,
-        "thetaOffset": 0.0,
-    }
-    return {
-        "followMode": "follow-position",
-        "followTf": vehicles[len(vehicles) // 2],
-        "cameraState": camera,
-        "scene": {"transforms": {"visible": False}},
-        "topics": {topic: {"visible": True} for topic in ("/convoy/run/road", *shown)},
-        "layers": {},
-    }
-
-
-def _panel(panel: Panel, vehicles: Sequence[str]) -> dict[str, object]:
-    followers = panel.followers(vehicles)
-    is_plot = panel.kind != "states"
-    paths = []
-    for place, name in followers.items():
-        for series in panel.single:
-            colour = "#{:02x}{:02x}{:02x}".format(*series.colour_at(place))
-            path = {
-                "value": f"/convoy/{name}/{series.topic}.{series.field}",
-                "label": series.label_of(name),
-                "timestampMethod": "receiveTime",
-            }
-            paths.append({**path, "color": colour, "enabled": True} if is_plot else path)
-    heading = panel.heading(next(iter(followers.values()), ""))
-    axes = {
-        "showLegend": True,
-        "legendDisplay": "floating",
-        "showXAxisLabels": True,
-        "xAxisVal": "timestamp",
-        "showYAxisLabels": True,
-    }
-    shown = {"foxglovePanelTitle": heading, "paths": paths, "isSynced": True}
-    return {**shown, **axes} if is_plot else shown

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from itertools import count
 from pathlib import Path
-from typing import IO, Any, NoReturn
+from typing import Any, NoReturn
 
 from google.protobuf.descriptor import FileDescriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
@@ -23,7 +23,7 @@ from transport.codec import PROTOBUF, encode
 from transport.convoy_pb2 import Deviation
 from transport.log.errors import LogError, UnwritableError
 from transport.log.foxglove import Scene, StandardMessage, standard_messages
-from transport.log.mcap_file import MAGIC, THINNED_NAME, McapFile, lock
+from transport.log.mcap_file import THINNED_NAME, lock
 from transport.topics import TOPIC_OF, TOPICS, Thinning, Topic, key
 from vehicles.messages import Message
 from vehicles.schedule import SECOND, Timer
@@ -92,7 +92,7 @@ class LogWriter(Closing):
         except OSError as error:
             raise UnwritableError(f"{path}: cannot write the log: {error.strerror}") from error
         self._writer = Writer(self._file, enable_data_crcs=True)
-        self._written = self._flushed = self._log_time = self._chunk_ends_at = 0
+        self._flushed = self._log_time = self._chunk_ends_at = 0
         self._standard = standard_messages(scene)
         self._deviations: dict[str, tuple[int, Iterator[int]]] = {}
         self._channels: dict[tuple[str, str], Channels] = {}
@@ -144,7 +144,6 @@ class LogWriter(Closing):
 
     def _add(self, channel: int, log_time: int, data: bytes, sent_at: int, number: int) -> None:
         """Write one message, into a new chunk after `CHUNK_NS`."""
-        self._written += 1
         self._log_time = at = max(self._log_time, log_time)
         try:
             if at >= self._chunk_ends_at:
@@ -204,7 +203,7 @@ class LogWriter(Closing):
             self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.flush()
             os.fsync(self._file.fileno())
-            self._check_content()
+            self._check_file()
             self._file.close()
 
     def _end_chunk(self) -> None:
@@ -222,18 +221,6 @@ class LogWriter(Closing):
         if status.st_size < self._flushed:
             raise OSError(errno.EIO, f"cut to {status.st_size} of {self._flushed} bytes")
 
-    def _check_content(self) -> None:
-        """Raise OSError if the completed file does not hold all messages that were written."""
-        self._check_file()
-        try:
-            log = McapFile(self._path)
-        except LogError as error:
-            raise OSError(errno.EIO, str(error)) from error
-        if log.truncated or log.damage:
-            raise OSError(errno.EIO, "written bytes were changed or lost")
-        if (held := sum(log.counts().values())) != self._written:
-            raise OSError(errno.EIO, f"it holds {held} of {self._written} messages")
-
     @contextlib.contextmanager
     def _named_failure(self) -> Iterator[None]:
         """Turn OSError into LogError, and stop writing."""
@@ -245,23 +232,5 @@ class LogWriter(Closing):
     def _give_up(self, error: OSError) -> NoReturn:
         self.failure = f"{self._path}: cannot write the log: {error.strerror}"
         with contextlib.suppress(OSError):
-            self._open_end()
-        with contextlib.suppress(OSError):
             self._file.close()
         raise UnwritableError(self.failure) from error
-
-    def _open_end(self) -> None:
-        """Remove the last bytes of a log that became complete although a call failed.
-
-        `repair` completes it as a log that breaks off: its attached summary does not hold.
-        """
-        if self._file.closed:  # closing was the call that failed
-            file: IO[bytes] = self._path.open("r+b", buffering=0)
-        else:
-            self._file.flush()
-            file = self._file
-        with file:
-            size = file.seek(0, os.SEEK_END)
-            begin = max(0, size - len(MAGIC))
-            if begin > len(MAGIC) and os.pread(file.fileno(), len(MAGIC), begin) == MAGIC:
-                file.truncate(begin)

@@ -402,7 +402,6 @@ def test_run_writes_a_log_and_a_summary(tmp_path: Path) -> None:
     result = convoy("run", *SHORT, "--seed", "5", "--out", out)
     assert result.exit_code == 0
     assert sorted(path.name for path in out.iterdir()) == [
-        "foxglove.json",
         "run.mcap",
         "summary.json",
     ]

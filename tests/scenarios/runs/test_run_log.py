@@ -10,7 +10,7 @@ from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.live import LiveRun
 from scenarios.results.log_summary import METADATA_NAME, summary_of
 from scenarios.results.summary import to_json
-from scenarios.runs.run_log import FOXGLOVE_NAME, RunLog
+from scenarios.runs.run_log import RunLog
 from tests.made.scenarios.messages import START, at, gps, health, tracking, truth
 from transport.codec import decode, encode
 from transport.log.reader import LogReader
@@ -46,7 +46,6 @@ def test_a_run_is_a_log_and_a_summary_that_say_the_same(scenario: Scenario, tmp_
     run.end(at(5.0), "")
     summary = run.close(at(5.1))
     assert sorted(path.name for path in folder.iterdir()) == [
-        FOXGLOVE_NAME,
         LOG_NAME,
         SUMMARY_NAME,
     ]

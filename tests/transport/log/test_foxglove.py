@@ -1,6 +1,5 @@
 """The standard messages of a log, read by its own schemas."""
 
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -9,14 +8,13 @@ import pytest
 from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
-from google.protobuf import descriptor_pb2, descriptor_pool
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from rerun.chunk import McapReader
 
 from tests.made.transport import drive
-from tests.made.transport.logs import rows, write
-from transport.log.foxglove import Scene, foxglove_layout
+from tests.made.transport.logs import write
+from transport.log.foxglove import Scene
 from transport.panels import colour_of
 
 
@@ -92,26 +90,6 @@ def test_the_road_is_the_lead_s_path_between_the_edges_of_its_lane(tmp_path: Pat
     assert update.entities[0].frame_id == "map"
     assert [line[0] for line in lines] == [(0.0, 0.0), (0.0, 1.75), (0.0, -1.75)]
     assert [line[-1] for line in lines] == [(50.0, 0.0), (50.0, 1.75), (50.0, -1.75)]
-
-
-def test_the_layout_shows_the_topics_of_the_log(tmp_path: Path) -> None:
-    """All topics and fields of the layout are in the schemas of the log."""
-    write(tmp_path / "run.mcap", scene=SCENE)
-    schemas = {channel.topic: schema for schema, channel, _ in rows(tmp_path / "run.mcap")}
-    panels = json.loads(foxglove_layout(drive.VEHICLES))["configById"]
-    shown = set(panels["3D!scene"]["topics"])
-    assert {f"/convoy/{name}/box" for name in drive.VEHICLES} | {"/convoy/run/road"} <= shown
-    assert shown <= {*schemas, "/convoy/v1/preview"}  # the lead has none
-    assert panels["RosOut!text"]["topicToRender"] in schemas
-    plotted = {path["value"] for panel in panels.values() for path in panel.get("paths", ())}
-    assert "/convoy/v2/deviation.true_gap_m" in plotted
-    for value in plotted:
-        topic, _, field = value.partition(".")
-        files = descriptor_pb2.FileDescriptorSet.FromString(schemas[topic].data).file
-        pool = descriptor_pool.DescriptorPool()
-        for file in files:
-            pool.Add(file)
-        assert field in pool.FindMessageTypeByName(schemas[topic].name).fields_by_name
 
 
 def test_preview_poses_lie_on_the_arc(tmp_path: Path) -> None:
