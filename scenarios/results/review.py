@@ -1,6 +1,6 @@
 """`convoy review`: shows a recorded run in Rerun as it was drawn live."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -91,7 +91,11 @@ def review(
     names = _in_order(reader) if scenario is None else list(scenario.vehicle_names)
     excerpt = excerpt.with_lead(names, reader.path)
     with _open(reader, option, scenario, names, excerpt) as view:
-        count = _draw(reader, view, scenario, excerpt, progress)
+        count = 0
+        for batch, share in batches(reader, scenario, excerpt):
+            view.draw(batch)
+            count += sum(map(len, batch.tables.values()))
+            progress(share)
         view.finish()
         if at_s is not None:
             view.show_at(at_s)
@@ -100,39 +104,35 @@ def review(
     return count
 
 
-def _draw(
-    reader: LogReader,
-    view: RerunView,
-    scenario: Scenario | None,
-    excerpt: Excerpt,
-    progress: Callable[[float], None],
-) -> int:
-    """Draw part of a run; its errors and events need the messages from the start of the run on."""
+def batches(
+    reader: LogReader, scenario: Scenario | None, excerpt: Excerpt = WHOLE_RUN
+) -> Iterator[tuple[Batch, float]]:
+    """Yield part of a run in batches, each with the share of the run that has been yielded.
+
+    Its errors and events need the messages from the start of the run on. Raises LogError.
+    """
     start = _start_of(reader)
     excerpt.check(start, reader)
     first, last = excerpt.span(start)
     run = None if scenario is None else tables_in(reader, scenario)
     found = () if run is None else events(run)
     vehicles = None if excerpt.vehicles is None else {*excerpt.vehicles, RUN_SENDER}
-    count, begin = 0, max(first, min(reader.first_at, start))
+    begin = max(first, min(reader.first_at, start))
     while begin <= min(reader.last_at, last):
         end = max(begin, start) + SPAN_NS
         span = begin, min(end - 1, last)
         tables = reader.columns(DRAWN_TOPICS, vehicles=vehicles, span_ns=span)
-        if run is None:
-            view.draw(Batch(start_ns=start, tables=tables))
-        else:
+        batch = Batch(start_ns=start, tables=tables)
+        if run is not None:
             shown = vehicles or {*run.names}
             new = [
                 event
                 for event in found
                 if span[0] <= event.at_ns <= span[1] and not shown.isdisjoint(event.vehicles)
             ]
-            view.draw(batch_of(run, new, tables, (span[0], span[1] + 1), shown))
-        count += sum(map(len, tables.values()))
-        progress(min((end - start) / max(reader.last_at - start, 1), 1.0))
+            batch = batch_of(run, new, tables, (span[0], span[1] + 1), shown)
+        yield batch, min((end - start) / max(reader.last_at - start, 1), 1.0)
         begin = end
-    return count
 
 
 def _start_of(reader: LogReader) -> int:

@@ -9,8 +9,7 @@ Entities are named by quantity first and vehicle last, because a view contains w
     links, messages/<sender>_to_<receiver>    states of each half second and of each message
     sources/<vehicle>/<source>, mode/<vehicle>, log/<vehicle>, legend
 
-In a picture of several runs the label of the run comes before the vehicle below `world`, and after
-it in `plots/<quantity>/<vehicle>/<run>` and `mode/<vehicle>_<run>`.
+In a picture of several runs a vehicle has the name `<vehicle>_<run>`.
 """
 
 from collections.abc import Sequence
@@ -154,15 +153,9 @@ def blueprint(scene: RunScene, extent: RunExtent = RunExtent()) -> rrb.Blueprint
     """Layout for the vehicles of a scene."""
     shares = [4, 2, 0.72, 3] if _is_flat(scene.path) else [3, 3.5, 0.72, 2.5]
     rows = [(row, tabs) for row in ROWS if (tabs := _tabs(row, scene, extent))]
-    views = [_convoy_view(scene), _plan_view(scene), legend_view(), _log_view()]
-    return two_columns(
-        rrb.Vertical(*views, row_shares=shares),
-        rrb.Vertical(*(tabs for _, tabs in rows), row_shares=[row.share for row, _ in rows]),
-    )
-
-
-def two_columns(left: rrb.Vertical, right: rrb.Vertical) -> rrb.Blueprint:
-    """Views of places at the left, and views over time at the right."""
+    views = [_convoy_view(scene), _plan_view(scene), _legend_view(), _log_view()]
+    left = rrb.Vertical(*views, row_shares=shares)
+    right = rrb.Vertical(*(tabs for _, tabs in rows), row_shares=[row.share for row, _ in rows])
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[5, 4]),
         rrb.TimePanel(timeline=TIMELINE, expanded=False),
@@ -202,7 +195,7 @@ def _plan_view(scene: RunScene) -> rrb.Spatial2DView:
     )
 
 
-def legend_view() -> rrb.Spatial2DView:
+def _legend_view() -> rrb.Spatial2DView:
     """Colours of vehicles, curves and marks, in a strip of its own."""
     return rrb.Spatial2DView(
         name="Legend",
@@ -256,16 +249,14 @@ def _tabs(row: Row, scene: RunScene, extent: RunExtent) -> rrb.Tabs | None:
 def _plot(
     panel: Panel, extent: RunExtent, vehicle: str = "", **contents: Any
 ) -> rrb.TimeSeriesView:
-    """Plot of all vehicles, or of one."""
+    """Plot of all vehicles, or of one, without its own legend, which covers data."""
     arguments = {"name": panel.heading(vehicle), **contents}
-    origin = f"plots/{panel.name}/{vehicle}".rstrip("/")
-    return _time_series(origin, extent.duration_s, **arguments)
-
-
-def _time_series(origin: str, duration_s: float | None, **contents: Any) -> rrb.TimeSeriesView:
-    """Plot without its own legend, which covers data."""
-    hidden, axis = rrb.PlotLegend(visible=False), _whole_run(duration_s)
-    return rrb.TimeSeriesView(origin=origin, plot_legend=hidden, axis_x=axis, **contents)
+    return rrb.TimeSeriesView(
+        origin=f"plots/{panel.name}/{vehicle}".rstrip("/"),
+        plot_legend=rrb.PlotLegend(visible=False),
+        axis_x=_whole_run(extent.duration_s),
+        **arguments,
+    )
 
 
 def _plots_of_followers(panel: Panel, scene: RunScene, extent: RunExtent) -> list[rrb.View]:
@@ -323,38 +314,3 @@ def _whole_run(duration_s: float | None) -> rrb.TimeAxis:
         start = rr.TimeRangeBoundary.absolute(seconds=0.0)
         end = rr.TimeRangeBoundary.absolute(seconds=duration_s)
     return rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))
-
-
-# ---- Blueprint of several runs
-
-
-PLOTS = {
-    "error": "Error from the lead's path (m, left positive)",
-    "difference": "Offset minus that of A at the same place (m)",
-    "gap": "Gap to the vehicle ahead (m)",
-}
-
-
-def comparison_blueprint(scene: RunScene, runs: int) -> rrb.Blueprint:
-    """Layout for several runs of the vehicles of a scene."""
-    # On another timeline a fixed range would be one of nanoseconds.
-    plots = [_time_series(f"plots/{name}", None, name=title) for name, title in PLOTS.items()]
-    modes = rrb.StateTimelineView(name="Modes", origin="mode", time_view=_whole_run(None))
-    modes_share = min(2.0 + 0.6 * max(len(scene.vehicles) - 1, 1) * runs, 9.0)
-    convoys = rrb.Spatial2DView(
-        name="Convoys (driving to the right, A is faded)",
-        origin="world/convoy",
-        contents=["/world/**"],
-        visual_bounds=Reach.of(scene).bounds,
-    )
-    plan = rrb.Spatial2DView(
-        name="Plan (north up)",
-        origin="world/plan",
-        contents=["/world/**", "- /world/names/**"],
-        visual_bounds=bounds_of(scene.path, 0.04) if scene.path else None,
-    )
-    text = rrb.TextDocumentView(name="Runs", origin="text")
-    return two_columns(
-        rrb.Vertical(convoys, plan, legend_view(), text, row_shares=[3, 3, 0.72, 3]),
-        rrb.Vertical(*plots, modes, row_shares=[4, 4, 3, modes_share]),
-    )

@@ -78,22 +78,10 @@ def require_cursor(option: RerunOption) -> None:
         )
 
 
-RECORDING_MAGICS = (b"RRF2", b"RRF1", b"RRF0")  # First bytes of a recording of Rerun, by version
-
-
 def refuse_foreign_file(option: RerunOption) -> None:
     """Raise ViewerError if `save` would overwrite a file that is no recording of Rerun."""
     path = Path(option.target)
-    if option.sink != "save" or not (path.exists() or path.is_symlink()):
-        return
-    try:
-        begins = b""
-        if path.is_file():
-            with path.open("rb") as file:
-                begins = file.read(len(RECORDING_MAGICS[0]))
-    except OSError as error:
-        raise ViewerError(f"{path}: cannot write the recording: {error.strerror}") from error
-    if begins not in RECORDING_MAGICS:
+    if option.sink == "save" and (path.exists() or path.is_symlink()) and path.suffix != ".rrd":
         raise ViewerError(
             f"{path}: exists and is no recording of Rerun; give another file by --save FILE"
         )

@@ -3,7 +3,7 @@
 Import this module only for a picture: Rerun takes 90 MB and half a second.
 """
 
-import os
+import subprocess
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -27,23 +27,24 @@ from transport.picture.run_picture import RunPicture
 from transport.picture.viewer_process import ViewerError
 
 APPLICATION = "convoy"
-MEMORY_LIMIT = "512MB"  # Of a server for later viewers; then the oldest data go
 FLUSH_S = 5.0
 LOG_FLUSH_S = 120.0  # Longest wait for a viewer to take the picture of a live run, and of a log
 CURSOR_S, CURSOR_EVERY_S = 60.0, 0.2  # Longest wait for the viewer's cursor, and between attempts
 FLUSH_TICK_S = 0.1
 
 
-class OpenRecording(Closing):
-    """A recording that is sent to the destination of `option`, which is not "off".
+class RerunView(Closing):
+    """Shows a run, live or from its log: `draw` takes its messages batch by batch.
 
-    `destination` describes to the user where it is shown. Raises ViewerError if the picture cannot
-    be shown.
+    `title` is the name of the recording, `option` is not "off". `destination` describes to the user
+    where it is shown. Raises ViewerError if the picture cannot be shown.
     """
 
-    def __init__(self, option: RerunOption, recording_id: str, title: str = "") -> None:
+    def __init__(
+        self, option: RerunOption, *, recording_id: str, scene: RunScene, title: str = ""
+    ) -> None:
         self._is_saved = option.sink == "save"
-        self._page: Any = None
+        self._server: subprocess.Popen[bytes] | None = None
         self._viewer = ""
         self._is_open = True
         self.recording = rr.RecordingStream(
@@ -54,6 +55,7 @@ class OpenRecording(Closing):
         self.destination = self._open(option)
         if title:
             self.recording.send_recording_name(title)
+        self._picture: RunPicture | None = RunPicture(self.recording, scene)
 
     def _open(self, option: RerunOption) -> str:
         """Send the recording to its destination, and return that."""
@@ -77,25 +79,24 @@ class OpenRecording(Closing):
 
     def _serve(self, option: RerunOption) -> str:
         address = option.address
+        data_port = viewer_process.free_port(address, DATA_PORT, option.data_port)
+        page_port = viewer_process.free_port(address, PAGE_PORT, option.page_port)
+        self._server = viewer_process.start_server(address, page_port, data_port)
         host = viewer_process.local_address(address)
-
-        def serve_data(port: int) -> bool:
-            self.recording.set_sinks(
-                rr.GrpcServerSink(bind_ip=address, port=port, server_memory_limit=MEMORY_LIMIT)
-            )
-            return viewer_process.await_listening(os.getpid(), address, port)
-
-        data_port = viewer_process.listen(address, option.data_port, DATA_PORT, serve_data)
         data_url = f"rerun+http://{host}:{data_port}/proxy"
-
-        def serve_page(port: int) -> bool:
-            self._page = viewer_process.start_web_page(
-                address=address, port=port, data_url=data_url
-            )
-            return self._page is not None
-
-        page_port = viewer_process.listen(address, option.page_port, PAGE_PORT, serve_page)
+        self.recording.set_sinks(rr.GrpcSink(data_url))
         return f"http://{host}:{page_port}/?url={quote(data_url, safe='')}"
+
+    def draw(self, batch: Batch) -> None:
+        if self._picture is not None:
+            self._picture.draw(batch)
+
+    def finish(self) -> None:
+        """Draw what is still open and fit the layout to the run; nothing is drawn after it."""
+        picture, self._picture = self._picture, None
+        if picture is not None:
+            with suppress(RuntimeError):  # the run continues without a viewer
+                picture.finish()
 
     def show_at(self, at_s: float) -> None:
         """Move the time cursor of the viewer to a time (s) after the start of the run.
@@ -116,10 +117,11 @@ class OpenRecording(Closing):
                 return
 
     def close(self) -> None:
-        """Send all data and end the programs started for the picture.
+        """Finish the picture, send all data and end the programs started for it.
 
         Raises UnwritableRecordingError if the file of a saved recording is incomplete.
         """
+        self.finish()
         failure = ""
         if self._is_open:
             self._is_open = False
@@ -128,41 +130,13 @@ class OpenRecording(Closing):
             except RuntimeError as error:  # a viewer that was closed is no failure
                 failure = str(error) if self._is_saved else ""
             self.recording.disconnect()
-        if self._page is not None:
-            viewer_process.stop(self._page)
-            self._page = None
+        if self._server is not None:
+            viewer_process.stop(self._server)
+            self._server = None
         if failure:
             raise viewer_process.UnwritableRecordingError(
                 f"{self.destination}: cannot write the recording: {failure.lower()}"
             )
-
-
-class RerunView(OpenRecording):
-    """Shows a run, live or from its log: `draw` takes its messages batch by batch.
-
-    `title` is the name of the recording. Raises ViewerError if the picture cannot be shown.
-    """
-
-    def __init__(
-        self, option: RerunOption, *, recording_id: str, scene: RunScene, title: str = ""
-    ) -> None:
-        super().__init__(option, recording_id, title)
-        self._picture: RunPicture | None = RunPicture(self.recording, scene)
-
-    def draw(self, batch: Batch) -> None:
-        if self._picture is not None:
-            self._picture.draw(batch)
-
-    def finish(self) -> None:
-        """Draw what is still open and fit the layout to the run; nothing is drawn after it."""
-        picture, self._picture = self._picture, None
-        if picture is not None:
-            with suppress(RuntimeError):  # the run continues without a viewer
-                picture.finish()
-
-    def close(self) -> None:
-        self.finish()
-        super().close()
 
 
 def _save(path: str) -> Any:

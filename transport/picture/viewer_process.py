@@ -1,6 +1,6 @@
-"""Rerun's own programs as processes of this machine: the web page and the native viewer.
+"""Rerun's own program as a process of this machine: the native viewer, or a server for browsers.
 
-The options of every command import this module, so it imports viewers' libraries late.
+The options of every command import this module, so it imports Rerun late.
 """
 
 import importlib.util
@@ -8,8 +8,7 @@ import os
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from pathlib import Path
 
 from transport.clock import poll
@@ -18,8 +17,7 @@ from transport.texts import ConvoyError
 START_S = 20.0  # Time (s) after which a program that does not listen has failed
 STOP_S = 2.0
 POLL_S = 0.05
-PORT_TRIES = 5  # Number of free ports that are tried, in case other programs take them meanwhile
-OTHER_PORTS = "choose other ports with --serve-at ADDRESS:PORT:DATA_PORT"
+MEMORY_LIMIT = "512MB"  # Of a server for later viewers; then the oldest data go
 _END_WITH_PARENT = """
 import ctypes, os, sys
 libc = ctypes.CDLL(None)
@@ -53,22 +51,6 @@ def viewer_binary() -> Path:
     )
 
 
-def start_web_page(*, address: str, port: int, data_url: str) -> "subprocess.Popen[bytes] | None":
-    """Serve the page that shows `data_url` on `address`; it ends when this process does.
-
-    Also by SIGKILL. Call it from a thread that outlives the page, such as the main thread. Returns
-    None if another program listens on the port.
-    """
-    flags = ["--serve-web", "--bind", address, "--web-viewer-port", str(port), data_url]
-    page = _start([*_ends_with_parent(), str(viewer_binary()), *flags])
-    if await_listening(page.pid, address, port):
-        return page
-    stop(page)
-    if is_listening(address, port):
-        return None
-    raise _did_not_start(page)
-
-
 def require_display() -> None:
     """Raise ViewerError, with alternatives, where no window can be opened."""
     if sys.platform == "linux" and not (
@@ -80,15 +62,47 @@ def require_display() -> None:
         )
 
 
-def start_native_viewer(port: int) -> "subprocess.Popen[bytes]":
+def start_native_viewer(port: int) -> None:
     """Open the native viewer, which receives data on `port` of 127.0.0.1 and outlives this one."""
     require_display()
     flags = ["--port", str(port), "--bind", "127.0.0.1", "--expect-data-soon"]
-    viewer = _start([str(viewer_binary()), *flags])
-    if await_listening(viewer.pid, "127.0.0.1", port):
-        return viewer
-    stop(viewer)
-    raise _did_not_start(viewer)
+    _start([str(viewer_binary()), *flags], "127.0.0.1", [port])
+
+
+def start_server(address: str, page_port: int, data_port: int) -> "subprocess.Popen[bytes]":
+    """Serve a web page and its data on two ports of `address`; the server ends with this process.
+
+    Also by SIGKILL. Call it from a thread that outlives the server, such as the main thread.
+    """
+    flags = ["--serve-web", "--bind", address, "--server-memory-limit", MEMORY_LIMIT]
+    flags += ["--port", str(data_port), "--web-viewer-port", str(page_port)]
+    ends_with_parent = [sys.executable, "-I", "-S", "-c", _END_WITH_PARENT, str(os.getpid())]
+    command = [*ends_with_parent, str(viewer_binary()), *flags]
+    return _start(command, address, [data_port, page_port])
+
+
+def _start(command: Sequence[str], address: str, ports: Sequence[int]) -> "subprocess.Popen[bytes]":
+    """Start a program in its own session, which Ctrl-C does not reach, and wait for its ports."""
+    program = subprocess.Popen(  # noqa: S603 - our own command line, no shell
+        command,
+        env=quiet_environment(),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+
+    def is_ready() -> bool:
+        return all(is_listening(address, port) for port in ports)
+
+    poll(lambda: program.poll() is not None or is_ready(), every_s=POLL_S, at_most_s=START_S)
+    if program.poll() is None and is_ready():
+        return program
+    stop(program)
+    raise ViewerError(
+        f"Rerun's viewer did not start (exit code {program.returncode}): --save FILE writes a "
+        "recording instead"
+    )
 
 
 def stop(process: "subprocess.Popen[bytes]") -> None:
@@ -100,86 +114,29 @@ def stop(process: "subprocess.Popen[bytes]") -> None:
         process.wait()
 
 
-def free_port(address: str, preferred: int) -> int:
-    """Return `preferred` if no program listens there, else another free port."""
-    for port in (preferred, 0):
-        try:
-            return _bound(address, port)
-        except OSError:
-            continue
-    raise ViewerError(f"no free port on {address}")
+def free_port(address: str, usual: int, requested: int = 0) -> int:
+    """Return the `requested` port or, if it is 0, the usual port or another free one.
 
-
-def listen(address: str, requested: int, usual: int, serve: Callable[[int], bool]) -> int:
-    """Have `serve` listen on the `requested` port or, if it is 0, on the usual or another port.
-
-    `serve` returns whether it does: another program can take a free port meanwhile, so others are
-    tried. Returns the port; raises ViewerError without one.
+    Raises ViewerError if another program listens on the requested port.
     """
-    for _ in range(1 if requested else PORT_TRIES):
+    for port in (requested,) if requested else (usual, 0):
         try:
-            port = _bound(address, requested) if requested else free_port(address, usual)
+            with socket.socket() as probe:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                probe.bind((address, port))
+                bound: int = probe.getsockname()[1]
+                return bound
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
-            text = f"cannot listen on {address}:{requested}: {reason}; {OTHER_PORTS}"
-            raise ViewerError(text) from error
-        if serve(port):
-            return port
-    raise ViewerError(f"cannot listen on {address}:{port}: address already in use; {OTHER_PORTS}")
-
-
-def _bound(address: str, port: int) -> int:
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        probe.bind((address, port))
-        bound: int = probe.getsockname()[1]
-        return bound
+    raise ViewerError(
+        f"cannot listen on {address}:{port}: {reason}; choose other ports with --serve-at "
+        "ADDRESS:PORT:DATA_PORT"
+    )
 
 
 def quiet_environment() -> dict[str, str]:
     """Environment with CI set, in which Rerun 0.41 sends no usage statistics."""
     return {**os.environ, "CI": "1"}
-
-
-def _ends_with_parent() -> list[str]:
-    """Prefix of a command that ends with this process."""
-    return [sys.executable, "-I", "-S", "-c", _END_WITH_PARENT, str(os.getpid())]
-
-
-def _start(command: Sequence[str]) -> "subprocess.Popen[bytes]":
-    """Start a program in its own session, which Ctrl-C does not reach."""
-    return subprocess.Popen(  # noqa: S603 - our own command line, no shell
-        command,
-        env=quiet_environment(),
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
-
-
-def await_listening(pid: int, address: str, port: int) -> bool:
-    """Wait until process `pid` listens; False if it ends, or another process does so instead."""
-    import psutil  # noqa: PLC0415 - see above
-
-    def settled() -> bool:
-        ended = not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
-        return ended or is_listening(address, port)
-
-    with suppress(psutil.Error):
-        poll(settled, every_s=POLL_S, at_most_s=START_S)
-        return any(
-            connection.status == psutil.CONN_LISTEN and connection.laddr.port == port
-            for connection in psutil.Process(pid).net_connections("tcp")
-        )
-    return False
-
-
-def _did_not_start(viewer: "subprocess.Popen[bytes]") -> ViewerError:
-    return ViewerError(
-        f"Rerun's viewer did not start (exit code {viewer.returncode}): --save FILE writes a "
-        "recording instead"
-    )
 
 
 def is_listening(address: str, port: int) -> bool:
