@@ -1,12 +1,10 @@
 """Panels of the picture in Rerun as a table."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from transport.topics import TOPICS
-from vehicles.messages import Message
 from vehicles.schedule import MILLISECOND
 
 # ---- Colours of the vehicles, the same in every picture
@@ -304,11 +302,3 @@ ROWS = (
 )
 # fmt: on
 PANELS: Mapping[str, Panel] = {panel.name: panel for row in ROWS for panel in row.panels}
-
-
-def panels_of(message: type[Message]) -> Iterator[Panel]:
-    """Panels whose values stand in messages of one type."""
-    for panel in PANELS.values():
-        topic = TOPICS.get(panel.topic)
-        if topic and topic.message is message:
-            yield panel

@@ -352,11 +352,6 @@ class LogText:
     def ends_vehicle(self) -> bool:
         return self.level == "fatal"
 
-    @property
-    def doubts_figures(self) -> bool:
-        """Whether the run's summary lists the line as a warning."""
-        return self.level == "alert"
-
 
 @dataclass(slots=True, kw_only=True)
 class Change:

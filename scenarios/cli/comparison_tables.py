@@ -1,12 +1,13 @@
-"""The laws of a link and a sample of them, in 80 columns."""
+"""The settings of a link and a sample of it, in 80 columns."""
 
+import json
 from collections.abc import Iterator, Sequence
 
 from rich.console import Console
 
 from scenarios.cli.output import table_of
-from scenarios.definition.check.link_forecast import laws_of
 from scenarios.definition.scenario import Scenario
+from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.summary_columns import Column, figure
 from scenarios.studies.channel.comparison import ComparedFigure, Comparison
 
@@ -19,10 +20,9 @@ def print_comparison(
     name: str, scenario: Scenario, comparison: Comparison, console: Console
 ) -> None:
     link = comparison.sender, comparison.receiver
-    laws = [words for _, words in laws_of(scenario, link)]
     about = f"{name}, {comparison.sender} → {comparison.receiver}"
     console.print(about, style="bold", highlight=False, markup=False)
-    for line in _about(scenario.links[link].preset_source, laws, comparison):
+    for line in _about(scenario.links[link], comparison):
         console.print(line, highlight=False, markup=False)
     console.print(table_of(LINK_COLUMNS, comparison.figures))
     _print_shares("messages lost in a row", comparison.bursts, console)
@@ -32,10 +32,13 @@ def print_comparison(
         console.print(f"dropped: {counts}", highlight=False, markup=False)
 
 
-def _about(source: str | None, laws: Sequence[str], comparison: Comparison) -> Iterator[str]:
-    if source:
-        yield f"source: {source}"
-    yield f"laws: {'; '.join(laws)}"
+def _about(table: LinkTable, comparison: Comparison) -> Iterator[str]:
+    if table.preset_source:
+        yield f"source: {table.preset_source}"
+    settings = table.model_dump(include=set(LinkTable.model_fields), exclude={"preset_source"})
+    for key, value in settings.items():
+        if value not in (None, LinkTable.model_fields[key].default):
+            yield f"{key} = {json.dumps(value)}"
     between = (
         f", {comparison.vehicles_between} vehicles between" if comparison.vehicles_between else ""
     )

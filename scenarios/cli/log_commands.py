@@ -62,13 +62,14 @@ def review(
     LOG is a run.mcap or its folder.
     """
     from scenarios.cli.output import progress_of, wait_until_stopped
-    from scenarios.results import review as reviewing
     from scenarios.results.log_summary import log_in
     from transport.picture.option import parse_rerun_option
 
     with clear_errors():
         option = parse_rerun_option(rerun)
         require("review", "viewer", "rerun")
+        from scenarios.results import review as reviewing
+
         names = [name.strip() for name in vehicles.split(",") if name.strip()]
         excerpt = reviewing.Excerpt(from_s, to_s, names or None)
         show = progress_of("% drawn")

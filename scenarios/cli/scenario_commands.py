@@ -140,25 +140,27 @@ Examples:
     metavar="FILE",
     help="Draw the recorded drive of the path into a new PNG, SVG or PDF file.",
 )
-@json_option("Print the settings and figures as JSON.")
+@click.option("--resolved", is_flag=True, help="Print the scenario as TOML with all its settings.")
+@json_option("Print the figures and warnings as JSON.")
 def check(
     *,
     scenario: str,
     overrides: tuple[str, ...],
     seed: int | None,
     output: Path | None,
+    resolved: bool,
     as_json: bool,
 ) -> None:
     """Check a scenario and list warnings.
 
     SCENARIO is a shipped name (see `convoy list`), a TOML file, or a recorded drive, such as a GPX
     file. Of a drive it also reports length, rate, noise, holes, pauses and what is left out, even
-    if it cannot be driven. Nothing is simulated.
+    if it cannot be driven. Nothing is simulated but the braking of the lead that the gaps hold.
     """
     from scenarios.cli.check_tables import check_scenario
 
     with clear_errors():
-        check_scenario(scenario, overrides, seed, output=output, as_json=as_json)
+        check_scenario(scenario, overrides, seed, output=output, as_json=as_json, resolved=resolved)
 
 
 @click.command(epilog="Example: convoy new > my.toml")

@@ -1,6 +1,6 @@
 """Information flow: the vehicles whose poses each vehicle receives, and their use."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from scenarios.definition.errors import Problem
@@ -69,11 +69,6 @@ def _table_of(tables: ScenarioTables, name: str, direction: str) -> InformationF
     table = own.information_flow if own else None
     given = table is not None and direction in table.model_fields_set
     return table if table is not None and given else tables.information_flow
-
-
-def sources_tables(tables: ScenarioTables, name: str) -> Mapping[str, SourcesTable]:
-    """Return the sources of a follower as configured, by direction."""
-    return {one: getattr(_table_of(tables, name, one), one) for one in DIRECTIONS}
 
 
 def directed_links(tables: ScenarioTables) -> tuple[tuple[str, str], ...]:

@@ -58,7 +58,7 @@ class ErrorTerm(ABC):
 
     `begin(context)` returns the error over a run, an object with the method `at` of `ErrorProcess`.
     Random numbers come only from the streams of the context, so that the same seed gives the same
-    run. Followers assume the `variance`; `describe` is for tables.
+    run. Followers assume the `variance`.
     """
 
     __slots__ = ()
@@ -74,9 +74,6 @@ class ErrorTerm(ABC):
     @abstractmethod
     def begin(self, context: ReceiverContext) -> ErrorProcess:
         """Draw the random numbers of a run."""
-
-    def describe(self) -> str:
-        return type(self).__name__
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,9 +96,6 @@ class Bias(ErrorTerm):
 
     def at(self, body: Body, now: int) -> tuple[float, float]:
         return self.east, self.north
-
-    def describe(self) -> str:
-        return f"bias {self.east:g} m east, {self.north:g} m north, {self.deviation:g} m random"
 
 
 # ---- Drifting errors: a first-order Gauss–Markov process in two axes, independent of the rate
@@ -200,9 +194,6 @@ class CommonDrift(Drift, ErrorTerm):
 
     def begin(self, context: ReceiverContext) -> ErrorProcess:
         return GaussMarkov(self, context.start_at, context.shared_streams("drift"))
-
-    def describe(self) -> str:
-        return f"common drift {self.deviation:g} m over {self.time_constant:g} s"
 
 
 # ---- Times and places without a fix, as in a tunnel: state 0 of NMEA 0183

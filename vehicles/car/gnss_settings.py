@@ -6,7 +6,7 @@ from the settings.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from math import degrees, exp, expm1, hypot, inf, radians, sqrt
+from math import exp, expm1, hypot, inf, radians, sqrt
 from typing import Annotated, Any, Literal, get_args
 
 from vehicles.car.gnss_error_terms import (
@@ -21,7 +21,7 @@ from vehicles.car.gnss_error_terms import (
     ReceiverState,
 )
 from vehicles.messages import FixState
-from vehicles.schedule import MILLISECOND, SECOND
+from vehicles.schedule import SECOND
 from vehicles.setting import Problem, Setting
 
 STATES_WITH_FIX: tuple[FixState, ...] = get_args(FixState)
@@ -205,25 +205,6 @@ class GnssSettings(StateErrors):
         for index, outage in enumerate(self.outages):
             for key, reason in outage.problems():
                 yield f"outages[{index}].{key}", reason
-
-    def describe(self) -> Iterator[str]:
-        """Short descriptions of rate, noise and errors, for tables."""
-        yield (
-            f"{self.rate:g} Hz, noise {self.position_noise:g} m, {degrees(self.heading_noise):g}°, "
-            f"{self.speed_noise:g} m/s, {self.yaw_rate_noise:g} rad/s"
-        )
-        drift, kinds = self.drift, {law: kind for kind, law in FIX_STATE_LAWS.items()}
-        parts = (
-            f"{self.preset or 'fix'} ({self.fix})" if self.preset or self.fix != "fixed" else "",
-            f"drift {drift.deviation:g} m over {drift.time_constant:g} s" if drift else "",
-            *(error.describe() for error in reversed(self.error_terms)),
-            f"steps of {self.quantisation:g} m" if self.quantisation else "",
-            f"latency {self.latency / MILLISECOND:g} ms" if self.latency else "",
-            f"fix states by {kinds[type(self.fix_states)]}" if self.fix_states else "",
-            f"{len(self.outages)} outages" if self.outages else "",
-            f"reports {self.accuracy:g} of its deviation" if self.accuracy != 1.0 else "",
-        )
-        yield from filter(None, parts)
 
 
 # ---- The error model that a receiver states: what an estimator may know of its errors

@@ -137,7 +137,7 @@ class SendingRule(ABC):
 
     `begin(context)` returns the `SendingTrigger` of a run. Random numbers come only from the
     streams of the context, so that the same seed gives the same run. By `nominal_rate` followers
-    know when a message is late; by default it is the rate of fixes. `describe` is for tables.
+    know when a message is late; by default it is the rate of fixes.
     """
 
     dcc: Annotated[
@@ -174,9 +174,6 @@ class SendingRule(ABC):
     def problems(self) -> Iterator[Problem]:
         if self.dcc is not None:
             yield from must_increase("dcc.busy", [entry.at for entry in self.dcc.busy])
-
-    def describe(self) -> str:
-        return type(self).__name__
 
 
 def must_increase(key: str, times: Sequence[float]) -> Iterator[Problem]:
@@ -217,9 +214,6 @@ class PhasedRule(SendingRule):
         elif phase >= period:
             yield "phase_s", f"given {phase:g}, allowed less than {period:g}, the period"
 
-    def describe_phase(self) -> str:
-        return "random phase" if self.drawn_phase else f"phase {self.phase / SECOND:g} s"
-
 
 # ---- Shipped rules
 
@@ -234,9 +228,6 @@ class EveryFix(SendingRule, SendingTrigger):
     def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
         return unsent is not None and now >= allowed_from
 
-    def describe(self) -> str:
-        return "every fix"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FixedRate(PhasedRule):
@@ -250,9 +241,6 @@ class FixedRate(PhasedRule):
 
     def max_rate(self, fixes: float) -> float:
         return min(self.rate, fixes)
-
-    def describe(self) -> str:
-        return f"{self.rate:g} Hz, {self.describe_phase()}"
 
 
 CAM_INTERVALS = tuple(100 * MILLISECOND * k for k in range(1, 11))
@@ -330,10 +318,6 @@ class MeasuredIntervals(SendingRule):
             allowed = f"less than a quarter of the shortest interval, {least / MILLISECOND:g} ms"
             yield "jitter_ms", f"given {self.jitter / MILLISECOND:g}, allowed {allowed}"
 
-    def describe(self) -> str:
-        table = self.table or f"{len(self.intervals)} configured"
-        return f"random intervals: {table}, jitter {self.jitter / MILLISECOND:g} ms"
-
 
 class DrawnIntervalTrigger(SendingTrigger):
     """Random intervals from an instant that is uniform within the first one.
@@ -398,9 +382,6 @@ class RateProfile(SendingRule):
         yield from SendingRule.problems(self)
         yield from must_increase("profile", [entry.at for entry in self.profile])
 
-    def describe(self) -> str:
-        return ", ".join(f"{entry.rate:g} Hz from {entry.at:g} s" for entry in self.profile)
-
 
 HEADING, POSITION, SPEED = 4.0, 4.0, 0.5  # Changes (deg, m, m/s) that trigger (EN 302 637-2)
 MIN_INTERVAL, MAX_INTERVAL = 100 * MILLISECOND, 1000 * MILLISECOND  # ns (EN 302 637-2)
@@ -428,10 +409,6 @@ class AwarenessMessages(PhasedRule):
 
     def nominal_rate(self, fixes: float, speed: float) -> float:
         return 1.0 / cam_interval(speed, self.check_period / SECOND)
-
-    def describe(self) -> str:
-        period = f"{self.check_period / MILLISECOND:g} ms"
-        return f"CAM, checked every {period}, {self.describe_phase()}"
 
 
 class CamTrigger:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from math import hypot, inf
 from pathlib import Path
@@ -9,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from scenarios.definition.channel.build import expected_channel, vehicles_between
 from scenarios.definition.check.confirmation import confirmation_lines, lap_warnings
 from scenarios.definition.check.drive_report import DriveReport, drive_report, drive_warnings
 from scenarios.definition.check.held_braking import HeldBraking, held_braking
-from scenarios.definition.check.link_forecast import laws_in_brief
 from scenarios.definition.check.preview import history_warnings, preview_warnings
 from scenarios.definition.check.steering_loop import (
     certificate_warnings,
@@ -22,19 +23,13 @@ from scenarios.definition.check.steering_loop import (
 )
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.change_tables import SpeedChangeTable
-from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.path_tables import PointsPath
-from scenarios.definition.schema.scenario_tables import ScenarioTables, SteeringTable
-from scenarios.definition.schema.settings_table import table_with
-from scenarios.definition.topology import sources_tables
 from scenarios.definition.traces.reading import DriveInPlane
 from scenarios.definition.vehicle_setup import VehicleSetup
 from transport.links.laws.recorded_losses import EarlierRun
 from vehicles.car.parameters import VehicleParameters
-from vehicles.car.sending_rules import RULES
 from vehicles.car.tyres import GRAVITY
 from vehicles.geometry.sampled_path import FloatArray
-from vehicles.schedule import MILLISECOND
 
 # ---- Accuracy of receivers compared with the room in the lane
 
@@ -124,20 +119,27 @@ STEP = 0.05
 """Time step (s) at which the lead's planned run is sampled."""
 
 
+@dataclass(frozen=True, slots=True)
+class RequestedChannel:
+    """Requested loss ratio, mean number of messages lost in a row, and latency of a link."""
+
+    loss_ratio: float | None
+    burst_messages: float | None
+    latency_ms_mean: float | None
+    latency_ms_deviation: float | None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckReport:
-    """Settings of a valid scenario, and figures of the lead's planned run.
+    """Figures of a valid scenario that its file does not hold, and warnings.
 
-    By vehicle: `control`, `information_flow` of followers, `largest_alpha` of followers with lead
-    data, `gnss`, `sending`, `imu` (None with exact own state), `gap_sensor` of those that have one,
-    `tyres`, `masses_kg` (with driver and load), `offsets` from the path at the start, and `replays`
-    of recorded drives. `laws` describes each link except latency, jitter, independent loss and
-    rate. `gap_policy` is None if followers drive the lead's speed, `radius_m_min` on a straight
-    road. From `points` to `deviation_m_max` the fields are about a recorded drive, and None for a
-    path of segments: omitted points, holes, noise, the half width of the smoothing, the offset
-    subtracted from coordinates, and the distance of the path from the points (rms) and between
-    them as well (max). `drive` has more about it.
-    `held_braking` is the braking of the lead that the gaps hold.
+    `largest_alpha` is by follower with lead data, `replays` of recorded drives by vehicle, and
+    `channel` the requested figures of each link, null where no number is known. `radius_m_min` is
+    None on a straight road. From `points` to `deviation_m_max` the fields are about a recorded
+    drive, and None for a path of segments: omitted points, holes, noise, the half width of the
+    smoothing, the offset subtracted from coordinates, and the distance of the path from the points
+    (rms) and between them as well (max). `drive` has more about it. `held_braking` is the braking
+    of the lead that the gaps hold.
     """
 
     name: str
@@ -147,25 +149,9 @@ class CheckReport:
     duration_s: float
     seed: int
     lead_speed: str
-    gap_policy: dict[str, float] | None
-    control_rate_hz: float
-    control: dict[str, dict[str, Any]]
-    information_flow: dict[str, dict[str, Any]]
     largest_alpha: dict[str, dict[str, float]]
-    gnss: dict[str, dict[str, Any]]
-    sending: dict[str, dict[str, Any]]
-    imu: dict[str, dict[str, float] | None]
-    gap_sensor: dict[str, dict[str, float]]
-    masses_kg: dict[str, float]
-    tyres: dict[str, dict[str, Any]]
-    offsets: dict[str, dict[str, float]]
     replays: dict[str, dict[str, Any]]
-    links: dict[str, dict[str, Any]]
-    laws: dict[str, str]
-    on_vehicle_failure: str
-    clock_uncertainty_ms_max: float
-    events: dict[str, float]
-    limits: dict[str, Any]
+    channel: dict[str, RequestedChannel]
     path_length_m: float
     driven_m: float
     radius_m_min: float | None
@@ -248,7 +234,6 @@ def check(
 
 def report_of(scenario: Scenario) -> CheckReport:
     tables, route, run = scenario.tables, scenario.route, _run(scenario)
-    cars = {name: scenario.vehicle(name) for name in scenario.vehicle_names}
     changes = np.diff(run.speeds) / STEP
     trace = tables.path if isinstance(tables.path, PointsPath) else None
     road = route.smoothed
@@ -260,32 +245,9 @@ def report_of(scenario: Scenario) -> CheckReport:
         duration_s=scenario.duration_s,
         seed=scenario.seed,
         lead_speed=tables.speed.lead,
-        gap_policy=tables.speed.gap.model_dump() if tables.speed.followers == "gap" else None,
-        control_rate_hz=scenario.control_rate_hz,
-        control={name: _steering(car.steering) for name, car in cars.items()},
-        information_flow=_information_flow(scenario),
         largest_alpha=largest_alphas(scenario, run.speed_range),
-        gnss={name: table_with(car.gnss).model_dump() for name, car in cars.items()},
-        sending={name: table_with(car.sending, RULES).model_dump() for name, car in cars.items()},
-        imu={name: _imu(car) for name, car in cars.items()},
-        gap_sensor={
-            name: table_with(car.gap_sensor).model_dump()
-            for name, car in cars.items()
-            if car.gap_sensor is not None
-        },
-        masses_kg={name: car.parameters.mass for name, car in cars.items()},
-        tyres={name: _tyres(car.parameters) for name, car in cars.items()},
-        offsets=_offsets(tables),
         replays=_replays(scenario),
-        on_vehicle_failure=tables.convoy.on_vehicle_failure,
-        clock_uncertainty_ms_max=scenario.clock_uncertainty_ns_max / MILLISECOND,
-        events=tables.events.model_dump(),
-        limits=tables.limits.model_dump(),
-        links={
-            f"{sender} → {receiver}": table.model_dump(include=set(LinkTable.model_fields))
-            for (sender, receiver), table in scenario.links.items()
-        },
-        laws={f"{pair[0]} → {pair[1]}": laws_in_brief(scenario, pair) for pair in scenario.links},
+        channel={f"{pair[0]} → {pair[1]}": _requested(scenario, *pair) for pair in scenario.links},
         path_length_m=route.length,
         driven_m=route.profile.distance(scenario.duration_s),
         radius_m_min=1.0 / run.sharpest if run.sharpest > STRAIGHT else None,
@@ -309,47 +271,22 @@ def report_of(scenario: Scenario) -> CheckReport:
     )
 
 
-def _steering(table: SteeringTable) -> dict[str, Any]:
-    return table.model_dump(include=set(SteeringTable.model_fields))
-
-
-def _information_flow(scenario: Scenario) -> dict[str, dict[str, Any]]:
-    """By follower: the sources of both directions as configured, and all that it receives."""
-    return {
-        name: {
-            **{
-                one: sources.describe()
-                for one, sources in sources_tables(scenario.tables, name).items()
-            },
-            "receives": list(scenario.vehicle(name).senders),
-        }
-        for name in scenario.vehicle_names[1:]
-        if name not in scenario.tables.replayed
-    }
-
-
-def _imu(setup: VehicleSetup) -> dict[str, float] | None:
-    return (
-        None
-        if setup.has_exact_state
-        else table_with(setup.imu).model_dump() | {"rate_hz": setup.imu_rate_hz}
+def _requested(scenario: Scenario, sender: str, receiver: str) -> RequestedChannel:
+    """Requested figures of a link, for vehicles as far apart as at the start."""
+    source, place = scenario.vehicle(sender), scenario.vehicle(receiver).place
+    first, last = sorted((source.place, place))
+    expected = expected_channel(
+        scenario.links[sender, receiver],
+        source.highest_rate_hz,
+        sum(scenario.route.spacings[first + 1 : last + 1]),
+        partial(vehicles_between, scenario.route, source.place, place),
     )
-
-
-def _tyres(car: VehicleParameters) -> dict[str, Any]:
-    """Return tyres, friction and steering rate; None for an unlimited rate."""
-    rate = car.steering_rate_limit
-    return {
-        "tyres": car.tyres,
-        "friction_ratio": car.friction,
-        "steering_rate_limit_radps": None if rate == inf else rate,
-    }
-
-
-def _offsets(tables: ScenarioTables) -> dict[str, dict[str, float]]:
-    keys = {"lateral_offset_m", "heading_offset_deg"}
-    result = {name: own.model_dump(include=keys) for name, own in tables.vehicle.items()}
-    return {name: offsets for name, offsets in result.items() if any(offsets.values())}
+    return RequestedChannel(
+        expected.loss_ratio,
+        expected.burst_messages,
+        expected.latency_ms_mean,
+        expected.latency_ms_deviation,
+    )
 
 
 def _replays(scenario: Scenario) -> dict[str, dict[str, Any]]:

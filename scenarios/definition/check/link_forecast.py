@@ -1,19 +1,20 @@
-"""Models of a directed link as text, and a sample of it."""
+"""A sample of a directed link by the effects of a run, on a straight road.
+
+Both ends drive at one speed and distance; vehicles in between are evenly spaced in the line of
+sight. Messages are periodic and of one size.
+"""
 
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.definition.channel.build import (
-    OF_VEHICLES,
     USUAL_MESSAGE_BYTES,
     link_effects,
     link_stages,
-    vehicles_between,
 )
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.link_tables import LinkTable
@@ -28,12 +29,6 @@ from transport.links.laws.link_law import (
 from transport.links.link import Link
 from transport.topics import counts_as_loss
 from vehicles.schedule import MILLISECOND, SECOND
-
-# ---- A sample of one link by the effects of a run, on a straight road
-#
-# Both ends drive at one speed and distance; vehicles in between are evenly spaced in the line of
-# sight. Messages are periodic and of one size.
-
 
 SLOWEST_MPS = 1.0
 """Smallest speed (m/s), since shadowing changes with the distance driven."""
@@ -113,30 +108,3 @@ class StraightDrive:
             yield TransmissionContext(
                 seq, sent_at, USUAL_MESSAGE_BYTES, ahead, Position(driven, 0.0, driven)
             )
-
-
-# ---- Models of a link as text
-
-
-PLAIN = {"rate_hz", "loss_ratio", "latency_ms", "jitter_ms"}
-
-
-def laws_in_brief(scenario: Scenario, link: tuple[str, str]) -> str:
-    """Describe the laws of a link except latency, jitter, independent loss and rate."""
-    return "; ".join(words for key, words in laws_of(scenario, link) if key not in PLAIN)
-
-
-def laws_of(scenario: Scenario, link: tuple[str, str]) -> Iterator[tuple[str, str]]:
-    """Yield the key and the description of each law of a link."""
-    sender, receiver = link
-    table, source = scenario.links[link], scenario.vehicle(sender)
-    setting = scenario.link_setting(sender, receiver, 0)
-    place = scenario.vehicle(receiver).place
-    between = partial(vehicles_between, scenario.route, source.place, place)
-    for effect in link_effects(table, source.highest_rate_hz, setting, between):
-        end = OF_VEHICLES.get(effect.key)
-        yield effect.key if end is None else f"vehicle.{link[end]}.{effect.key}", effect.describe()
-    for stage in link_stages(table):
-        yield stage.key, stage.describe()
-    if table.content is not None:
-        yield from ((table.content.key, words) for words in table.content.describe_content())

@@ -114,14 +114,6 @@ class SourcesTable(Table):
         """The word for these sources, empty if there is none."""
         return next((word for word, table in WORDS.items() if table == self), "")
 
-    def describe(self) -> str:
-        if self.word:
-            return self.word.replace("_", " ")
-        parts = [
-            f"{count} {side}" for side in ("ahead", "behind") if (count := getattr(self, side))
-        ]
-        return ", ".join([*["lead"] * self.lead, *parts, *self.names]) or "none"
-
 
 WORDS: Mapping[str, SourcesTable] = {
     "predecessor": SourcesTable(ahead=1),

@@ -84,18 +84,6 @@ class SettingField:
         return self.setting.key(self.name)
 
     @property
-    def default_in_key(self) -> Any:
-        """Default in the unit of the key; None without one."""
-        return None if self.default is MISSING else _from_si(self, self.default)
-
-    @property
-    def classes(self) -> Mapping[str, type[Any]]:
-        """Settings classes of a table or of the entries of a list, by their `kind`."""
-        if self.setting.kinds is not None:
-            return self.setting.kinds
-        return {"": self.entry} if is_dataclass(self.entry) else {}  # type: ignore[dict-item]
-
-    @property
     def entry(self) -> Any:
         """Type of an entry of a list, else that of the field."""
         return get_args(self.kind)[0] if get_origin(self.kind) is tuple else self.kind

@@ -201,9 +201,7 @@ def test_check_prints_the_settings(tmp_path: Path) -> None:
     assert figures["name"] == "lane_change"
     assert figures["vehicles"] == ["v1", "v2", "v3", "v4"]
     assert figures["seed"] == 1
-    assert figures["links"]["v1 → v2"]["latency_ms"] == 20.0
-    shown = convoy("check", "lane_change", "--set", 'link=[{sender="v1",receiver="v2",rate_hz=7}]')
-    assert "20 ms, jitter 0 ms, loss 0, carries up to 7 Hz" in " ".join(shown.stdout.split())
+    assert figures["channel"]["v1 → v2"]["latency_ms_mean"] == 20.0
     assert "gaps" not in convoy("check", "lane_change", "--set", "convoy.vehicles=1").stdout
     assert figures["speed_mps_max"] == pytest.approx(30.0)
 

@@ -22,7 +22,7 @@ from transport.links.laws.link_law import (
     TransmissionContext,
 )
 from transport.topics import DropReason
-from vehicles.schedule import MILLISECOND, SECOND
+from vehicles.schedule import SECOND
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +42,6 @@ class Decimation(Effect):
         # Carried message j is the source's first message at or after the j-th period of the link.
         return 0 if seq * top // bottom > (seq - 1) * top // bottom else "rate"
 
-    def describe(self) -> str:
-        return f"rate: {self.kept.numerator} of {self.kept.denominator} messages carried"
-
 
 @dataclass(frozen=True, slots=True)
 class Cut(Effect):
@@ -58,9 +55,6 @@ class Cut(Effect):
 
     def losses(self, distance_m: float | None) -> Losses:
         return Losses.independent(1.0)
-
-    def describe(self) -> str:
-        return "cut"
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +72,6 @@ class Loss(Effect):
     def losses(self, distance_m: float | None) -> Losses:
         return Losses.independent(self.ratio)
 
-    def describe(self) -> str:
-        return f"independent loss {self.ratio:.4g}"
-
 
 @dataclass(frozen=True, slots=True)
 class Latency(Effect):
@@ -96,9 +87,6 @@ class Latency(Effect):
     @property
     def delays(self) -> Delays:
         return Delays(float(self.floor), 0.0)
-
-    def describe(self) -> str:
-        return f"latency {self.floor / MILLISECOND:g} ms"
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,9 +106,6 @@ class Jitter(Effect):
 
     def delay_quantile(self, share: float) -> float:
         return share * self.spread
-
-    def describe(self) -> str:
-        return f"jitter up to {self.spread / MILLISECOND:g} ms, uniform"
 
 
 # ---- A queue of limited rate at the sender of a link
@@ -155,10 +140,6 @@ class Queue(LinkLaw):
 
     def stage(self) -> Stage:
         return _Sender(self)
-
-    def describe(self) -> str:
-        rate, depth = self.bytes_per_s, self.depth_messages
-        return f"queue of {depth} messages at {rate:g} bytes/s, drops the {self.drop} when full"
 
 
 @dataclass(slots=True)

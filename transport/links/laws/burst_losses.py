@@ -19,7 +19,6 @@ from transport.links.laws.link_law import (
     Problem,
     Ratio,
     TransmissionContext,
-    described_parameters,
     problems_of,
 )
 from transport.topics import DropReason
@@ -33,8 +32,7 @@ class BaseLoss(LinkLaw):
     number in (0, 1) of a purpose and a message. Lost messages have the reason "loss".
 
     `losses` may state the mean loss in the long run, `Losses.independent(ratio)`, which `convoy
-    check` compares with the achieved one; by default it is unknown. `describe` may describe the law
-    in one line.
+    check` compares with the achieved one; by default it is unknown.
     """
 
     key: ClassVar[str] = "loss"
@@ -42,9 +40,6 @@ class BaseLoss(LinkLaw):
 
     def losses(self, distance_m: float | None) -> Losses | None:
         return None
-
-    def describe(self) -> str:
-        return described_parameters(self)
 
 
 # ---- Markov chains that step with each message number, whether or not the message arrives
@@ -215,11 +210,6 @@ class ChainLoss(LinkLaw):
         burst = (lost / last if last > ROUNDING else inf) if lost else None
         return Losses(lost, burst, within.covariances)
 
-    def _loss_and_burst(self) -> str:
-        losses = self.losses(None)
-        in_a_row = f", {losses.burst:.4g} messages in a row on average" if losses.burst else ""
-        return f"loss {losses.loss:.4g}{in_a_row}"
-
 
 def build_chain(
     key: str, probabilities: Sequence[float], chain: Callable[[], CoupledChain]
@@ -297,11 +287,6 @@ class GilbertElliott(ChainLoss):
         _, _, h, k = self.probabilities
         return 1.0 - h, 1.0 - k
 
-    def describe(self) -> str:
-        p, r, h, k = self.probabilities
-        numbers = f"p {p:.4g}, r {r:.4g}, h {h:.4g}, k {k:.4g}"
-        return f"Gilbert–Elliott: {self._loss_and_burst()} ({numbers})"
-
 
 class FourState(ChainLoss):
     """Four-state model of Linux netem (`loss state`).
@@ -356,7 +341,3 @@ class FourState(ChainLoss):
     @cached_property
     def loss_by_state(self) -> tuple[float, ...]:
         return 1.0, 1.0, 0.0, 0.0
-
-    def describe(self) -> str:
-        numbers = ", ".join(f"{name} {value:.4g}" for name, value in self.probabilities.items())
-        return f"four states of netem: {self._loss_and_burst()} ({numbers})"

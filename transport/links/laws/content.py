@@ -116,10 +116,6 @@ class FalseContent(LawTable):
         """Pose that replaces `pose`, None for no change; raises RefusedMessageError."""
         raise NotImplementedError
 
-    def describe(self) -> str:
-        end = "" if self.to_s is None else f" to {self.to_s:g} s"
-        return f"false content: {self.kind} from {self.from_s:g} s{end}"
-
 
 class Displaced(FalseContent):
     """Base of contents with a false position."""
@@ -348,18 +344,6 @@ class ContentLaw(LinkLaw):
             return Losses(0.0, None, 0.0)
         return Losses.independent(errors.corrupted_share(size)) if self.frame_check else None
 
-    def describe_content(self) -> Iterator[str]:
-        if self.duplicate_ratio:
-            late = self.duplicate_delay_ms
-            after = "with a delay of its own" if late is None else f"{late:g} ms later"
-            accepted = "refused by number" if self.filter_duplicates else "accepted"
-            yield f"{100.0 * self.duplicate_ratio:g} % duplicated, copy {after}, {accepted}"
-        if self.bit_error_ratio:
-            checked = "altered frames refused" if self.frame_check else "frames not checked"
-            yield f"bit error ratio {self.bit_error_ratio:g}, {checked}"
-        for law in self.false:
-            yield law.describe()
-
 
 @dataclass(frozen=True, slots=True)
 class Reordering(Effect):
@@ -374,9 +358,6 @@ class Reordering(Effect):
     def delays(self) -> Delays:
         variance = self.ratio * (1.0 - self.ratio) * self.delay**2
         return Delays(self.ratio * self.delay, variance)
-
-    def describe(self) -> str:
-        return f"{100.0 * self.ratio:g} % held back for {self.delay / MILLISECOND:g} ms"
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         return self.delay if draw("reorder", context.seq) < self.ratio else 0

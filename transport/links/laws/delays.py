@@ -22,7 +22,6 @@ from transport.links.laws.link_law import (
     Problem,
     StageLaw,
     TransmissionContext,
-    described_parameters,
 )
 from transport.topics import DropReason
 from vehicles.schedule import MILLISECOND
@@ -43,7 +42,7 @@ class BaseDelay(LinkLaw):
 
     `delays` may state mean and variance, `Delays(mean_ns, variance_ns2)`, which `convoy check`
     compares with the achieved ones, and by which followers know when a message is late; by default
-    they are unknown. `describe` may describe the law in one line.
+    they are unknown.
 
     order  "free": messages may overtake each other; "in_order": they wait for earlier ones
     """
@@ -61,9 +60,6 @@ class BaseDelay(LinkLaw):
         """Mean plus two standard deviations; 0 if they are unknown."""
         delays = self.delays
         return 0.0 if delays is None else delays.mean + 2.0 * sqrt(delays.variance)
-
-    def describe(self) -> str:
-        return described_parameters(self)
 
     @property
     def stages(self) -> tuple[StageLaw, ...]:
@@ -90,10 +86,6 @@ class RandomDelay(BaseDelay):
         """Delay for a standard normal number, increasing."""
         raise NotImplementedError
 
-    def describe_law(self) -> str:
-        """Describe the distribution without its correlation."""
-        raise NotImplementedError
-
     @cached_property
     def _normals(self) -> CorrelatedNormals:
         return CorrelatedNormals(PURPOSE, self.correlation_ratio)
@@ -112,17 +104,9 @@ class RandomDelay(BaseDelay):
     def delay_quantile(self, share: float) -> float:
         return self.at(quantile(share))
 
-    def describe(self) -> str:
-        correlation = f", correlation {self.correlation_ratio:g}" if self.correlation_ratio else ""
-        return self.describe_law() + correlation
-
 
 def normal_cdf(normal: float) -> float:
     return 0.5 * erfc(-normal / _ROOT_TWO)
-
-
-def format_ms(nanoseconds: float) -> str:
-    return f"{nanoseconds / MILLISECOND:g} ms"
 
 
 # ---- Quantiles of the gamma distribution as a function of a standard normal number
@@ -269,9 +253,6 @@ class ConstantDelay(BaseDelay):
     def delays(self) -> Delays:
         return Delays(float(self._delay), 0.0)
 
-    def describe(self) -> str:
-        return f"delay of {format_ms(self._delay)}"
-
 
 class UniformDelay(RandomDelay):
     """Uniformly distributed delay.
@@ -306,10 +287,6 @@ class UniformDelay(RandomDelay):
     def at(self, normal: float) -> float:
         least, most = self._ends
         return least + normal_cdf(normal) * (most - least)
-
-    def describe_law(self) -> str:
-        least, most = self._ends
-        return f"delay uniform from {format_ms(least)} to {format_ms(most)}"
 
 
 class NormalDelay(RandomDelay):
@@ -368,11 +345,6 @@ class NormalDelay(RandomDelay):
             return max(centre + spread * quantile(below + tail), 0.0)
         return min(max(centre - spread * quantile(above + tail), 0.0), most)
 
-    def describe_law(self) -> str:
-        centre, spread, most, *_ = self._cut
-        ends = "0" if most == inf else f"0 and {format_ms(most)}"
-        return f"delay normal, {format_ms(centre)} ± {format_ms(spread)}, truncated at {ends}"
-
 
 def _density(normal: float) -> float:
     return exp(-0.5 * normal * normal) / sqrt(2.0 * pi)
@@ -402,9 +374,6 @@ class SkewedDelay(RandomDelay):
     @property
     def deviation_ns(self) -> float:
         return self.deviation_ms * MILLISECOND
-
-    def describe_law(self) -> str:
-        return f"delay {self.kind}, {format_ms(self.mean_ns)} ± {format_ms(self.deviation_ns)}"
 
 
 class LognormalDelay(SkewedDelay):
@@ -485,7 +454,3 @@ class EmpiricalDelay(RandomDelay):
     def at(self, normal: float) -> float:
         count = len(self._recorded)
         return self._recorded[min(int(normal_cdf(normal) * count), count - 1)]
-
-    def describe_law(self) -> str:
-        moments = f"{format_ms(self.mean_ns)} ± {format_ms(self.deviation_ns)}"
-        return f"delay drawn from {len(self._recorded)} recorded delays, {moments}"

@@ -144,7 +144,7 @@ class Effect:
     A verdict must not depend on which messages arrived before. The state of an effect with memory
     follows from the keyed draws of all numbers up to the message, whether or not they arrived.
 
-    Except for `judge` and `describe`, the defaults are those of an effect without loss and delay.
+    Except for `judge`, the defaults are those of an effect without loss and delay.
     `key` is the key of a link that requests the effect, `reason` the reason of its drops.
     `judged_by` is "number", "time" or "place" if the verdict depends on that only, so that the
     losses of a run need not resemble those in the long run.
@@ -158,10 +158,6 @@ class Effect:
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         """Delay (ns) of this effect, or the reason of a drop."""
-        raise NotImplementedError
-
-    def describe(self) -> str:
-        """One line with units, without a full stop."""
         raise NotImplementedError
 
     def losses(self, distance_m: float | None) -> Losses | None:
@@ -232,9 +228,6 @@ class StageLaw(Protocol):
     def stage(self) -> Stage:
         """New, empty state."""
 
-    def describe(self) -> str:
-        """One line with units, without a full stop."""
-
 
 @dataclass(frozen=True, slots=True)
 class InOrder:
@@ -244,9 +237,6 @@ class InOrder:
 
     def stage(self) -> Stage:
         return _Order()
-
-    def describe(self) -> str:
-        return "in order"
 
 
 @dataclass(slots=True)
@@ -443,9 +433,3 @@ class LinkLaw(Effect, LawTable):
         if value is None:
             raise InvalidKeyError(key, f"missing{why}")
         return value
-
-
-def described_parameters(law: LinkLaw) -> str:
-    fields = {key: getattr(law, key) for key in type(law).model_fields} | (law.model_extra or {})
-    keys = [f"{key} {value}" for key, value in fields.items() if key not in {"use", "order"}]
-    return ", ".join([type(law).__name__, *keys])

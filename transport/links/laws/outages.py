@@ -41,10 +41,6 @@ class Interval:
             return (value - self.start) % self.every < self.end - self.start
         return self.start <= value < self.end
 
-    def describe(self, unit: str) -> str:
-        every = f", every {self.every:g} {unit}" if self.every < inf else ""
-        return f"from {self.start:g} to {self.end:g} {unit}{every}"
-
     def problems(self, unit: str) -> Iterator[Problem]:
         length = self.end - self.start
         if length <= 0.0:
@@ -103,9 +99,6 @@ class SpanOutage(Outage):
         """Share of the time if the window repeats."""
         _, length, every, _ = self._bounds
         return Losses(length / every, None, 0.0) if every else None
-
-    def describe(self) -> str:
-        return f"{(self.reason or 'outage').replace('_', ' ')} {self.interval.describe('s')}"
 
 
 class WindowOutage(SpanOutage):
@@ -190,9 +183,6 @@ class StretchOutage(PlacedOutage):
         receiver = contains(setting.receiver_station + context.receiver.travelled)
         return "outage" if self.inside(sender, receiver) else 0
 
-    def describe(self) -> str:
-        return f"outage while {self.ends} on the road {self.interval.describe('m')}"
-
 
 class CircleOutage(PlacedOutage):
     """Outage within a circle.
@@ -254,11 +244,6 @@ class CircleOutage(PlacedOutage):
     def _contains(self, position: Position) -> bool:
         east, north = self.centre
         return hypot(position.east - east, position.north - north) < self.radius_m
-
-    def describe(self) -> str:
-        east, north = self.centre
-        circle = f"{self.radius_m:g} m of east {east:g} m, north {north:g} m"
-        return f"outage while {self.ends} within {circle}"
 
 
 # ---- Outage of random duration
@@ -339,12 +324,6 @@ class RandomOutage(Outage):
             if len(self._cells) > CACHED_CELLS:
                 del self._cells[next(iter(self._cells))]
         return known
-
-    def describe(self) -> str:
-        return (
-            f"random outages, on for {self.mean_on_s:g} s and off for {self.mean_off_s:g} s on "
-            "average"
-        )
 
 
 def _poisson(probability: float, mean: float) -> int:

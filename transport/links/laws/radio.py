@@ -86,11 +86,6 @@ class Shadowing(LawTable):
     def deviation(self, is_obstructed: bool) -> float:
         return self.obstructed_deviation_db if is_obstructed else self.deviation_db
 
-    def describe(self) -> str:
-        deviations = dict.fromkeys((self.deviation_db, self.obstructed_deviation_db))
-        decibels = " and ".join(f"{deviation:g}" for deviation in deviations)
-        return f"shadowing {decibels} dB, decorrelation distance {self.decorrelation_m:g} m"
-
 
 @dataclass(frozen=True, slots=True)
 class ShadowField:
@@ -160,10 +155,6 @@ class Obstruction(LawTable):
         """
         raise NotImplementedError
 
-    def describe(self, count: int) -> str:
-        """Describe the law in a few words, for up to `count` vehicles in between."""
-        raise NotImplementedError
-
 
 class LossPerVehicle(Obstruction):
     """The same loss for each vehicle in the line of sight (ETSI TR 103 257).
@@ -192,9 +183,6 @@ class LossPerVehicle(Obstruction):
     ) -> tuple[Floats, Floats]:
         most = ceil(MAX_LOSS / self.loss_db)
         return np.array([self.loss_db * min(count, most)]), np.ones(1)
-
-    def describe(self, count: int) -> str:
-        return f"{self.loss_db:g} dB for each of up to {count} vehicles in between"
 
 
 class SingleLoss(Obstruction):
@@ -235,10 +223,6 @@ class SingleLoss(Obstruction):
 
     def _mean(self, distance: float) -> float:
         return self.mean_db + max(0.0, 15.0 * log10(distance) - 41.0)
-
-    def describe(self, count: int) -> str:
-        law = f"{self.mean_db:g} ± {self.deviation_db:g} dB once"
-        return f"{law} for up to {count} vehicles in between"
 
 
 ObstructionLaw = Annotated[LossPerVehicle | SingleLoss, Field(discriminator="kind")]
@@ -446,14 +430,6 @@ class PathLossRadio(Radio):
             for loss in obstruction.tolist()
         ]
         return float(obstruction_weights @ np.array(received) @ shadow_weights)
-
-    def describe(self) -> str:
-        parts = [f"{self.power_dbm:g} dBm, {self.snr(100.0):.1f} dB above the noise at 100 m"]
-        if self.shadowing is not None:
-            parts.append(self.shadowing.describe())
-        if self.obstruction is not None and self.between is not None:
-            parts.append(self.obstruction.describe(self.between.count))
-        return ", ".join(parts)
 
 
 @cache

@@ -25,7 +25,6 @@ from transport.links.laws.link_law import (
     problems_of,
 )
 from transport.topics import DropReason, counts_as_loss
-from vehicles.schedule import MILLISECOND
 
 MessageNumber = Annotated[int, Field(ge=0, le=10**12)]
 MessageCount = Annotated[int, Field(ge=1, le=10**9)]
@@ -135,9 +134,6 @@ class EveryNth(LossByNumber):
     def losses(self, distance_m: float | None) -> Losses:
         return Losses.of_bursts(1.0 / self._period, 1.0 if self._period > 1 else inf)
 
-    def describe(self) -> str:
-        return f"one of every {self._period} messages lost, from number {self.first_number}"
-
 
 class Listed(LossByNumber):
     """Loss of listed messages.
@@ -160,10 +156,6 @@ class Listed(LossByNumber):
 
     def losses(self, distance_m: float | None) -> None:
         """Return None: the loss ratio depends on the number of messages."""
-
-    def describe(self) -> str:
-        numbers = str(self.lost)
-        return f"{len(self.lost)} listed messages lost" + (f": {numbers}" * (len(numbers) < 80))
 
 
 class RecordedPattern(LossByNumber):
@@ -222,10 +214,6 @@ class RecordedPattern(LossByNumber):
             wraps = repeats and 0 in self.lost and self.length - 1 in self.lost
             burst = lost / (len(self.lost.ranges) - wraps)
         return Losses.of_bursts(lost / self.length, burst)
-
-    def describe(self) -> str:
-        then = "repeated" if self.after_end == "repeat" else "no loss afterwards"
-        return f"recorded pattern of {self.length} messages, {len(self.lost)} lost, {then}"
 
 
 # ---- Losses and delays of a link recorded in an earlier run
@@ -337,10 +325,6 @@ class EarlierRun(LinkLaw):
     def losses(self, distance_m: float | None) -> None:
         """Return None: a run rarely ends with the record."""
 
-    def describe(self) -> str:
-        then = "repeated" if self.after_end == "repeat" else "no loss afterwards"
-        return f"link of an earlier run: {self.length} messages, {len(self.lost)} lost, {then}"
-
 
 @dataclass(frozen=True, slots=True)
 class RecordedDelay(Effect):
@@ -364,10 +348,6 @@ class RecordedDelay(Effect):
     @property
     def delays(self) -> None:
         return
-
-    def describe(self) -> str:
-        least, most = (end(self.delays_in_order)[0] / MILLISECOND for end in (min, max))
-        return f"delay of an earlier run, {least:g} to {most:g} ms"
 
 
 def known_reason(word: str) -> DropReason:

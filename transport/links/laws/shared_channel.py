@@ -166,14 +166,6 @@ class Collisions(LinkLaw):
         burst = self._held.mean_messages / (1.0 - loss) if loss < 1.0 else inf
         return Losses.of_bursts(loss, burst)
 
-    def describe(self) -> str:
-        return (
-            f"persistent collisions: loss {self._loss:.4g} by reservations of "
-            f"{self.reselection_messages_min} to {self.reselection_messages_max} messages, kept "
-            f"with probability {self.keep_ratio:.4g}, {self.losses(None).burst or 0.0:.4g} "
-            "messages in a row on average"
-        )
-
 
 # ---- Delivery ratio over distance by a table
 
@@ -244,12 +236,3 @@ class TableRadio(Radio):
     @property
     def range_m(self) -> float:
         return self.distance_m[-1]
-
-    def describe(self) -> str:
-        distances, ratios, held = self.distance_m, self.delivery_ratio, self.reservations
-        ratio = f"delivery ratio {ratios[0]:g} at {distances[0]:g} m"
-        if len(ratios) > 1:
-            ratio += f" to {ratios[-1]:g} at {distances[-1]:g} m"
-        if held is None:
-            return f"{ratio}, messages independent"
-        return f"{ratio}, drawn for {held.mean_messages:.3g} messages in a row on average"

@@ -50,9 +50,6 @@ class GuardedEffect(Effect):
             'reason of a drop, such as "loss"'
         )
 
-    def describe(self) -> str:
-        return str(self._called(self._effect.describe, "describe"))
-
     def losses(self, distance_m: float | None) -> Losses | None:
         return self._called(lambda: self._effect.losses(distance_m), "losses")
 
@@ -93,7 +90,6 @@ def try_law(law: LinkLaw, setting: LinkSetting) -> list[list[int | DropReason]]:
     for order in (1, -1):
         effects = effects_of(law, setting)
         for effect in effects:
-            effect.describe()
             effect.losses(None)
             _ = effect.delays
         judged = [[effect.judge(draw, one) for effect in effects] for one in contexts[::order]]

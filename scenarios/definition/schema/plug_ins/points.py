@@ -61,7 +61,6 @@ def try_rule(rule: SendingRule, context: SendingContext) -> list[bool]:
     finite(called(lambda: rule.max_rate(20.0), f"{what}: max_rate()"), what, "rate (Hz)")
     nominal = called(lambda: rule.nominal_rate(20.0, 20.0), f"{what}: nominal_rate()")
     finite(nominal, f"{what}: nominal_rate() returned", "rate (Hz)")
-    called(rule.describe, f"{what}: describe()")
     trigger = begin_rule(rule, context)
     sends = []
     for step in range(SENDING_STEPS):
@@ -100,7 +99,6 @@ def try_error(term: ErrorTerm, context: ReceiverContext) -> list[tuple[float, fl
     """Return the errors over a second of straight driving."""
     what = f"error {own_name(term)!r}"
     finite(called(lambda: term.variance, f"{what}: variance"), f"{what}: variance", "variance (m²)")
-    called(term.describe, f"{what}: describe()")
     process = begin_error(term, context)
     bodies = [Body(20.0 * step, 0.0, 0.0, 20.0) for step in range(SENDING_STEPS)]
     return [process.at(one, context.start_at + k * PERIOD) for k, one in enumerate(bodies)]

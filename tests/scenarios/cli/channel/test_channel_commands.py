@@ -189,11 +189,3 @@ def test_an_unknown_link_or_log_is_refused_in_one_line(bursty: Path, tmp_path: P
     other = tmp_path / "other.mcap"
     other.write_text("not a log", encoding="utf-8")
     assert refused("channel", "fit", other)
-
-
-def test_check_summarizes_the_laws() -> None:
-    flat = " ".join(printed("check", "--set", "links.preset=congested").split())
-    assert (
-        "loss 0.3, carries every message; delay gamma, 60 ms ± 40 ms, correlation 0.5; in order"
-        in flat
-    )

@@ -100,7 +100,7 @@ def test_a_scenario_with_a_trace_has_its_usual_table_and_the_facts_as_json(tmp_p
     path = tmp_path / "mine.toml"
     path.write_text('name = "mine"\n[path]\nkind = "trace"\nfile = "bend.csv"\n')
     assert facts(path)["speed_source"] == "recorded"
-    assert "limits that fail the run" in convoy("check", path).stdout
+    assert "requested channel" in convoy("check", path).stdout
     assert json.loads(convoy("check", "lane_change", "--json").stdout)["drive"] is None
 
 

@@ -303,8 +303,6 @@ def test_a_law_of_ones_own_equals_the_shipped_one(module: Module) -> None:
         link = Link(link_effects(scenario.links["v1", "v2"], 20.0), 1, "v1", "v2")
         verdicts.append([link.judge(TransmissionContext(seq, seq * 10**8)) for seq in range(200)])
     assert verdicts[0] == verdicts[1]
-    described = [one.describe() for one in link_effects(own.links["v1", "v2"], 20.0)]
-    assert "Half, ratio 0.4" in described
     assert 0.3 < sum(one.outcome == "dropped" for one in verdicts[0]) / 200 < 0.5
 
 

@@ -91,8 +91,6 @@ def test_losses_agree_with_their_law(name: str) -> None:
     law, closed = LAWS[name]
     assert long_run(law)[0] == pytest.approx(closed.mean, rel=1e-9)
     assert long_run(law)[1] == pytest.approx(closed.burst, rel=1e-9)
-    assert f"{closed.mean:.4g}" in law.describe()
-    assert f"{closed.burst:.4g}" in law.describe() or isinstance(law, Loss)
 
 
 @pytest.mark.parametrize(
