@@ -1,4 +1,4 @@
-"""Run each job of a study once; with a journal, an interrupted study resumes."""
+"""Run each job of a study once on workers; with a journal, an interrupted study resumes."""
 
 import fcntl
 import json
@@ -11,7 +11,6 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from io import FileIO
-from math import ceil
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -19,25 +18,12 @@ from zlib import crc32
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.files import named_errors
 from scenarios.results.versions import current_stamp
-from scenarios.studies.job import (
-    EngineError,
-    Job,
-    JobResult,
-    error_line,
-    refuse_existing,
-    run_batch,
-)
+from scenarios.studies.job import EngineError, Job, JobResult, error_line, refuse_existing, run_job
 from scenarios.studies.workers import POLL_INTERVAL_S, OpenWorkers, WorkerGroup
-from transport.log.errors import LogError
 
-# ---- Send jobs to workers in batches and collect their outcomes
-#
-# If a worker dies, the jobs of its batch are retried one by one, to isolate a job that kills
-# workers.
+# ---- Jobs on workers
 
 
-TARGET_BATCH_S = 1.5
-"""Target duration of a batch; submitting it takes milliseconds."""
 MAX_ATTEMPTS = 3
 WORKER_DIED = "the worker process died at each attempt"
 
@@ -57,121 +43,88 @@ class Outcome:
     abandoned: bool = False
 
 
-class BatchSizer:
-    """Number of jobs per batch, from their mean duration."""
+def outcomes_of(
+    jobs: Sequence[Job],
+    workers: WorkerGroup,
+    plug_ins: Mapping[str, str] | None = None,
+    idle: Callable[[], None] = lambda: None,
+) -> Iterator[Outcome]:
+    """Run jobs on workers, and yield their outcomes as they finish.
 
-    def __init__(self) -> None:
-        self._jobs = 0
-        self._total_s = 0.0
-
-    def add(self, results: list[JobResult]) -> None:
-        self._jobs += len(results)
-        self._total_s += sum(result.duration_s for result in results)
-
-    def size(self, waiting: int, slots: int) -> int:
-        """Jobs for the next batch; the last jobs are spread over all slots."""
-        if not self._jobs:
-            return 1
-        mean_s = max(self._total_s / self._jobs, TARGET_BATCH_S / 1000)
-        return max(1, min(ceil(TARGET_BATCH_S / mean_s), ceil(waiting / slots)))
-
-
-class JobDispatcher:
-    """Run `jobs` on workers. Outcomes depend neither on the batches nor on the workers."""
-
-    def __init__(
-        self,
-        jobs: Sequence[Job],
-        workers: WorkerGroup,
-        sizer: BatchSizer | None = None,
-        plug_ins: Mapping[str, str] | None = None,
-        idle: Callable[[], None] = lambda: None,
-    ) -> None:
-        """`plug_ins` are digests that workers must have, see `run_batch`.
-
-        `idle` is called each second while jobs run.
-        """
-        self._idle = idle
-        self._plug_ins = dict(plug_ins or {})
-        self._jobs = {job.key: job.work for job in jobs}
-        self._workers = workers
-        self._waiting = deque(self._jobs)
-        self._retries: deque[str] = deque()
-        self._attempts: Counter[str] = Counter()
-        self._running: dict[Future[list[JobResult]], list[str]] = {}
-        self._sizer = sizer or BatchSizer()
-
-    def outcomes(self) -> Iterator[Outcome]:
-        while self._waiting or self._retries or self._running:
-            self._submit_batches()
-            done, _ = wait(self._running, timeout=POLL_INTERVAL_S, return_when=FIRST_COMPLETED)
-            self._idle()
-            for future in done:
-                yield from self._collect(self._running.pop(future), future)
-
-    def _submit_batches(self) -> None:
-        slots, stamp = self._workers.slots(), current_stamp()
-        while len(self._running) < slots and (self._retries or self._waiting):
-            if self._retries:
-                keys = [self._retries.popleft()]
-            else:
-                size = min(self._sizer.size(len(self._waiting), slots), len(self._waiting))
-                keys = [self._waiting.popleft() for _ in range(size)]
-            jobs = [self._jobs[key] for key in keys]
+    A job whose worker died is retried. `plug_ins` are digests that workers must have, see
+    `run_job`; `idle` is called each second. Raises EngineError if the workers are lost or have
+    other versions.
+    """
+    waiting, attempts, stamp = deque(jobs), Counter[str](), current_stamp()
+    running: dict[Future[JobResult], Job] = {}
+    while waiting or running:
+        while waiting and len(running) < workers.slots():
+            job = waiting.popleft()
             try:
-                future = self._workers.executor.submit(run_batch, stamp, jobs, self._plug_ins)
-            except self._workers.worker_lost as error:
+                future = workers.executor.submit(run_job, stamp, job.work, dict(plug_ins or {}))
+            except workers.worker_lost as error:
                 why = f"all workers are lost: {error_line(error)}"
                 raise EngineError([why]) from error
-            self._running[future] = keys
+            running[future] = job
+        done, _ = wait(running, timeout=POLL_INTERVAL_S, return_when=FIRST_COMPLETED)
+        idle()
+        for future in done:
+            job = running.pop(future)
+            attempts[job.key] += 1
+            try:
+                yield _outcome(job, future, workers.worker_lost)
+            except workers.worker_lost as error:
+                if isinstance(error, workers.no_retry) or attempts[job.key] >= MAX_ATTEMPTS:
+                    yield Outcome(key=job.key, error=WORKER_DIED, abandoned=True)
+                else:
+                    waiting.appendleft(job)
 
-    def _collect(self, keys: list[str], future: Future[list[JobResult]]) -> Iterator[Outcome]:
-        try:
-            results = future.result()
-        except self._workers.worker_lost as error:
-            yield from self._retry(keys, isinstance(error, self._workers.no_retry))
-            return
-        except EngineError:
-            raise
-        except CancelledError as error:
-            raise EngineError(["lost the connection to the scheduler"]) from error
-        except Exception as error:
-            raise EngineError([f"a worker failed: {error_line(error)}"]) from error
-        self._sizer.add(results)
-        for key, done in zip(keys, results, strict=True):
-            yield Outcome(key=key, result=done.result, error=done.error, exception=done.exception)
 
-    def _retry(self, keys: list[str], no_retry: bool) -> Iterator[Outcome]:
-        for key in keys:
-            self._attempts[key] += 1
-            if self._attempts[key] >= MAX_ATTEMPTS or (no_retry and len(keys) == 1):
-                yield Outcome(key=key, error=WORKER_DIED, abandoned=True)
-            else:
-                self._retries.append(key)
+def _outcome(
+    job: Job, future: Future[JobResult], worker_lost: tuple[type[BaseException], ...]
+) -> Outcome:
+    """Outcome of a finished job; raises EngineError, or an error of `worker_lost`."""
+    try:
+        found = future.result()
+    except EngineError:
+        raise
+    except worker_lost:
+        raise
+    except CancelledError as error:
+        raise EngineError(["lost the connection to the scheduler"]) from error
+    except Exception as error:
+        raise EngineError([f"a worker failed: {error_line(error)}"]) from error
+    return Outcome(key=job.key, result=found.result, error=found.error, exception=found.exception)
 
 
 # ---- A file of results, from which an interrupted study resumes
-#
-# JSON lines: the first holds the identity of the study, each further line the outcome of one job.
-# Each line ends with a checksum, which for outcomes covers the identity too. A damaged line, or a
-# line of another study, is ignored and its job runs again. So does the last line of a killed study
-# if it is incomplete.
 
 
 JOURNAL = "journal.jsonl"
 SCHEMA = "convoy.journal/2"
 CHECKSUM, CHECKSUM_BYTES = re.compile(rb',"crc32":"([0-9a-f]{8})"}'), 20
 OTHER_FOLDER = "give another folder by --out"
+ABANDONED = "given_up"
+"""Journal key of a job that killed its workers. It is retried when the study resumes."""
+MAX_SHOWN = 60
+"""Longest value that a refusal quotes."""
 
 Entry = dict[str, Any]
 """Outcome of a job in JSON types."""
 
 
 class RunJournal:
+    """JSON lines with checksums: the identity of the study, then the entries of its jobs.
+
+    The checksum of an entry covers the identity. Lines that are damaged or of another study are
+    left out, and their jobs run again; so is the incomplete last line of a killed study.
+    """
+
     def __init__(self, path: Path, file: FileIO, identity: Mapping[str, Any]) -> None:
         self._path = path
         self._file = file
-        self._identity_crc = crc32(json.dumps(identity, sort_keys=True).encode())
+        self._identity = json.loads(json.dumps(dict(identity)))  # as decoded from the file
+        self._identity_crc = crc32(json.dumps(self._identity, sort_keys=True).encode())
         self.entries: dict[str, Entry] = {}
 
     def add(self, key: str, entry: Entry) -> Entry:
@@ -180,20 +133,36 @@ class RunJournal:
         self.entries[key] = json.loads(line)["entry"]
         return self.entries[key]
 
-    def load(self, line: bytes) -> bool:
-        """Read a line; return False if it is damaged or belongs to another study."""
-        content = _decoded(line, self._identity_crc)
-        if content is None or "run" not in content:
-            return False
-        self.entries[content["run"]] = content["entry"]
-        return True
-
-    def write_header(self, identity: Mapping[str, Any]) -> None:
-        self._write(_encoded({"schema": SCHEMA, "identity": identity}))
+    def load(self, report: Callable[[str], None]) -> None:
+        """Read all lines; raises ScenarioError if they are those of another study."""
+        content = self._file.read()
+        *lines, incomplete = content.split(b"\n")
+        if len(lines) == 1:  # no entries yet: replace the identity
+            lines, incomplete = [], content
+        damaged = []
+        for number, line in enumerate(lines, start=1):
+            header = _decoded(line) if number == 1 else None
+            entry = _decoded(line, self._identity_crc)
+            if header is not None and "identity" in header:
+                _refuse_other(self._path, header, self._identity)
+            elif entry is not None and "run" in entry:
+                self.entries[entry["run"]] = entry["entry"]
+            else:
+                damaged.append(number)
+        if 1 in damaged and not self.entries:
+            raise ScenarioError([f"{self._path}, line 1: damaged; {OTHER_FOLDER}"])
+        for number in damaged:
+            report(f"{self._path}, line {number}: damaged; its run is repeated")
+        self._file.truncate(len(content) - len(incomplete))
+        self._file.seek(0, os.SEEK_END)
+        if not lines:
+            self._write(_encoded({"schema": SCHEMA, "identity": self._identity}))
 
     def _write(self, line: bytes) -> None:
         with named_errors(self._path):
-            _write_all(self._file, line)
+            left = memoryview(line)
+            while left:
+                left = left[self._file.write(left) :]
 
     def remove(self) -> None:
         self._path.unlink(missing_ok=True)
@@ -203,14 +172,12 @@ class RunJournal:
 def open_journal(
     folder: Path, identity: Mapping[str, Any], report: Callable[[str], None]
 ) -> Iterator[RunJournal]:
-    """Open the journal of `folder`, or create it.
+    """Open the journal of `folder`, or create it; `report` gets a line about each damaged line.
 
-    Damaged lines are passed to `report`, and their jobs run again. Raises ScenarioError if the
-    journal belongs to another study, or if another process has it open.
+    Raises ScenarioError if the journal belongs to another study, or if another process has it open.
     """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / JOURNAL
-    identity = json.loads(json.dumps(dict(identity)))  # as decoded from the file
     file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o666), "rb+", buffering=0)
     try:
         try:
@@ -220,51 +187,11 @@ def open_journal(
             raise ScenarioError([f"{folder}: {why}"]) from error
         journal = RunJournal(path, file, identity)
         with named_errors(path):
-            _read(journal, file, path, identity, report)
+            journal.load(report)
         yield journal
     finally:
         with suppress(OSError):  # the run of a lost line is repeated
             file.close()
-
-
-def _read(
-    journal: RunJournal,
-    file: FileIO,
-    path: Path,
-    identity: Mapping[str, Any],
-    report: Callable[[str], None],
-) -> None:
-    """Read all lines, overwrite damaged lines with blanks, and seek to the end."""
-    content = file.read()
-    *lines, incomplete = content.split(b"\n")
-    if len(lines) == 1:  # no outcomes yet: replace the identity
-        lines, incomplete = [], content
-    file.truncate(len(content) - len(incomplete))
-    damaged, start, has_identity = [], 0, False
-    for number, line in enumerate(lines, start=1):
-        header = _decoded(line)
-        if header is not None and "identity" in header:
-            _refuse_other(path, header, identity)
-            has_identity = True
-        elif line.strip() and not journal.load(line):
-            _refuse_other_version(path, line)
-            damaged.append((number, start, len(line)))
-        start += len(line) + 1
-    if damaged and not has_identity and not journal.entries:
-        raise ScenarioError([f"{path}, line 1: damaged; {OTHER_FOLDER}"])
-    for number, at, length in damaged:
-        report(f"{path}, line {number}: damaged; its run is repeated")
-        file.seek(at)
-        _write_all(file, b" " * length)
-    file.seek(0, os.SEEK_END)
-    if not has_identity:
-        journal.write_header(identity)
-
-
-def _write_all(file: FileIO, data: bytes) -> None:
-    left = memoryview(data)
-    while left:
-        left = left[file.write(left) :]
 
 
 def _encoded(content: Mapping[str, Any], identity_crc: int = 0) -> bytes:
@@ -279,19 +206,6 @@ def _decoded(line: bytes, identity_crc: int = 0) -> dict[str, Any] | None:
         return None
     content: dict[str, Any] = json.loads(text + b"}")
     return content
-
-
-def _refuse_other_version(path: Path, line: bytes) -> None:
-    """Raise ScenarioError if the line is the header of a journal of another schema."""
-    try:
-        content = json.loads(line)
-    except (ValueError, RecursionError):
-        return
-    if not isinstance(content, dict) or "crc32" in content:
-        return
-    if content.get("schema", SCHEMA) != SCHEMA:
-        why = f"given {content['schema']}, allowed {SCHEMA}; {OTHER_FOLDER}"
-        raise ScenarioError([f"{path}: schema: {why}"])
 
 
 def _refuse_other(path: Path, header: Mapping[str, Any], identity: Mapping[str, Any]) -> None:
@@ -309,10 +223,6 @@ def _refuse_other(path: Path, header: Mapping[str, Any], identity: Mapping[str, 
         raise ScenarioError([f"{path.parent}: {why}; {OTHER_FOLDER}"])
 
 
-MAX_SHOWN = 60
-"""Longest value that a refusal quotes."""
-
-
 def _difference(there: Any, here: Any) -> str:
     shown = [text if isinstance(text, str) else json.dumps(text) for text in (there, here)]
     if max(map(len, shown)) > MAX_SHOWN:
@@ -323,15 +233,14 @@ def _difference(there: Any, here: Any) -> str:
 # ---- Engine
 
 
-ABANDONED = "given_up"
-"""Journal key of a job that killed its workers. It is retried when the study resumes."""
 REPORT_EVERY_S = 5.0
 
 
 class JobProgress:
     """Count the jobs of a study and report progress every few seconds.
 
-    `total` is the number of jobs if known; `stage` names the current step.
+    `total` is the number of jobs if known, `expected` an estimate of it; `stage` names the current
+    step.
     """
 
     def __init__(self, report: Callable[[str], None]) -> None:
@@ -340,7 +249,7 @@ class JobProgress:
         self._first: tuple[int, float] | None = None
         self.done = 0
         self.total: int | None = None
-        self.expected: int | None = None  # where the total depends on the results
+        self.expected: int | None = None
         self.stage = ""
 
     @property
@@ -363,18 +272,12 @@ class JobProgress:
         self._reported_at = now
         first, first_at = self._first or (self.done, now)
         total, about = (self.expected, "about ") if self.total is None else (self.total, "")
-        text = (
-            f"{self.done} run{'s' * (self.done != 1)}"
-            if total is None
-            else f"{self.done} of {about}{total} runs"
-        )
-        if total is not None and first < self.done < total:
+        text = f"{self.done} of {about}{total} runs" if total else f"{self.done} runs"
+        if total and first < self.done < total:
             left_s = (now - first_at) / (self.done - first) * (total - self.done)
             text += f", {about}{left_s:.0f} s left"
-        self.note(text + (f": {self.stage}" if self.stage else ""))
-
-    def note(self, line: str) -> None:
-        self._report(f"{self.seconds:6.1f} s  {line}")
+        stage = f": {self.stage}" if self.stage else ""
+        self._report(f"{self.seconds:6.1f} s  {text}{stage}")
 
 
 class Engine:
@@ -396,7 +299,6 @@ class Engine:
         self.report = report
         self._open_workers, self._exit_stack = open_workers, exit_stack
         self._workers: WorkerGroup | None = None
-        self._sizer = BatchSizer()
         self._journal = journal
         self._plug_ins = plug_ins
 
@@ -416,11 +318,13 @@ class Engine:
         return [results[job.key] for job in jobs]
 
     def count_done(self, jobs: Sequence[Job]) -> int:
-        return sum(self._entry(job) is not None for job in jobs)
+        return sum(self._recorded(job) is not None for job in jobs)
 
-    def _entry(self, job: Job) -> Entry | None:
+    def _recorded(self, job: Job) -> Outcome | None:
         entry = None if self._journal is None else self._journal.entries.get(job.key)
-        return None if entry is None or entry.get(ABANDONED) else entry
+        if entry is None or entry.get(ABANDONED):
+            return None
+        return Outcome(key=job.key, result=entry.get("result"), error=entry.get("error", ""))
 
     def outcomes(self, jobs: Sequence[Job], *, record_errors: bool = True) -> Iterator[Outcome]:
         """Yield outcomes as jobs finish, first those in the journal.
@@ -429,40 +333,25 @@ class Engine:
         """
         left = []
         for job in jobs:
-            entry = self._entry(job)
-            if entry is None:
+            outcome = self._recorded(job)
+            if outcome is None:
                 left.append(job)
             else:
                 self.progress.done += 1
-                yield _outcome(job.key, entry)
-        if not left:
-            return
-        if self._workers is None:
+                yield outcome
+        if left and self._workers is None:
             self._workers = self._exit_stack.enter_context(self._open_workers())
-        dispatcher = JobDispatcher(
-            left, self._workers, self._sizer, self._plug_ins, self.progress.report_if_due
-        )
-        for outcome in dispatcher.outcomes():
+        if self._workers is None:
+            return
+        idle = self.progress.report_if_due
+        for outcome in outcomes_of(left, self._workers, self._plug_ins, idle):
             if self._journal is not None and (record_errors or not outcome.error):
-                entry = self._journal.add(outcome.key, _entry_of(outcome))
-                outcome = _outcome(outcome.key, entry)  # noqa: PLW2901
+                entry: Entry = {"result": outcome.result}
+                if outcome.error:
+                    entry = {"error": outcome.error, ABANDONED: outcome.abandoned}
+                self._journal.add(outcome.key, entry)
             self.progress.count_job()
             yield outcome
-
-
-def _entry_of(outcome: Outcome) -> Entry:
-    if not outcome.error:
-        return {"result": outcome.result}
-    return {"error": outcome.error} | ({ABANDONED: True} if outcome.abandoned else {})
-
-
-def _outcome(key: str, entry: Mapping[str, Any]) -> Outcome:
-    return Outcome(
-        key=key,
-        result=entry.get("result"),
-        error=entry.get("error", ""),
-        abandoned=entry.get(ABANDONED, False),
-    )
 
 
 @contextmanager
@@ -479,9 +368,9 @@ def study_engine(
 
     An interrupted study resumes when it is restarted with the same `identity`, which holds
     everything that the results depend on, also the digests of user-defined classes, which the
-    workers must have. The journal is removed at the end, unless
-    `keep_journal`. Without a folder there is no journal. Raises ScenarioError if the folder
-    already holds other files.
+    workers must have. The journal is removed at the end unless `keep_journal`, and if it is empty.
+    Without a folder there is no journal. Raises ScenarioError if the folder already holds other
+    files.
     """
     with ExitStack() as exit_stack:
         plug_ins = (identity or {}).get("plug_ins")
@@ -490,36 +379,16 @@ def study_engine(
             return
         if not (out / JOURNAL).exists():
             refuse_existing(*(out / name for name in files), place="folder by --out")
-        is_new = not out.exists()
+        journal = exit_stack.enter_context(open_journal(out, identity, report))
+        if journal.entries and not keep_journal:
+            report(f"{len(journal.entries)} runs are in the journal")
+        is_done = False
         try:
-            journal = exit_stack.enter_context(open_journal(out, identity, report))
-            if journal.entries and not keep_journal:
-                report(f"{len(journal.entries)} runs are in the journal")
-            with _remove_when_done(journal, keep=keep_journal):
-                yield Engine(open_workers, exit_stack, report, journal, plug_ins)
-        except BaseException:
-            if is_new:
+            yield Engine(open_workers, exit_stack, report, journal, plug_ins)
+            is_done = True
+        finally:
+            if not journal.entries or (is_done and not keep_journal):
+                journal.remove()
+            if not is_done:
                 with suppress(OSError):  # not empty
                     out.rmdir()
-            raise
-
-
-@contextmanager
-def _remove_when_done(journal: RunJournal, *, keep: bool) -> Iterator[None]:
-    """Remove the journal when the study ends, after an invalid input, or if empty."""
-    try:
-        yield
-    except EngineError:
-        if not journal.entries:
-            journal.remove()
-        raise
-    except (ScenarioError, LogError):
-        if not keep:
-            journal.remove()
-        raise
-    except BaseException:
-        if not journal.entries:
-            journal.remove()
-        raise
-    if not keep:
-        journal.remove()

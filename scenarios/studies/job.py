@@ -1,15 +1,14 @@
-"""A job of a study, and sequential batches of jobs on a worker."""
+"""A job of a study, as a worker runs it, and the files of a study."""
 
 import csv
 import io
 import json
-import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
-from typing import Any
+from typing import Any, NamedTuple
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.figure_style import encoded, picture_format_of
@@ -43,9 +42,8 @@ class Job:
     command: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JobResult:
-    """The result of a job, or its error in one line, and its duration.
+class JobResult(NamedTuple):
+    """The result of a job, or its error in one line.
 
     `exception` is set if the command line prints the error unchanged.
     """
@@ -53,16 +51,13 @@ class JobResult:
     result: Any = None
     error: str = ""
     exception: Exception | None = None
-    duration_s: float = 0.0
 
 
-def run_batch(
-    stamp: ProgramStamp, jobs: Sequence[Work], plug_ins: Mapping[str, str]
-) -> list[JobResult]:
-    """Run the jobs in this process.
+def run_job(stamp: ProgramStamp, work: Work, plug_ins: Mapping[str, str]) -> JobResult:
+    """Run a job in this process.
 
-    A job that raises does not affect the others. Raises EngineError if `stamp`, or the digests of
-    the modules of user-defined classes, `plug_ins`, differ from those of this process.
+    Raises EngineError if `stamp`, or the digests of the modules of user-defined classes,
+    `plug_ins`, differ from those of this process.
     """
     differences = stamp.differences(current_stamp()) + [
         f"module {module} is {there} there and {plug_ins[module]} here"
@@ -75,19 +70,11 @@ def run_batch(
             [f"a worker has other versions: {why}; install the same version on all machines"]
         )
     with RUN_LOCK:
-        return [_result_of(job) for job in jobs]
-
-
-def _result_of(job: Work) -> JobResult:
-    began = time.perf_counter()
-    try:
-        return JobResult(result=job(), duration_s=time.perf_counter() - began)
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - the other jobs continue
-        return JobResult(
-            error=error_line(error),
-            exception=error if isinstance(error, PRINTABLE_ERRORS) else None,
-            duration_s=time.perf_counter() - began,
-        )
+        try:
+            return JobResult(result=work())
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - the other jobs continue
+            exception = error if isinstance(error, PRINTABLE_ERRORS) else None
+            return JobResult(error=error_line(error), exception=exception)
 
 
 def error_line(error: BaseException) -> str:

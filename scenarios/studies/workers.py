@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
-BATCHES_PER_THREAD = 2
-"""Queue depth of a remote worker, so that it does not wait for the next batch."""
+JOBS_PER_THREAD = 2
+"""Queue depth of a remote worker, so that it does not wait for the next job."""
 POLL_INTERVAL_S = 1.0
 """Interval at which the workers of a scheduler are counted; they may join and leave."""
 CONNECT_TIMEOUT_S = 10.0
@@ -39,9 +39,9 @@ PRELOADED = ("scenarios.runs.virtual",)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorkerGroup:
-    """An executor, and how many batches to submit at a time.
+    """An executor, and how many jobs to submit at a time.
 
-    `worker_lost` are the exceptions of a batch whose worker died, `no_retry` those of a batch that
+    `worker_lost` are the exceptions of a job whose worker died, `no_retry` those of a job that
     the executor has already retried.
     """
 
@@ -69,7 +69,7 @@ class InlineExecutor(Executor):
 class WorkerPool(Executor):
     """Worker processes, each of which imports the project once.
 
-    If a worker dies, its batches raise `BrokenProcessPool`, and the next `submit` replaces it.
+    If a worker dies, its jobs raise `BrokenProcessPool`, and the next `submit` replaces it.
     Workers are forked from a single-threaded fork server, or spawned where there is no fork. They
     exit with this process, even if it is killed.
     """
@@ -138,7 +138,7 @@ def open_workers(workers: int | None = None, scheduler: str = "") -> Iterator[Wo
 
     With `scheduler`, an address such as tcp://127.0.0.1:8786, use the workers of that dask
     scheduler; needs the package distributed. Raises EngineError if no scheduler responds. At the
-    end, pending batches are cancelled.
+    end, pending jobs are cancelled.
     """
     if scheduler:
         with _dask_workers(scheduler) as group:
@@ -164,7 +164,7 @@ def _dask_workers(address: str) -> Iterator[WorkerGroup]:
         why = f"no dask scheduler responds ({' '.join(str(error).split())})"
         raise EngineError([f"--scheduler: {address}: {why}"]) from error
     try:
-        # A retried batch must not get the cached result of an equal one.
+        # A retried job must not get the cached result of an equal one.
         executor = client.get_executor(pure=False)
         worker_lost = (BrokenExecutor, KilledWorker)
         yield WorkerGroup(
@@ -179,7 +179,7 @@ def _dask_workers(address: str) -> Iterator[WorkerGroup]:
 
 
 def _slots_of(client: "Client") -> Callable[[], int]:
-    """Return a function that counts the batches to submit, from the number of worker threads."""
+    """Return a function that counts the jobs to submit, from the number of worker threads."""
     counted_at, slots = -POLL_INTERVAL_S, 1
 
     def count() -> int:
@@ -187,8 +187,8 @@ def _slots_of(client: "Client") -> Callable[[], int]:
         now = time.monotonic()
         if now - counted_at >= POLL_INTERVAL_S:
             threads: dict[str, Any] = client.nthreads()
-            # Without workers, one batch waits for the first to join.
-            slots = max(BATCHES_PER_THREAD * sum(threads.values()), 1)
+            # Without workers, one job waits for the first to join.
+            slots = max(JOBS_PER_THREAD * sum(threads.values()), 1)
             counted_at = now
         return slots
 

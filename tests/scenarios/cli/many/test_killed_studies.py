@@ -81,15 +81,15 @@ def own_folder() -> Iterator[None]:
 class DeadlyPool(WorkerPool):
     def __init__(self, workers: int) -> None:
         super().__init__(workers)
-        self._batches = 0
+        self._jobs = 0
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Any:  # noqa: ARG002 - none are given
-        self._batches += 1
-        return super().submit(partial(_killed, fn) if self._batches in {2, 3} else fn, *args)
+        self._jobs += 1
+        return super().submit(partial(_killed, fn) if self._jobs in {2, 3} else fn, *args)
 
 
-def _killed(fn: Callable[..., Any], stamp: Any, jobs: list[Any], *rest: Any) -> Any:
-    fn(stamp, jobs[: len(jobs) // 2], *rest)
+def _killed(fn: Callable[..., Any], *arguments: Any) -> Any:
+    fn(*arguments)
     os.kill(os.getpid(), signal.SIGKILL)
 
 

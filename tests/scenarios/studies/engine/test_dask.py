@@ -88,7 +88,7 @@ def test_a_worker_with_other_versions_is_refused(
             match=r"^a worker has other versions: numpy .* 0\.1 ",
         ) as error,
     ):
-        list(engine.JobDispatcher([Job(key="1", work=os.getpid)], workers).outcomes())
+        list(engine.outcomes_of([Job(key="1", work=os.getpid)], workers))
     assert len(error.value.lines) == 1
 
 

@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.versions import current_stamp, module_digests
-from scenarios.studies.engine import MAX_ATTEMPTS, WORKER_DIED, JobDispatcher, study_engine
-from scenarios.studies.job import Job, Work, run_batch
+from scenarios.studies.engine import MAX_ATTEMPTS, WORKER_DIED, outcomes_of, study_engine
+from scenarios.studies.job import Job, Work, run_job
 from scenarios.studies.workers import InlineExecutor, WorkerGroup, open_workers
 from tests.made.many.engines import engine_here
 
@@ -41,8 +41,7 @@ def jobs_of(works: Mapping[Any, Work]) -> list[Job]:
 
 
 def outcomes(works: Mapping[Any, Work], workers: WorkerGroup) -> dict[str, tuple[Any, str]]:
-    dispatcher = JobDispatcher(jobs_of(works), workers)
-    found = [(done.key, (done.result, done.error)) for done in dispatcher.outcomes()]
+    found = [(done.key, (done.result, done.error)) for done in outcomes_of(jobs_of(works), workers)]
     assert len(dict(found)) == len(found)
     return dict(found)
 
@@ -82,12 +81,11 @@ class Deadly(Executor):
         self.tried: Counter[int] = Counter()
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **_kwargs: Any) -> "Future[Any]":
-        jobs: Sequence[partial[int]] = args[1]
-        numbers = [job.args[0] for job in jobs]
+        number = args[1].args[0]
         self.calls += 1
         future: Future[Any] = Future()
-        if self.poison & set(numbers) or self.calls in self.killed_at:
-            self.tried.update(numbers)
+        if number in self.poison or self.calls in self.killed_at:
+            self.tried[number] += 1
             future.set_exception(BrokenExecutor("dead"))
         else:
             future.set_result(fn(*args))
@@ -130,7 +128,7 @@ class Gone(Executor):
 
 def test_lost_workers_are_one_error_line() -> None:
     with pytest.raises(ScenarioError, match=r"workers are lost.*none left"):
-        list(JobDispatcher(jobs_of({1: partial(square, 1)}), threads(Gone())).outcomes())
+        list(outcomes_of(jobs_of({1: partial(square, 1)}), threads(Gone())))
 
 
 def test_a_job_that_kills_its_workers_is_one_line_with_its_command() -> None:
@@ -169,7 +167,7 @@ def test_a_study_resumes_after_an_interrupt(tmp_path: Path) -> None:
 def test_no_more_jobs_run_after_the_caller_stops(tmp_path: Path) -> None:
     jobs = jobs_of({k: (tmp_path / str(k)).touch for k in range(100)})
     with open_workers(0) as workers, suppress(StopIteration):
-        next(JobDispatcher(jobs, workers).outcomes())
+        next(outcomes_of(jobs, workers))
     assert len(list(tmp_path.iterdir())) < 10
 
 
@@ -180,9 +178,9 @@ def test_a_worker_with_another_controller_runs_nothing(
     monkeypatch.syspath_prepend(tmp_path)
     done: list[int] = []
     (digest,) = module_digests(["law_of_worker"]).values()
-    run_batch(current_stamp(), [lambda: done.append(1)], {"law_of_worker": digest})
+    run_job(current_stamp(), lambda: done.append(1), {"law_of_worker": digest})
     with pytest.raises(ScenarioError, match=f"law_of_worker is {digest} there and 0000"):
-        run_batch(current_stamp(), [lambda: done.append(2)], {"law_of_worker": "0" * 12})
+        run_job(current_stamp(), lambda: done.append(2), {"law_of_worker": "0" * 12})
     assert done == [1]
 
 
@@ -191,7 +189,7 @@ def test_a_worker_with_other_versions_runs_nothing_and_names_the_differences() -
     here = current_stamp()
     driver = replace(here, numpy="1.0", sources="0" * 12)
     with pytest.raises(ScenarioError) as refused:
-        run_batch(driver, [lambda: done.append(1)], {})
+        run_job(driver, lambda: done.append(1), {})
     (line,) = refused.value.lines
     for fact in (f"numpy is {here.numpy}", "1.0", f"sources is {here.sources}"):
         assert fact in line
