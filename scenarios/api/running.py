@@ -15,9 +15,9 @@ from typing import Any
 
 from scenarios.api.home import INSTALLED_IN
 from scenarios.api.recorded import Run
-from scenarios.definition.check.confirmation import confirmed_lines
 from scenarios.definition.check.findings import CheckReport, whole_report
 from scenarios.definition.check.findings import warnings as scenario_warnings
+from scenarios.definition.check.unusual import unusual_settings
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.overrides import OverrideError, override_text
 from scenarios.definition.scenario import Scenario, load_scenario
@@ -53,7 +53,6 @@ def run(
     duration: float | None = None,
     clock: ClockName = "virtual",
     out: str | Path | None = None,
-    confirmed: bool = False,
     report: Callable[[str], None] | None = None,
 ) -> Run:
     """Run a scenario and open its log, like `convoy run`.
@@ -70,7 +69,6 @@ def run(
         clock: As fast as possible in this process ("virtual"), or in real time with a process per
             vehicle ("wall").
         out: Folder for the log and the summary; by default a new folder in `runs`.
-        confirmed: Also run settings that are hardly ever meant, as with `--yes`.
         report: Called with a line of progress every few seconds, such as `print`.
 
     Raises:
@@ -89,7 +87,6 @@ def run(
         arguments,
         clock=clock,
         out=out,
-        confirmed=confirmed,
         report=report,
     )
 
@@ -100,12 +97,11 @@ def run_loaded(
     *,
     clock: ClockName,
     out: str | Path | None,
-    confirmed: bool,
     report: Callable[[str], None] | None,
 ) -> Run:
     if clock not in {"virtual", "wall"}:
         raise ScenarioError([f"clock: given {clock!r}, allowed 'virtual' or 'wall'"])
-    unusual = confirmed_lines(loaded, wall_clock=clock == "wall", confirmed=confirmed)
+    unusual = unusual_settings(loaded, wall_clock=clock == "wall")
     for line in (*unusual, *scenario_warnings(loaded)):
         warnings.warn(line, stacklevel=3)
     folder = folder_of(loaded, None if out is None else Path(out))
@@ -170,7 +166,7 @@ def _run_processes(
 ) -> None:
     """Run on the wall clock by the command line, whose processes are started from a small one."""
     quiet = ["--quiet"] if report is None else []
-    options = ["--clock=wall", *quiet, "--yes", f"--out={folder}"]
+    options = ["--clock=wall", *quiet, f"--out={folder}"]
     command = [sys.executable, "-P", "-m", "scenarios.cli", "run", *arguments, *options]
     paths = (str(INSTALLED_IN), os.environ.get("PYTHONPATH", ""))
     errors = []
@@ -207,7 +203,6 @@ def replay(
     clock: ClockName = "virtual",
     out: str | Path | None = None,
     partial: bool = False,
-    confirmed: bool = False,
     report: Callable[[str], None] | None = None,
 ) -> Run:
     """Let recorded `vehicles` send their messages again, and simulate the others behind them.
@@ -226,6 +221,4 @@ def replay(
     with TemporaryDirectory(prefix="convoy-") as folder:
         file = Path(folder, f"{scenario.name}.toml")
         file.write_text(scenario.text, encoding="utf-8")
-        return run_loaded(
-            scenario, [str(file)], clock=clock, out=out, confirmed=confirmed, report=report
-        )
+        return run_loaded(scenario, [str(file)], clock=clock, out=out, report=report)

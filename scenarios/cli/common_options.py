@@ -394,16 +394,6 @@ def open_run_options(command: Command) -> Command:
     return named(zenoh_options(command))
 
 
-def confirmation_option(command: Command) -> Command:
-    return click.option(
-        "--yes",
-        "confirmed",
-        is_flag=True,
-        help="Run in spite of unusual settings, such as a single vehicle or, in real time, a"
-        " latency below 1 ms.",
-    )(command)
-
-
 def parent_watch_option(command: Command) -> Command:
     """Hidden option of processes that must not outlive their parent."""
     return click.option(

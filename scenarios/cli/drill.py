@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from scenarios.cli.common_options import confirmation_option, override_options
+from scenarios.cli.common_options import override_options
 from scenarios.cli.output import clear_errors, table_of
 from scenarios.cli.study_commands import engine_options, selected_workers
 from scenarios.results.summary_columns import Column
@@ -51,7 +51,6 @@ Examples:
     "--out", type=click.Path(file_okay=False, path_type=Path),
     help="Folder for drills.json and, with --clock wall, for the logs.",
 )  # fmt: skip
-@confirmation_option
 def drill(
     *,
     names: tuple[str, ...],
@@ -63,7 +62,6 @@ def drill(
     scheduler: str,
     junit: Path | None,
     out: Path | None,
-    confirmed: bool,
 ) -> None:
     """Run failure drills.
 
@@ -72,7 +70,6 @@ def drill(
     """
     from rich.console import Console
 
-    from scenarios.definition.check.confirmation import confirmed_lines
     from scenarios.definition.scenario import drills, load_scenario
     from scenarios.runs.stop import EXIT_FAILED
     from scenarios.studies.drill import (
@@ -99,8 +96,6 @@ def drill(
             for name in dict.fromkeys(names or drills())
             for variant in drill_variants(name, overrides, chosen)
         ]
-        for first in {variant.name: variant for variant in reversed(variants)}.values():
-            confirmed_lines(first.scenario, wall_clock=clock == "wall", confirmed=confirmed)
         with study_engine(
             selected_workers(workers, scheduler),
             _print_to_stderr,
@@ -151,7 +146,6 @@ def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[Dril
             clock="wall",
             display=DisplayOptions(quiet=True),
             out=folder,
-            confirmed=True,
         )
         exit_code = run_scenario(variant.name, variant.overrides, variant.seed, options)
         if exit_code not in {0, EXIT_FAILED}:

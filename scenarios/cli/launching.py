@@ -11,8 +11,8 @@ import click
 from scenarios.cli.common_options import DisplayOptions
 from scenarios.cli.display import displays, print_start, refuse_picture, show
 from scenarios.cli.output import print_error
-from scenarios.definition.check.confirmation import confirmed_lines
 from scenarios.definition.check.findings import warnings
+from scenarios.definition.check.unusual import unusual_settings
 from scenarios.definition.library import is_run
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.processes.membership import checked_run_name
@@ -49,7 +49,6 @@ class RunOptions:
     display: DisplayOptions
     run_name: str | None = None
     out: Path | None = None
-    confirmed: bool = False
 
 
 def run_scenario(name: str, overrides: Sequence[str], seed: int | None, options: RunOptions) -> int:
@@ -79,7 +78,7 @@ def _run_loaded(scenario: Scenario, arguments: Sequence[str], options: RunOption
     """Run `scenario`, which the command-line `arguments` select; returns the exit code."""
     on_wall_clock, display, out = options.clock == "wall", options.display, options.out
     common = checked_run_name(options.run_name or f"{scenario.name}-{secrets.token_hex(3)}")
-    unusual = confirmed_lines(scenario, wall_clock=on_wall_clock, confirmed=options.confirmed)
+    unusual = unusual_settings(scenario, wall_clock=on_wall_clock)
     for line in (*unusual, *warnings(scenario)):
         click.echo(f"warning: {line}", err=True)
     refuse_picture(display.rerun, out)  # in one line here, before the recorder starts

@@ -13,7 +13,6 @@ from scenarios.cli.common_options import (
     DisplayOptions,
     Tables,
     clock_option,
-    confirmation_option,
     log_options,
     output_option,
     parent_watch_option,
@@ -49,7 +48,6 @@ Examples:
 @clock_option
 @run_option
 @log_options
-@confirmation_option
 def run(
     *,
     scenario: str,
@@ -61,7 +59,6 @@ def run(
     rerun: str,
     quiet: bool,
     tables: Tables,
-    confirmed: bool,
 ) -> None:
     """Run a scenario.
 
@@ -82,7 +79,6 @@ def run(
                     display=DisplayOptions(rerun, quiet, tables),
                     run_name=run_name,
                     out=out,
-                    confirmed=confirmed,
                 ),
             )
         )
@@ -192,7 +188,6 @@ Examples:
 @run_option
 @log_options
 @zenoh_options
-@confirmation_option
 @time_option("--wait", default=60.0, help_text="Longest wait for all vehicles. Default: 60s.")
 @click.option("--rerun", hidden=True, help="Destination of the picture, from `convoy run`.")
 @parent_watch_option
@@ -208,7 +203,6 @@ def record(
     tables: Tables,
     wait_s: float,
     launched: bool,
-    confirmed: bool,
     **flags: Any,
 ) -> None:
     """Start the run of a convoy and record it.
@@ -218,7 +212,6 @@ def record(
     """
     stop = stop_on_request(with_launcher=launched)
     from scenarios.cli.recorder_run import record_run
-    from scenarios.definition.check.confirmation import confirmed_lines
     from scenarios.definition.scenario import load_scenario
     from scenarios.runs.node.process_probe import name_process
     from scenarios.runs.processes.membership import checked_run_name
@@ -227,7 +220,6 @@ def record(
     ignore_hangup()
     with clear_errors():
         convoy = load_scenario(scenario, overrides, seed)
-        confirmed_lines(convoy, wall_clock=True, confirmed=confirmed or launched)
         sys.exit(
             record_run(
                 convoy,
@@ -282,7 +274,6 @@ On several machines, each vehicle and the recorder with the same file:
 @log_options
 @output_option("Write the scenario of the replay into this new file instead of running it.")
 @partial_option
-@confirmation_option
 def replay(
     log: Path,
     *,
@@ -297,7 +288,6 @@ def replay(
     tables: Tables,
     output: Path | None,
     partial: bool,
-    confirmed: bool,
 ) -> None:
     """Drive live vehicles behind recorded ones.
 
@@ -332,7 +322,6 @@ def replay(
                     display=DisplayOptions(rerun, quiet, tables),
                     run_name=run_name,
                     out=out,
-                    confirmed=confirmed,
                 ),
             )
         )

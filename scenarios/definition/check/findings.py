@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scenarios.definition.channel.build import expected_channel, vehicles_between
-from scenarios.definition.check.confirmation import confirmation_lines, lap_warnings
 from scenarios.definition.check.drive_report import DriveReport, drive_report, drive_warnings
 from scenarios.definition.check.held_braking import HeldBraking, held_braking
 from scenarios.definition.check.preview import history_warnings, preview_warnings
@@ -21,6 +20,7 @@ from scenarios.definition.check.steering_loop import (
     sampled_loop_warnings,
     slip_warnings,
 )
+from scenarios.definition.check.unusual import lap_warnings, unusual_settings
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.change_tables import SpeedChangeTable
 from scenarios.definition.schema.path_tables import PointsPath
@@ -267,7 +267,7 @@ def report_of(scenario: Scenario) -> CheckReport:
         coordinates_offset_m=(trace.east_offset_m, trace.north_offset_m) if trace else None,
         deviation_m_rms=road.deviation_rms if road else None,
         deviation_m_max=road.deviation_max if road else None,
-        warnings=(*confirmation_lines(scenario, wall_clock=True), *_warnings(scenario, run)),
+        warnings=(*unusual_settings(scenario, wall_clock=True), *_warnings(scenario, run)),
     )
 
 
@@ -314,7 +314,7 @@ def _run(scenario: Scenario) -> _Run:
 
 
 def warnings(scenario: Scenario) -> tuple[str, ...]:
-    """Return the warnings of a valid scenario, except those that need confirmation."""
+    """Return the warnings of a valid scenario, except those of unusual settings."""
     return _warnings(scenario, _run(scenario))
 
 

@@ -74,7 +74,7 @@ def strict(text: str) -> Any:
 
 
 def run(file: Path, drawn: DrawnScenario, folder: Path) -> Result:
-    options = ("--clock=virtual", "--quiet", "--yes", f"--out={folder}")
+    options = ("--clock=virtual", "--quiet", f"--out={folder}")
     return convoy("run", file, *drawn.settings, *options)
 
 
@@ -229,7 +229,7 @@ def test_a_broken_scenario_is_refused_in_lines(case: int, tmp_path: Path) -> Non
         settings = [*settings, "--set=duration_s=0.1"]
         checked = convoy("check", file, *settings, "--json")
     out = tmp_path / "run"
-    again = convoy("run", file, *settings, "--clock=virtual", "--quiet", "--yes", "--out", out)
+    again = convoy("run", file, *settings, "--clock=virtual", "--quiet", "--out", out)
     if checked.exit_code == 0:
         strict(checked.stdout)
         strict((out / "summary.json").read_text())

@@ -5,8 +5,8 @@ from math import pi
 
 import pytest
 
-from scenarios.definition.check.confirmation import lap_warnings
 from scenarios.definition.check.findings import warnings
+from scenarios.definition.check.unusual import lap_warnings
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.runs.virtual import run_unlogged
 from vehicles.car.parameters import least_spacing

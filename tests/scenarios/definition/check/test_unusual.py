@@ -1,13 +1,12 @@
-"""Settings that run only with `--yes`."""
+"""Warnings of settings that hardly anybody means."""
 
 from math import pi
 
 import pytest
 
-from scenarios.definition.check import confirmation
-from scenarios.definition.check.confirmation import confirmation_lines, confirmed_lines
+from scenarios.definition.check import unusual
 from scenarios.definition.check.findings import report_of
-from scenarios.definition.errors import ScenarioError
+from scenarios.definition.check.unusual import unusual_settings
 from scenarios.definition.scenario import load_scenario
 
 LOOP = (
@@ -43,27 +42,24 @@ UNUSUAL = {
 
 
 @pytest.mark.parametrize(("name", "overrides", "fact", "only_wall"), UNUSUAL.values(), ids=UNUSUAL)
-def test_it_needs_confirmation(
+def test_an_unusual_setting_has_a_warning(
     name: str,
     overrides: tuple[str, ...],
     fact: str,
     only_wall: bool,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(confirmation, "_cores", lambda: 4)
+    monkeypatch.setattr(unusual, "_cores", lambda: 4)
     scenario = load_scenario(name, overrides)
-    (line,) = confirmation_lines(scenario, wall_clock=True)
+    (line,) = unusual_settings(scenario, wall_clock=True)
     assert fact in line
-    assert (line in confirmation_lines(scenario, wall_clock=False)) == (not only_wall)
+    assert (line in unusual_settings(scenario, wall_clock=False)) == (not only_wall)
     assert line in report_of(scenario).warnings
-    with pytest.raises(ScenarioError, match="--yes"):
-        confirmed_lines(scenario, wall_clock=True, confirmed=False)
-    assert confirmed_lines(scenario, wall_clock=True, confirmed=True) == (line,)
 
 
 def test_a_virtual_run_warns_of_seconds_in_place_of_milliseconds() -> None:
     scenario = load_scenario("lane_change", ["links.latency_ms=0.02"])
-    (line,) = confirmed_lines(scenario, wall_clock=False, confirmed=False)
+    (line,) = unusual_settings(scenario, wall_clock=False)
     assert "did you mean 20?" in line
     without = load_scenario("lane_change", ["links.latency_ms=0"])
-    assert confirmed_lines(without, wall_clock=False, confirmed=False) == ()
+    assert not list(unusual_settings(without, wall_clock=False))
