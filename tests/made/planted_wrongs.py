@@ -90,8 +90,6 @@ WRONGS = {
         f"{WRITER}::test_a_log_that_is_truncated_while_it_is_written_is_an_error",
     "a log moved away during the run":
         f"{WRITER}::test_a_log_that_was_removed_is_missed_at_the_next_flush",
-    "a message that the completed log lacks":
-        f"{WRITER}::test_a_message_that_is_not_in_the_completed_file_is_missed",
     "a full disk": f"{CLI}/test_cli.py::test_a_run_on_a_full_disk_fails_with_a_line_and_a_log",
     "an error or short write of any file call":
         f"{CALLS}::test_promised_files_are_on_the_disk_or_the_command_fails",

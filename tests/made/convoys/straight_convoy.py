@@ -13,6 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.made.message import pose
 from vehicles.car.dynamics import Body
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.car.sensors import GapMeasurement
@@ -290,26 +291,15 @@ def _message(
     sender: int, seq: int, now: int, speed: float, announced: Sequence[Announcement]
 ) -> GpsPose:
     one = announced[sender]
-    return GpsPose(
-        vehicle=f"v{sender + 1}",
-        seq=seq,
-        measured_at_ns=now,
-        latitude_deg=0.0,
-        longitude_deg=0.0,
-        altitude_m=0.0,
+    return pose(
+        f"v{sender + 1}",
+        seq,
+        now,
         heading_deg=90.0,
         speed_mps=max(speed, 0.0),
-        yaw_rate_radps=0.0,
-        sent_at_ns=now,
-        fix="fixed",
-        position_accuracy_m=0.02,
-        true_east_m=0.0,
-        true_north_m=0.0,
-        true_distance_m=0.0,
         mode="path" if sender == 0 else one.mode,
         hazard=one.hazard,
         acceleration_mps2=one.acceleration_mps2,
-        path_offset_m=0.0,
         stops_at_ns=one.stops_at_ns,
         relayed_stops_at_ns=one.relayed_stops_at_ns,
         achieved_acceleration_mps2=one.achieved_acceleration_mps2,
@@ -329,6 +319,6 @@ def _pose(
     message: GpsPose, now: int, east: float, speed: float, driven: list[Place]
 ) -> ReceivedPose:
     at = message.measured_at_ns
-    pose = _StraightPose(message, now, at, east, 0.0, 0.0, speed, 0.0, 0.02)
-    pose.history = driven
-    return pose
+    received = _StraightPose(message, now, at, east, 0.0, 0.0, speed, 0.0, 0.02)
+    received.history = driven
+    return received

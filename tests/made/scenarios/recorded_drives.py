@@ -7,9 +7,9 @@ from functools import reduce
 from pathlib import Path
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
+from tests.made.message import pose
 from transport.log.writer import LogWriter
 from vehicles.geometry.geodesy import LocalPlane, Origin
-from vehicles.messages import GpsPose
 
 ORIGIN = Origin(48.1, 11.5, 500.0)
 START = 1_700_000_000  # Unix time (s) at which the drive begins: 22:13:20 UTC
@@ -99,29 +99,9 @@ def write_log(path: Path, points: Drive) -> None:
             at = START * 10**9 + round(t * 1e9)
             for vehicle, offset in (("v1", 0.0), ("v2", 50.0)):
                 latitude, longitude = geodetic(e + offset, n + offset)
-                pose = GpsPose(
-                    vehicle=vehicle,
-                    seq=seq,
-                    measured_at_ns=at,
-                    latitude_deg=latitude,
-                    longitude_deg=longitude,
-                    altitude_m=500.0,
-                    heading_deg=0.0,
-                    speed_mps=v,
-                    yaw_rate_radps=0.0,
-                    sent_at_ns=at,
-                    fix="fixed",
-                    position_accuracy_m=0.02,
-                    mode="path",
-                    hazard=False,
-                    acceleration_mps2=0.0,
-                    path_offset_m=0.0,
-                    stops_at_ns=0,
-                    true_east_m=0.0,
-                    true_north_m=0.0,
-                    true_distance_m=0.0,
-                )
-                log.write(at, pose)
+                place = {"latitude_deg": latitude, "longitude_deg": longitude}
+                sent = pose(vehicle, seq, at, **place, altitude_m=500.0, speed_mps=v)
+                log.write(at, sent)
 
 
 WRITERS: dict[str, Callable[[Drive], bytes]] = {

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 
+from tests.made.message import message, pose
 from vehicles.messages import (
     Change,
     Command,
@@ -39,15 +40,15 @@ def truth(vehicle: str, tick: int) -> TruePose:
     place = VEHICLES.index(vehicle)
     at = angle(place, tick * TICK * 1e-9)
     radius = RADIUS - offset_of(place)
-    return TruePose(
-        vehicle=vehicle,
-        seq=tick,
+    return message(
+        TruePose,
+        vehicle,
+        tick,
         true_at_ns=START + tick * TICK,
         east_m=radius * math.cos(at),
         north_m=radius * math.sin(at),
         yaw_rad=at + math.pi / 2,
         speed_mps=SPEED,
-        lateral_speed_mps=0.0,
         yaw_rate_radps=SPEED / RADIUS,
         steering_rad=0.06,
         distance_m=SPEED * tick * TICK * 1e-9,
@@ -59,36 +60,18 @@ def truth(vehicle: str, tick: int) -> TruePose:
 
 
 def gps(vehicle: str, seq: int, at: int) -> GpsPose:
-    return GpsPose(
-        vehicle=vehicle,
-        seq=seq,
-        measured_at_ns=at,
-        latitude_deg=48.0,
-        longitude_deg=11.0,
-        altitude_m=500.0,
-        heading_deg=270.0,
-        speed_mps=SPEED,
-        yaw_rate_radps=0.2,
-        sent_at_ns=at,
-        fix="fixed",
-        position_accuracy_m=0.02,
-        mode="path",
-        hazard=False,
-        acceleration_mps2=0.0,
-        path_offset_m=0.0,
-        stops_at_ns=0,
-        true_east_m=0.0,
-        true_north_m=0.0,
-        true_distance_m=0.0,
-    )
+    place = {"latitude_deg": 48.0, "longitude_deg": 11.0, "altitude_m": 500.0}
+    motion = {"heading_deg": 270.0, "speed_mps": SPEED, "yaw_rate_radps": 0.2}
+    return pose(vehicle, seq, at, **place, **motion)
 
 
 def trajectory(vehicle: str, tick: int) -> CompositeTrajectory:
     start = truth(vehicle, tick)
     ahead = start.yaw_rad + 4.0 / RADIUS
-    return CompositeTrajectory(
-        vehicle=vehicle,
-        seq=tick,
+    return message(
+        CompositeTrajectory,
+        vehicle,
+        tick,
         decided_at_ns=start.true_at_ns,
         mode="composite",
         piece_east_m=(start.east_m, RADIUS * math.sin(ahead)),
@@ -106,15 +89,13 @@ def trajectory(vehicle: str, tick: int) -> CompositeTrajectory:
 
 
 def tracking(vehicle: str, tick: int) -> Tracking:
-    return Tracking(
-        vehicle=vehicle,
-        seq=tick,
+    return message(
+        Tracking,
+        vehicle,
+        tick,
         decided_at_ns=START + tick * TICK,
         mode="path" if vehicle == VEHICLES[0] else "composite",
-        reason="",
         lateral_error_m=0.01 * tick,
-        heading_error_rad=0.0,
-        yaw_rate_error_radps=0.0,
         curvature_per_m=1 / RADIUS,
         estimated_gap_m=SPACING,
         measured_gap_m=SPACING,
@@ -131,61 +112,46 @@ def tracking(vehicle: str, tick: int) -> Tracking:
         lead_status="fresh",
         predecessor_status="fresh",
         known_m=30.0,
-        blind_m=0.0,
         predecessor_weight_ratio=0.5,
-        hazard=False,
     )
 
 
 def command(vehicle: str, tick: int) -> Command:
-    return Command(
-        vehicle=vehicle,
-        seq=tick,
+    return message(
+        Command,
+        vehicle,
+        tick,
         decided_at_ns=START + tick * TICK,
         steering_rad=math.radians(3.0),
         feedforward_rad=0.05,
         feedback_rad=0.002,
-        acceleration_mps2=0.0,
         target_speed_mps=SPEED,
         law_acceleration_mps2=0.0,
     )
 
 
 def verdict(vehicle: str, sender: str, seq: int, at: int, outcome: str = "ok") -> LinkVerdict:
-    return LinkVerdict(
-        vehicle=vehicle,
-        seq=seq,
+    is_dropped = outcome in {"loss", "rate"}
+    return message(
+        LinkVerdict,
+        vehicle,
+        seq,
         sender=sender,
         pose_seq=seq,
         measured_at_ns=at - TICK,
-        outcome="dropped" if outcome in {"loss", "rate"} else "delivered",
-        reason=outcome if outcome in {"loss", "rate"} else "",
+        outcome="dropped" if is_dropped else "delivered",
+        reason=outcome if is_dropped else "",
         visible_at_ns=at,
         received_at_ns=at,
         late=outcome == "late",
         sent_at_ns=at - TICK,
-        copies=0,
-        content="",
     )
 
 
 def health(vehicle: str, seq: int, at: int) -> Health:
-    return Health(
-        vehicle=vehicle,
-        seq=seq,
-        reported_at_ns=at,
-        ticks=50,
-        late_ticks=0,
-        lateness_ms_max=0.5,
-        received=40,
-        dropped=0,
-        late_messages=0,
-        rejected_messages=0,
-        published=20,
-        memory_bytes=50_000_000,
-        cpu_ratio=0.05,
-        final=False,
-    )
+    counts = {"ticks": 50, "received": 40, "published": 20, "memory_bytes": 50_000_000}
+    usage = {"lateness_ms_max": 0.5, "cpu_ratio": 0.05}
+    return message(Health, vehicle, seq, reported_at_ns=at, **counts, **usage)
 
 
 def drive(ticks: int) -> Iterator[tuple[int, Message]]:

@@ -1,8 +1,11 @@
 """Received poses at exact positions, without a link."""
 
+from tests.made.message import pose
 from vehicles.car.gnss import Fix
-from vehicles.messages import NO_ANNOUNCEMENT, Announcement, GpsPose
+from vehicles.messages import NO_ANNOUNCEMENT, Announcement
 from vehicles.received_pose import ReceivedPose
+
+STATED = ("mode", "hazard", "acceleration_mps2", "path_offset_m", "stops_at_ns")
 
 
 def received(
@@ -20,27 +23,15 @@ def received(
     announced: Announcement = NO_ANNOUNCEMENT,
 ) -> ReceivedPose:
     """A pose (ns, m, m, rad, m/s), by default received when it is measured."""
-    message = GpsPose(
-        vehicle=vehicle,
-        seq=seq,
-        measured_at_ns=measured_at,
-        latitude_deg=0.0,
-        longitude_deg=0.0,
-        altitude_m=0.0,
-        heading_deg=0.0,
+    stated = announced._asdict()
+    message = pose(
+        vehicle,
+        seq,
+        measured_at,
         speed_mps=speed,
         yaw_rate_radps=yaw_rate,
-        sent_at_ns=measured_at,
-        fix="fixed",
         position_accuracy_m=accuracy,
-        mode=announced.mode,
-        hazard=announced.hazard,
-        acceleration_mps2=announced.acceleration_mps2,
-        path_offset_m=announced.path_offset_m,
-        stops_at_ns=announced.stops_at_ns,
-        true_east_m=0.0,
-        true_north_m=0.0,
-        true_distance_m=0.0,
+        **{name: stated[name] for name in STATED},
     )
     at = measured_at if received_at is None else received_at
     return ReceivedPose(message, at, measured_at, east, north, yaw, speed, yaw_rate, accuracy)

@@ -64,7 +64,6 @@ def test_warnings_of_a_scenario_are_warnings_of_python(tmp_path: Path) -> None:
             lambda: convoy.run(set={"links.loss_ratio": 2, "gnss.rate_hz": -1}),
             ("run", "--set=links.loss_ratio=2", "--set=gnss.rate_hz=-1"),
         ),
-        (lambda: convoy.run(set={"convoy.vehicles": 1}), ("run", "--set=convoy.vehicles=1")),
         (lambda: convoy.check(set={"seeds": 1}), ("check", "--set=seeds=1")),
         (
             lambda: convoy.sweep(vary={"links.loss_ratio": "0:1"}, workers=0),

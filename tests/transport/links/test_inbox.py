@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenarios.definition.schema.link_tables import LinkTable
+from tests.made.message import pose as made_pose
 from tests.made.transport.links import inbox as inbox_of
 from tests.made.transport.links import link as link_of
 from tests.made.transport.links import taken
@@ -28,28 +29,9 @@ GPS = TOPICS["gps"]
 
 
 def pose(seq: int, vehicle: str = "lead") -> GpsPose:
-    return GpsPose(
-        vehicle=vehicle,
-        seq=seq,
-        measured_at_ns=instant(START, seq, RATE_HZ),
-        latitude_deg=37.72 + seq * 1e-6,
-        longitude_deg=-122.47,
-        altitude_m=30.0,
-        heading_deg=90.0,
-        speed_mps=30.0,
-        yaw_rate_radps=0.01,
-        sent_at_ns=instant(START, seq, RATE_HZ),
-        fix="fixed",
-        position_accuracy_m=0.02,
-        mode="path",
-        hazard=False,
-        acceleration_mps2=0.0,
-        path_offset_m=0.0,
-        stops_at_ns=0,
-        true_east_m=0.0,
-        true_north_m=0.0,
-        true_distance_m=0.0,
-    )
+    place = {"latitude_deg": 37.72 + seq * 1e-6, "longitude_deg": -122.47, "altitude_m": 30.0}
+    motion = {"heading_deg": 90.0, "speed_mps": 30.0, "yaw_rate_radps": 0.01}
+    return made_pose(vehicle, seq, instant(START, seq, RATE_HZ), **place, **motion)
 
 
 def sent(message: GpsPose, at: int) -> GpsPose:
