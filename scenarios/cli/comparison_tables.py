@@ -79,9 +79,10 @@ def _print_shares(heading: str, rows: Sequence[ComparedFigure], console: Console
     if not rows:
         return
     most = max(max(row.law or 0.0, row.sample or 0.0) for row in rows) or 1.0
+    law: Column[ComparedFigure] = Column("law %", lambda row: row.law, ".2f", 100.0)
     columns: Sequence[Column[ComparedFigure]] = (
         Column(heading, lambda row: row.figure, left=True),
-        Column("law %", lambda row: row.law, ".2f", 100.0),
+        *((law,) if any(row.law is not None for row in rows) else ()),
         Column("sample %", lambda row: row.sample or 0.0, ".2f", 100.0),
         Column("", lambda row: bar((row.sample or 0.0) / most), left=True),
     )

@@ -36,8 +36,6 @@ from vehicles.schedule import MILLISECOND, SECOND
 
 CONFIDENCE = 0.95
 """Confidence of reported intervals."""
-CERTAINTY = 0.9999
-"""Confidence beyond which a figure deviates from its request."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,12 +138,6 @@ SAFE_AGES_MS = tuple(range(100, 1001, 100))
 """Ages up to which data may count as fresh."""
 OLDEST_S = 86_400.0
 """Largest plausible age."""
-LEAST_MESSAGES = 100
-"""Fewest messages of which the loss is compared with the requested one ..."""
-LEAST_INDEPENDENT = 50
-"""... and fewest independent ones, by the inflation of bursts."""
-ROUNDING_MS = 0.01
-"""Delays are whole nanoseconds, and counted to 10 µs."""
 OF_VEHICLES = {"transmitter_off", "receiver_off"}
 """Reasons of a vehicle rather than of the link."""
 SILENT_LINK_S = 1.0
@@ -359,7 +351,7 @@ def expected(account: LinkAccount, requested: LinkTable, *, is_changed: bool) ->
     """
     channel = expected_channel(requested)
     if is_changed:
-        channel = replace(channel, latency_ms_mean=None, latency_ms_deviation=None, settles=False)
+        channel = replace(channel, latency_ms_mean=None, latency_ms_deviation=None)
     elif OF_VEHICLES.isdisjoint(account.verdicts["reason"][~account.is_delivered]):
         return channel
     return replace(channel, loss_ratio=None, burst_messages=None)
@@ -538,84 +530,13 @@ def describe_link(row: LinkSummary) -> str:
 
 
 def channel_warnings(run: RunTables, counted: Mapping[Link, LinkAccount]) -> Iterator[str]:
-    """Yield lines on messages that did not arrive and on deviations from the requests."""
+    """Yield lines on messages that did not arrive, and on links without requested figures."""
     yield from away_lines(run)
     yield from absence_lines(run, counted)
-    yield from request_deviations(run, counted)
-
-
-def request_deviations(run: RunTables, counted: Mapping[Link, LinkAccount]) -> Iterator[str]:
-    """Yield deviations from the requests beyond sampling error."""
-    requested, changed = run.scenario.links, changed_during(run)
-    for link, account in counted.items():
-        channel = expected(account, requested[link], is_changed=link in changed)
-        yield from link_deviations(account, channel)
-    if changed:
+    if changed := changed_during(run):
         names = [f"{a} → {b}" for a, b in sorted(changed)]
-        these = "all" if len(changed) == len(requested) else ", ".join(names)
+        these = "all" if len(changed) == len(run.scenario.links) else ", ".join(names)
         yield f"no requested values are shown for links changed during the run: {these}"
-
-
-def link_deviations(account: LinkAccount, channel: ExpectedChannel) -> Iterator[str]:
-    """Yield a line per figure of a link that deviates beyond sampling error from its request.
-
-    Intervals are of 99.99 %, so one of ten thousand correct figures lies outside.
-    """
-    name, lost = " → ".join(account.link), carried_losses(account)
-    loss, burst, _ = _losses(lost, CERTAINTY)
-    requested_loss = channel.loss_ratio if channel.settles else None
-    count = len(lost)
-    least = max(LEAST_MESSAGES, LEAST_INDEPENDENT * channel.loss_inflation)
-    if requested_loss is not None and count >= least:
-        wide = share(loss.value * count, count, CERTAINTY, channel.loss_inflation)
-        low, high = min(loss.low, wide.low), max(loss.high, wide.high)
-        if not low - 1e-12 <= requested_loss <= high + 1e-12:
-            yield (
-                f"{name}: lost {100 * loss.value:.2f} % of {count} messages (99.99 % interval "
-                f"{100 * low:.2f} to {100 * high:.2f} %), requested {100 * requested_loss:g} %"
-            )
-        if channel.burst_messages is not None and burst is not None:
-            yield from _burst_miss(name, channel, burst, lost)
-    yield from _latency_miss(name, channel, account)
-
-
-def _burst_miss(
-    name: str, channel: ExpectedChannel, burst: ConfidenceInterval, lost: Flags
-) -> Iterator[str]:
-    """Compare mean bursts. Where losses are clustered, their count varies as well.
-
-    The mean is the number of losses over that of bursts, so it varies at least as the former does.
-    """
-    requested, loss = channel.burst_messages or 1.0, channel.loss_ratio or 1.0
-    number, count = len(bursts(lost)), len(lost)
-    of_lengths = max(requested * (requested - 1.0), 0.0) / number
-    of_losses = requested * requested * channel.loss_inflation * (1.0 - loss) / (loss * count)
-    clustered = channel.loss_inflation > 1.0
-    error = sqrt(max(of_lengths, of_losses) if clustered else of_lengths)
-    half = quantile_of_normal(CERTAINTY) * error
-    low, high = min(burst.low, burst.value - half), max(burst.high, burst.value + half)
-    if not low - 1e-9 <= requested <= high + 1e-9:
-        yield (
-            f"{name}: {number} bursts of {burst.value:.2f} lost messages on average (99.99 % "
-            f"interval {low:.2f} to {high:.2f}), requested {requested:.2f}"
-        )
-
-
-def _latency_miss(name: str, channel: ExpectedChannel, account: LinkAccount) -> Iterator[str]:
-    mean, deviation = channel.latency_ms_mean, channel.latency_ms_deviation
-    delays, achieved = account.latencies, _mean_ms(account.latencies)
-    if mean is None or deviation is None or achieved is None or len(delays) < LEAST_MESSAGES:
-        return
-    sample = spread(delays)
-    widest = max(deviation, sample.deviation if sample else 0.0)  # of laws with long tails
-    half = _half_of_mean(widest, len(delays), channel, CERTAINTY) + ROUNDING_MS
-    if abs(achieved - mean) > half:
-        late = int(account.verdicts["late"][account.is_delivered].sum())
-        words = f"; {late} of {len(delays)} were late" if late else ""
-        yield (
-            f"{name}: delayed by {achieved:.3f} ms on average, requested {mean:.3f} ± {half:.3f} ms"
-            f"{words}"
-        )
 
 
 # ---- Links that deliver nothing

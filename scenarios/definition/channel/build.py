@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import reduce
 from math import inf, prod, sqrt
 from typing import Protocol
 
@@ -295,18 +294,15 @@ class ExpectedChannel:
 
     Unknown figures are None, such as a loss that depends on the distance.
 
-    `loss_inflation` and `latency_inflation` are upper bounds of the variance of a counted loss and
-    of a mean delay, over that of independent messages. `settles` is False where messages are lost
-    by number or for a time, so that a run differs from the long run.
+    `latency_inflation` is an upper bound of the variance of a mean delay over that of independent
+    delays.
     """
 
     loss_ratio: float | None
     burst_messages: float | None
     latency_ms_mean: float | None
     latency_ms_deviation: float | None
-    loss_inflation: float = 1.0
     latency_inflation: float = 1.0
-    settles: bool = True
 
 
 def expected_channel(
@@ -327,15 +323,12 @@ def expected_channel(
     ratio, burst = (None, None) if loss is None else (loss.loss, loss.burst)
     if burst == inf:
         burst = None
-    spread = ratio * (1.0 - ratio) if ratio else 0.0
     return ExpectedChannel(
         loss_ratio=ratio,
         burst_messages=burst if ratio else None,
         latency_ms_mean=mean,
         latency_ms_deviation=deviation,
-        loss_inflation=max(1.0, 1.0 + 2.0 * loss.covariances / spread) if loss and spread else 1.0,
         latency_inflation=inflation,
-        settles=not any(one.judged_by in {"number", "time"} for one in effects),
     )
 
 
@@ -346,7 +339,7 @@ def expected_loss(
     if table.queue is not None:
         return None
     decimated = any(one.reason == "rate" for one in effects)
-    if decimated and any(one.judged_by == "number" for one in effects):
+    if decimated and any(one.by_number for one in effects):
         return None  # the rate selects messages by number as well
     result = [one.losses(distance_m) for one in effects]
     if table.content is not None:
@@ -354,18 +347,20 @@ def expected_loss(
     known = [one for one in result if one is not None]
     if len(known) < len(result):
         return None
-    whole = reduce(Losses.beside, (one for one in known if one.loss), Losses(0.0, None, 0.0))
-    if decimated and any(one.has_memory for one in known):
-        return Losses(whole.loss, None, whole.covariances)  # memory counts omitted messages too
-    return Losses(whole.loss, _burst(known, whole.loss), whole.covariances)
+    lossy = [one for one in known if one.loss]
+    loss = 0.0
+    for one in lossy:
+        loss += (1.0 - loss) * one.loss
+    if decimated and any(one.has_memory for one in lossy):
+        return Losses(loss)  # memory counts omitted messages too
+    return Losses(loss, _burst(lossy, loss))
 
 
-def _burst(laws: Sequence[Losses], loss: float) -> float | None:
+def _burst(lossy: Sequence[Losses], loss: float) -> float | None:
     """Return the mean burst of several independent stationary laws.
 
     The rate of ending bursts is P(passes) - P(two in a row pass), products over the laws.
     """
-    lossy = [one for one in laws if one.loss]
     together = [one.both_delivered for one in lossy]
     if not lossy or None in together:
         return None

@@ -104,9 +104,6 @@ class Jitter(Effect):
     def delays(self) -> Delays:
         return Delays(0.5 * self.spread, self.spread**2 / 12.0)
 
-    def delay_quantile(self, share: float) -> float:
-        return share * self.spread
-
 
 # ---- A queue of limited rate at the sender of a link
 

@@ -15,7 +15,6 @@ from transport.links.laws.link_law import (
     InvalidKeyError,
     LinkLaw,
     Losses,
-    LossStates,
     Problem,
     Ratio,
     TransmissionContext,
@@ -193,22 +192,17 @@ class ChainLoss(LinkLaw):
             return "burst" if loss else 0
         return "burst" if draw(_FATE, context.seq) < loss else 0
 
-    @property
-    def states(self) -> LossStates:
-        return LossStates(self.chain.rows, self.chain.shares, np.array(self.loss_by_state))
-
     def losses(self, distance_m: float | None) -> Losses:
         """Loss and burst in the stationary state.
 
         The mean burst is P(lost) / P(lost and the next one delivered).
         """
-        reached = list(self.chain.states)
-        rows, shares, loss_by_state = self.states
-        within = LossStates(rows[np.ix_(reached, reached)], shares[reached], loss_by_state[reached])
+        rows, shares = self.chain.rows, self.chain.shares
+        loss_by_state = np.array(self.loss_by_state)
         lost = float(np.clip(shares @ loss_by_state, 0.0, 1.0))
         last = float((shares * loss_by_state) @ rows @ (1.0 - loss_by_state))
         burst = (lost / last if last > ROUNDING else inf) if lost else None
-        return Losses(lost, burst, within.covariances)
+        return Losses(lost, burst)
 
 
 def build_chain(

@@ -341,7 +341,7 @@ class ContentLaw(LinkLaw):
         """Loss of frames of `size` bytes by bit errors; None without a frame check."""
         errors = self.bit_errors
         if errors is None:
-            return Losses(0.0, None, 0.0)
+            return Losses(0.0)
         return Losses.independent(errors.corrupted_share(size)) if self.frame_check else None
 
 

@@ -101,9 +101,6 @@ class RandomDelay(BaseDelay):
     def delays(self) -> Delays:
         return Delays(self.mean_ns, self.deviation_ns**2, self.correlation_ratio)
 
-    def delay_quantile(self, share: float) -> float:
-        return self.at(quantile(share))
-
 
 def normal_cdf(normal: float) -> float:
     return 0.5 * erfc(-normal / _ROOT_TWO)

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from math import inf, nan
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Protocol, Self
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from transport.topics import DropReason
@@ -19,77 +17,30 @@ from vehicles.geometry.geodesy import LocalPlane
 _ROUNDING = 1e-9
 
 
-class LossStates(NamedTuple):
-    """Stationary Markov chain that steps with each message, and the loss ratio of each state.
-
-    `rows[i][j]` is the probability from state i to j, `shares` is the stationary distribution.
-    """
-
-    rows: NDArray[np.float64]
-    shares: NDArray[np.float64]
-    loss_by_state: NDArray[np.float64]
-
-    @property
-    def covariances(self) -> float:
-        """Sum of the autocovariances of the losses at lags 1, 2, ….
-
-        By the fundamental matrix (Kemeny and Snell, Finite Markov Chains, 1960, section 4.3).
-        """
-        identity = np.eye(len(self.shares))
-        limit = np.outer(np.ones(len(self.shares)), self.shares)
-        fundamental = np.linalg.inv(identity - self.rows + limit)
-        loss = self.loss_by_state
-        return float((self.shares * loss) @ (fundamental - identity) @ loss)
-
-
-@dataclass(frozen=True, slots=True)
-class Losses:
-    """Moments of a stationary loss: mean, mean burst (messages), sum of the autocovariances.
+class Losses(NamedTuple):
+    """Mean loss ratio of a stationary law, and mean burst (messages).
 
     The burst is None if it is unknown or nothing is lost.
     """
 
     loss: float
-    burst: float | None
-    covariances: float
-
-    @classmethod
-    def of_bursts(cls, loss: float, burst: float | None) -> "Losses":
-        """Losses of Gilbert's two-state chain with this loss and mean burst."""
-        if burst is None or not 0.0 < loss < 1.0:
-            return cls(loss, burst, 0.0)
-        correlation = 1.0 - 1.0 / burst - loss / (burst * (1.0 - loss))
-        if abs(correlation) < _ROUNDING:
-            return cls(loss, burst, 0.0)
-        return cls(loss, burst, loss * (1.0 - loss) * correlation / (1.0 - correlation))
+    burst: float | None = None
 
     @classmethod
     def independent(cls, loss: float) -> "Losses":
         """Independent losses, whose bursts are geometric."""
         if not loss:
-            return cls(loss, None, 0.0)
-        return cls(loss, 1.0 / (1.0 - loss) if loss < 1.0 else inf, 0.0)
+            return cls(0.0)
+        return cls(loss, 1.0 / (1.0 - loss) if loss < 1.0 else inf)
 
     @property
     def has_memory(self) -> bool:
-        return abs(self.covariances) > _ROUNDING
+        return self.burst is None or abs(self.burst * (1.0 - self.loss) - 1.0) > _ROUNDING
 
     @property
     def both_delivered(self) -> float | None:
         """Probability that a message and the next one are delivered; None if unknown."""
-        if self.burst is None:
-            return None
-        return 1.0 - self.loss - self.loss / self.burst
-
-    def beside(self, other: "Losses") -> "Losses":
-        """Two independent laws in series; the product of their covariances is bounded above."""
-        delivery, others = 1.0 - self.loss, 1.0 - other.loss
-        product = min(
-            abs(self.covariances) * other.loss * others,
-            abs(other.covariances) * self.loss * delivery,
-        )
-        covariances = self.covariances * others**2 + other.covariances * delivery**2 + product
-        return Losses(self.loss + delivery * other.loss, None, covariances)
+        return None if self.burst is None else 1.0 - self.loss - self.loss / self.burst
 
 
 class Delays(NamedTuple):
@@ -108,8 +59,6 @@ Draw = Callable[[str, int], float]
 
 It does not depend on earlier draws.
 """
-
-JudgedBy = Literal["chance", "number", "time", "place"]
 
 
 class Position(NamedTuple):
@@ -146,15 +95,14 @@ class Effect:
 
     Except for `judge`, the defaults are those of an effect without loss and delay.
     `key` is the key of a link that requests the effect, `reason` the reason of its drops.
-    `judged_by` is "number", "time" or "place" if the verdict depends on that only, so that the
-    losses of a run need not resemble those in the long run.
+    `by_number` if the verdict depends on the number of the message only.
     """
 
     __slots__ = ()
 
     key: ClassVar[str]
     reason: ClassVar[DropReason | None] = None
-    judged_by: ClassVar[JudgedBy] = "chance"
+    by_number: ClassVar[bool] = False
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         """Delay (ns) of this effect, or the reason of a drop."""
@@ -162,26 +110,12 @@ class Effect:
 
     def losses(self, distance_m: float | None) -> Losses | None:
         """Losses in the long run (of a radio: over a distance); None if they depend on more."""
-        return Losses(0.0, None, 0.0)
-
-    @property
-    def states(self) -> LossStates | None:
-        """Markov chain of the losses; None without one."""
-        return None
+        return Losses(0.0)
 
     @property
     def delays(self) -> Delays | None:
         """Moments of the delay; None if they depend on more than the law."""
         return Delays(0.0, 0.0)
-
-    def delay_quantile(self, share: float) -> float | None:
-        """Quantile of the delay (ns) at the probability `share`; None if unknown."""
-        return None
-
-    @property
-    def range_m(self) -> float | None:
-        """Distance (m) beyond which almost nothing is received; None without a radio."""
-        return None
 
 
 # ---- Stages: effects of the messages of a link on each other (queue, arrival in order)
@@ -408,7 +342,7 @@ class LinkLaw(Effect, LawTable):
 
     key: ClassVar[str]
     reason: ClassVar[DropReason | None] = None
-    judged_by: ClassVar[JudgedBy] = "chance"
+    by_number: ClassVar[bool] = False
     replaces_others: ClassVar[bool] = False
 
     def problems(self) -> Iterator[Problem]:

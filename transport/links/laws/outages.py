@@ -14,7 +14,6 @@ from pydantic import Field
 
 from transport.links.laws.link_law import (
     Draw,
-    JudgedBy,
     LinkLaw,
     Losses,
     Position,
@@ -56,7 +55,6 @@ class Outage(LinkLaw):
 
     key = "outages"
     reason: ClassVar[DropReason | None] = "outage"
-    judged_by: ClassVar[JudgedBy] = "time"
 
     def losses(self, distance_m: float | None) -> Losses | None:
         return None
@@ -98,7 +96,7 @@ class SpanOutage(Outage):
     def losses(self, distance_m: float | None) -> Losses | None:
         """Share of the time if the window repeats."""
         _, length, every, _ = self._bounds
-        return Losses(length / every, None, 0.0) if every else None
+        return Losses(length / every) if every else None
 
 
 class WindowOutage(SpanOutage):
@@ -134,8 +132,6 @@ class PlacedOutage(Outage):
 
     vehicle  which end of the link must be inside: sender, receiver, either or both
     """
-
-    judged_by = "place"
 
     vehicle: AffectedVehicle = "either"
 
@@ -289,7 +285,7 @@ class RandomOutage(Outage):
         return off / (on + off)
 
     def losses(self, distance_m: float | None) -> Losses:
-        return Losses(self.off_ratio, None, 0.0)
+        return Losses(self.off_ratio)
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         return "outage" if self.is_off(draw, context.sent_at - self.setting.start_at) else 0

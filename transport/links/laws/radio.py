@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from itertools import pairwise
-from math import ceil, erfc, exp, floor, hypot, inf, isfinite, log10, sqrt
+from math import ceil, erfc, exp, floor, hypot, isfinite, log10, sqrt
 from statistics import NormalDist
 from typing import Annotated, ClassVar, Literal
 
@@ -234,8 +234,6 @@ ObstructionLaw = Annotated[LossPerVehicle | SingleLoss, Field(discriminator="kin
 THERMAL_NOISE = -174.0  # Power density of thermal noise at room temperature (dBm/Hz)
 MIN_DISTANCE = 1.0  # Loss is constant below (m): path loss is for the far field
 NODES = 32  # Number of nodes of the quadrature over a normal number
-OUT_OF_RANGE_LOSS = 0.99  # Loss from which a radio is out of range
-MAX_DISTANCE_M, STEP_M = 20_000.0, 50.0
 
 Decibels = Annotated[float, Field(ge=-300, le=300)]
 Curve = Annotated[tuple[Decibels, ...], Field(strict=False, min_length=2)]
@@ -402,15 +400,8 @@ class PathLossRadio(Radio):
         obstructed = self.obstruction is not None and self.between is not None
         varies = obstructed and self.obstruction is not None and self.obstruction.varies
         if loss and (varies or self.shadowing is not None):
-            return Losses(loss, None, 0.0)
-        return Losses.of_bursts(loss, 1.0 / (1.0 - loss) if loss < 1.0 else inf)
-
-    @property
-    def range_m(self) -> float:
-        far = STEP_M
-        while far < MAX_DISTANCE_M and 1.0 - self._delivered(far) < OUT_OF_RANGE_LOSS:
-            far += STEP_M
-        return far
+            return Losses(loss)
+        return Losses.independent(loss)
 
     def _delivered(self, distance: float) -> float:
         """Delivery ratio, averaged over the shadowing and a random obstruction."""

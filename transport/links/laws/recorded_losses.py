@@ -16,7 +16,6 @@ from transport.links.laws.link_law import (
     Draw,
     Effect,
     InvalidKeyError,
-    JudgedBy,
     LinkLaw,
     LinkSetting,
     Losses,
@@ -105,7 +104,7 @@ class LossByNumber(LinkLaw):
 
     key = "loss"
     reason: ClassVar[DropReason | None] = "pattern"
-    judged_by: ClassVar[JudgedBy] = "number"
+    by_number: ClassVar[bool] = True
 
 
 class EveryNth(LossByNumber):
@@ -132,7 +131,7 @@ class EveryNth(LossByNumber):
         return "pattern" if after >= 0 and after % self._period == 0 else 0
 
     def losses(self, distance_m: float | None) -> Losses:
-        return Losses.of_bursts(1.0 / self._period, 1.0 if self._period > 1 else inf)
+        return Losses(1.0 / self._period, 1.0 if self._period > 1 else inf)
 
 
 class Listed(LossByNumber):
@@ -213,7 +212,7 @@ class RecordedPattern(LossByNumber):
         elif lost:
             wraps = repeats and 0 in self.lost and self.length - 1 in self.lost
             burst = lost / (len(self.lost.ranges) - wraps)
-        return Losses.of_bursts(lost / self.length, burst)
+        return Losses(lost / self.length, burst)
 
 
 # ---- Losses and delays of a link recorded in an earlier run
@@ -243,7 +242,7 @@ class EarlierRun(LinkLaw):
     """
 
     key = "loss"
-    judged_by = "number"
+    by_number = True
     replaces_others = True
 
     kind: Literal["log"] = "log"

@@ -162,9 +162,9 @@ class Collisions(LinkLaw):
     def losses(self, distance_m: float | None) -> Losses:
         loss = self._loss
         if not loss:
-            return Losses(0.0, None, 0.0)
+            return Losses(0.0)
         burst = self._held.mean_messages / (1.0 - loss) if loss < 1.0 else inf
-        return Losses.of_bursts(loss, burst)
+        return Losses(loss, burst)
 
 
 # ---- Delivery ratio over distance by a table
@@ -231,8 +231,4 @@ class TableRadio(Radio):
             return None
         loss, held = 1.0 - self.ratio(distance_m), self.reservations
         messages = 1.0 if held is None else held.mean_messages
-        return Losses.of_bursts(loss, messages / (1.0 - loss) if loss < 1.0 else inf)
-
-    @property
-    def range_m(self) -> float:
-        return self.distance_m[-1]
+        return Losses(loss, messages / (1.0 - loss) if loss < 1.0 else inf)

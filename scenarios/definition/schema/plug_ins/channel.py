@@ -30,14 +30,14 @@ PERIOD = 50 * MILLISECOND
 class GuardedEffect(Effect):
     """Wraps the effect of a user's law, and converts its faults to PlugInError."""
 
-    __slots__ = ("_effect", "_what", "judged_by", "key", "reason")
+    __slots__ = ("_effect", "_what", "by_number", "key", "reason")
 
     def __init__(self, effect: Effect, name: str) -> None:
         self._effect = effect
         self._what = f"law {name!r}"
         self.key = effect.key  # type: ignore[misc]
         self.reason = effect.reason  # type: ignore[misc]
-        self.judged_by = effect.judged_by  # type: ignore[misc]
+        self.by_number = effect.by_number  # type: ignore[misc]
 
     def judge(self, draw: Draw, context: TransmissionContext) -> int | DropReason:
         what = f"{self._what}: judge()"
@@ -56,9 +56,6 @@ class GuardedEffect(Effect):
     @property
     def delays(self) -> Delays | None:
         return self._called(lambda: self._effect.delays, "delays")
-
-    def delay_quantile(self, share: float) -> float | None:
-        return self._called(lambda: self._effect.delay_quantile(share), "delay_quantile")
 
     def _called(self, call: Callable[[], T], method: str) -> T:
         return called(call, f"{self._what}: {method}")

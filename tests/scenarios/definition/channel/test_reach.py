@@ -40,13 +40,3 @@ def test_path_loss_delivers_its_mean_over_the_shadowing(
         lost += link.judge(context).outcome == "dropped"
     error = sqrt(max(loss * (1.0 - loss), 1e-4) / campaign)
     assert abs(lost / campaign - loss) < 4.0 * error + 0.002
-
-
-def test_beyond_its_reach_little_is_received() -> None:
-    for name in presets():
-        table = load_scenario("lane_change", [f"links.preset={name}"]).links["v1", "v2"]
-        for radio in (one for one in link_effects(table, 20.0) if one.key == "radio"):
-            assert radio.range_m is not None
-            losses = radio.losses(radio.range_m + 1.0)
-            assert losses is not None
-            assert losses.loss > 0.99

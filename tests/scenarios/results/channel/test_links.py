@@ -8,16 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.definition.channel.build import expected_channel
-from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.results.link_account import LinkAccount, accounts
 from scenarios.results.links import (
     LinkSummary,
+    channel_warnings,
     describe_link,
-    expected,
-    link_deviations,
     link_summaries,
-    request_deviations,
 )
 from scenarios.results.log_summary import late_lines, transport_lines
 from scenarios.results.vehicle_figures import vehicle_summaries
@@ -54,11 +50,6 @@ def summary_of(*messages: Recorded, overrides: tuple[str, ...] = ()) -> LinkSumm
 def recorded(*verdicts: LinkVerdict) -> list[Recorded]:
     """Verdicts in this order of decisions."""
     return [(one.received_at_ns, replace(one, seq=seq)) for seq, one in enumerate(verdicts)]
-
-
-def deviations(account: LinkAccount, requested: LinkTable, *, is_changed: bool = False) -> str:
-    channel = expected(account, requested, is_changed=is_changed)
-    return " | ".join(link_deviations(account, channel))
 
 
 @given(st.text(".x-", max_size=80), st.randoms(use_true_random=False))
@@ -143,41 +134,6 @@ def test_the_delay_of_the_real_transport_and_the_share_above_the_floor_are_figur
     assert (quick.transport_ms_p95, quick.transport_above_floor_ratio) == (3.0, 0.0)
 
 
-def test_a_link_that_kept_its_request_is_not_listed() -> None:
-    random = Random(4)
-    text = "".join("x" if random.random() < 0.3 else "." for _ in range(2000))
-    assert deviations(account_of(*fates(text)), LinkTable(loss_ratio=0.3)) == ""
-
-
-@pytest.mark.parametrize(
-    ("text", "requested", "word"),
-    [
-        ("." * 2000, LinkTable(loss_ratio=0.1), "lost 0.00 % of 2000 messages"),
-        ("x." * 1000, LinkTable(), "lost 50.00 % of 2000 messages"),
-        (("x" * 10 + "." * 23) * 60, LinkTable(loss_ratio=0.3), "bursts"),
-        (
-            "." * 200,
-            LinkTable(latency_ms=20.5),
-            "delayed by 20.000 ms on average, requested 20.500",
-        ),
-    ],
-    ids=["none of the loss", "loss unasked", "bursts", "delay"],
-)
-def test_a_link_that_deviates_from_its_request_is_listed(
-    text: str, requested: LinkTable, word: str
-) -> None:
-    reported = deviations(account_of(*fates(text)), requested)
-    assert word in reported
-    assert reported.startswith("v1 → v2: ")
-
-
-def test_late_messages_do_not_hide_a_mean_delay_that_deviates() -> None:
-    late = [verdict("v1", "v2", seq, received_after_ms=566.0) for seq in range(200)]
-    (line,) = link_deviations(account_of(*late), expected_channel(LinkTable()))
-    assert "566.000 ms" in line
-    assert "200 of 200 were late" in line
-
-
 def test_a_line_has_requested_and_achieved_figures() -> None:
     messages = recorded(*fates(("x" * 2 + "." * 8) * 20))
     line = describe_link(summary_of(*messages, *ages(0.12), overrides=("links.loss_ratio=0.25",)))
@@ -188,14 +144,13 @@ def test_a_line_has_requested_and_achieved_figures() -> None:
 
 def test_a_changed_link_is_not_compared_with_its_request() -> None:
     verdicts = fates("x" * 300 + "." * 300, latency_ms=90.0)
-    assert deviations(account_of(*verdicts), LinkTable()).count("v1 → v2") == 2
     table = '{"kind": "link", "at_s": 1.0, "sender": "v1", "receiver": "v2", "loss_ratio": 0.5}'
     change = Change(
         vehicle="v2", seq=0, effective_at_ns=at(1.0), kind="link", by_hand=False, table=table
     )
     messages = [*recorded(*verdicts), (at(1.0), change)]
     run = tables_of([(at(0.0), start()), *messages])
-    (line,) = request_deviations(run, accounts(run))
+    line = list(channel_warnings(run, accounts(run)))[-1]
     assert line == "no requested values are shown for links changed during the run: v1 → v2"
     found = summary_of(*messages)
     assert found.requested_loss_ratio is found.requested_latency_ms_mean is None
