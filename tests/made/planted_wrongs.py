@@ -24,7 +24,7 @@ WRONGS = {
     "a slow network taken for a slow machine":
         f"{LINKS}::test_a_slow_network_is_not_blamed_on_the_machine",
     "late messages that hide a delay":
-        f"{LINKS}::test_late_messages_do_not_hide_a_mean_delay_that_deviates",
+        f"{LINKS}::test_latency_is_that_until_a_message_can_be_used",
     "verdicts that contradict the account":
         f"{ACCOUNT}::test_verdicts_that_contradict_the_account_fail_the_run",
     "messages out of order":
