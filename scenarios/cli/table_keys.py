@@ -105,7 +105,7 @@ def key_texts(model: type[BaseModel]) -> dict[str, str]:
     """Return documentation, values and default of each key of a table but its `kind`."""
     documented = _documented(model)
     if issubclass(model, SettingsTable):
-        documented = {name: one.setting.doc for name, one in model.by_key.items()}
+        documented |= {name: one.setting.doc for name, one in model.by_key.items()}
     return {
         name: _described(documented.get(name, ""), field)
         for name, field in model.model_fields.items()

@@ -2,7 +2,6 @@
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
 
 import numpy as np
 
@@ -10,160 +9,18 @@ from scenarios.definition.changes import link_change_problems
 from scenarios.definition.channel.build import end_problems, entries_about, requested_link, ties
 from scenarios.definition.errors import Problem
 from scenarios.definition.road.point_path import LONGEST
-from scenarios.definition.road.route import (
-    Route,
-    least_spacings,
-    longest_run,
-    source_policies,
-    spacing_policy,
-    vehicle_names,
-)
+from scenarios.definition.road.route import Route, longest_run, vehicle_names
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.definition.schema.path_tables import SegmentTable
-from scenarios.definition.schema.plug_ins.channel import try_law
-from scenarios.definition.schema.plug_ins.point import PlugInError, own_name
-from scenarios.definition.schema.plug_ins.points import try_error, try_rule
-from scenarios.definition.schema.plug_ins.table import PlugInTable, own_classes
+from scenarios.definition.schema.plug_ins.table import default_of
 from scenarios.definition.schema.scenario_tables import OriginTable, ScenarioTables, VehicleTable
 from scenarios.definition.topology import directed_links, flow_problems
-from scenarios.definition.vehicle_setup import VehicleSetup, vehicle_setup
+from scenarios.definition.vehicle_setup import vehicle_setup
 from scenarios.definition.wording import toml_repr
-from transport.links.laws.link_law import LinkLaw, LinkSetting
+from transport.links.laws.link_law import LinkLaw
 from transport.topics import RUN_SENDER
 from vehicles.car.dynamics import fastest_rate
-from vehicles.car.gnss_error_terms import ReceiverContext
-from vehicles.car.sending_rules import SendingContext
-from vehicles.driver.controller import GapLimits, LongitudinalSetup
 from vehicles.geometry.geodesy import REACH, LocalPlane, Origin
-
-# ---- Classes that a scenario selects are constructed and called before the run
-
-
-Trial = Callable[[], object]
-USUAL_LAW = "gap"
-DETERMINISTIC = "a class must not use a clock or random numbers of its own"
-
-
-def plug_in_problems(tables: ScenarioTables) -> Iterator[Problem]:
-    """Yield classes that violate their contract or refuse their parameters, by their keys."""
-    controls = [tables.control, *(own.control for own in tables.vehicle.values())]
-    laws = {control.longitudinal.use for control in controls if control}
-    if laws != {USUAL_LAW} or any(own_classes(tables)):
-        yield from _trial_problems(tables)
-
-
-def _trial_problems(tables: ScenarioTables) -> Iterator[Problem]:
-    problems: dict[str, str] = {}
-    for name in tables.convoy.vehicle_names:
-        setup = vehicle_setup(tables, name)
-        for key, trial in (*_controllers(tables, setup), *_sensors(tables, setup)):
-            problems |= _problem(key, trial)
-        longitudinal = setup.steering.longitudinal
-        if tables.speed.followers != "gap" and longitudinal.use != USUAL_LAW:
-            problems[_key(tables, name, "control", "longitudinal")] = (
-                f"given {longitudinal.use}, but speed.followers = "
-                f'{toml_repr(tables.speed.followers)}, allowed with "gap"'
-            )
-    for key, trial in (*_tried_laws(tables), *_measures(tables)):
-        problems |= _problem(key, trial)
-    yield from problems.items()
-
-
-def _controllers(tables: ScenarioTables, setup: VehicleSetup) -> Iterator[tuple[str, Trial]]:
-    name = setup.name
-    lateral, longitudinal = setup.steering.controller, setup.steering.longitudinal
-    if lateral.is_own:
-        yield (
-            _key(tables, name, "control", "controller"),
-            lambda: lateral.point.trial(setup.controller()),
-        )
-    reaction = setup.steering.degradation.reaction
-    for inner, table in (("fusion", setup.steering.fusion), ("degradation", reaction)):
-        if table.is_own:
-            key = _key(tables, name, "control", inner)
-            key += ".reaction" if inner == "degradation" else ""
-            yield key, partial(_try_built, table)
-    if longitudinal.use != USUAL_LAW and setup.place and tables.speed.followers == "gap":
-        least = least_spacings(tables)[setup.place]
-        start = LongitudinalSetup(
-            spacing_policy(tables, least),
-            GapLimits(),
-            least,
-            1.0 / tables.control.rate_hz,
-            tables.speed.set_mps,
-            setup.assumed_parameters,
-            setup.lead,
-            setup.predecessor or "",
-            policies=source_policies(tables, setup),
-        )
-        yield (
-            _key(tables, name, "control", "longitudinal"),
-            lambda: longitudinal.point.trial(longitudinal.build(start), start),
-        )
-
-
-def _try_built(table: PlugInTable) -> object:
-    return table.point.trial(table.build())
-
-
-def _sensors(tables: ScenarioTables, setup: VehicleSetup) -> Iterator[tuple[str, Trial]]:
-    rule = setup.sending
-    if own_name(rule):
-        context = SendingContext(0, _streams)
-        yield _key(tables, setup.name, "sending"), lambda: try_rule(rule, context)
-    start = ReceiverContext(0, 0.0, _streams, _streams)
-    for index, term in enumerate(setup.gnss.errors):
-        if own_name(term):
-            key = _key(tables, setup.name, "gnss", "errors")
-            yield f"{key}[{index}]", partial(try_error, term, start)
-
-
-def _tried_laws(tables: ScenarioTables) -> Iterator[tuple[str, Trial]]:
-    setting = LinkSetting(plane=LocalPlane(Origin(0.0, 0.0, 0.0)))
-    links = {"links": tables.links} | {f"link[{k}]": one for k, one in enumerate(tables.link)}
-    for key, link in links.items():
-        for inner, law in (("loss", link.loss), ("delay", link.delay)):
-            if law is not None and any(own_classes(law)):
-                yield f"{key}.{inner}", partial(try_law, law, setting)
-
-
-def _measures(tables: ScenarioTables) -> Iterator[tuple[str, Trial]]:
-    for key, entries in (("event", tables.event), ("figure", tables.figure)):
-        names = [table.class_name for table in entries]
-        for index, table in enumerate(entries):
-            if table.class_name in names[:index]:
-                yield f"{key}[{index}]", partial(_refuse_name, table)
-            else:
-                yield f"{key}[{index}]", partial(_try_built, table)
-
-
-def _refuse_name(table: PlugInTable) -> None:
-    raise PlugInError(
-        f"{table.point.name} {table.use!r}: given {table.class_name} twice, allowed one class of a "
-        "name; inherit from it under another name"
-    )
-
-
-def _streams(purpose: str) -> np.random.Generator:
-    return np.random.Generator(np.random.PCG64(list(purpose.encode())))
-
-
-def _key(tables: ScenarioTables, name: str, table: str, key: str = "") -> str:
-    """Key of a setting of a vehicle: its own, or that of all vehicles."""
-    own = getattr(tables.vehicle.get(name), table, None)
-    is_own = own is not None and (not key or key in own.model_fields_set)
-    return ".".join(filter(None, (f"vehicle.{name}" if is_own else "", table, key)))
-
-
-def _problem(key: str, trial: Trial) -> dict[str, str]:
-    """Return what is wrong with a class, by its key; equal calls must have equal results."""
-    try:
-        if trial() == trial():
-            return {}
-    except PlugInError as error:
-        return {key: str(error)}
-    return {key: "results differ between equal calls: " + DETERMINISTIC}
-
 
 # ---- Contradictions
 
@@ -369,6 +226,26 @@ def _speed(tables: ScenarioTables) -> Iterator[Problem]:
         if after.at_s <= before.at_s:
             allowed = f"allowed more than {before.at_s}, the entry before"
             yield f"speed.profile[{index}].at_s", f"given {after.at_s}, {allowed}"
+
+
+def selections(tables: ScenarioTables) -> Iterator[Problem]:
+    """Yield selected longitudinal laws that do not fit the speed, and repeated names."""
+    speed, laws = tables.speed, {"control": tables.control.longitudinal}
+    for name, own in tables.vehicle.items():
+        if own.control and "longitudinal" in own.control.model_fields_set:
+            laws[f"vehicle.{name}.control"] = own.control.longitudinal
+    for place, law in laws.items():
+        key, given = f"{place}.longitudinal", f"given {law.use}, but speed"
+        if speed.followers != "gap" and law != default_of(law.point):
+            allowed = f'{given}.followers = {toml_repr(speed.followers)}, allowed with "gap"'
+            yield key, allowed
+        elif getattr(law.plugged, "needs_headway", False) and not speed.gap.headway_s:
+            yield key, f"{given}.gap.headway_s = 0, allowed with more than 0"
+    for key, entries in (("event", tables.event), ("figure", tables.figure)):
+        words = [table.word for table in entries]
+        for index, word in enumerate(words):
+            if word in words[:index]:
+                yield f"{key}[{index}]", f"given {word} twice, allowed one of a name"
 
 
 def _path(tables: ScenarioTables) -> Iterator[Problem]:

@@ -151,7 +151,7 @@ def limit_problems(tables: ScenarioTables, duration_s: float) -> Iterator[Proble
 
 def _about_own_figures(tables: ScenarioTables) -> Iterator[Problem]:
     """Yield bounds on figures that are not in [[figure]]."""
-    known = [table.class_name for table in tables.figure]
+    known = [table.word for table in tables.figure]
     allowed = [f"{figure}{side}" for figure in known for side in SIDES]
     for vehicle, bounds in (("", tables.limits), *tables.limits.of_vehicles.items()):
         for name in bounds.own_figures or ():

@@ -18,7 +18,6 @@ from scenarios.definition.changes import joins_late, vehicle_change_problems
 from scenarios.definition.channel.build import expected_channel, requested_link
 from scenarios.definition.channel.presets import with_presets
 from scenarios.definition.channel.recordings import with_recorded_delays, with_recordings
-from scenarios.definition.contradictions import plug_in_problems
 from scenarios.definition.errors import Problem, ScenarioError, collected
 from scenarios.definition.library import ScenarioFile, drills, library, read_file
 from scenarios.definition.overrides import MergedScenario, Raw, merged
@@ -382,7 +381,7 @@ class Scenario:
     @property
     def own_figures(self) -> tuple[str, ...]:
         """Names of the figures of the user's classes."""
-        return tuple(table.class_name for table in self.tables.figure)
+        return tuple(table.word for table in self.tables.figure)
 
     @cached_property
     def plug_ins(self) -> list[str]:
@@ -431,11 +430,10 @@ def scenario_text(
     """Return a scenario with the contents of its files as TOML, and the `overrides` in it.
 
     Overrides of path, origin and speed are in it, since a recorded drive is read with them. Raises
-    ScenarioError; problems that depend on the road are not checked, nor are selected classes, which
-    may need the other overrides.
+    ScenarioError; problems that depend on the road are not checked.
     """
     read_with = tuple(text for text in overrides if text.lstrip().startswith(READ_WITH))
-    tables = _read(read_file(name_or_path), read_with, try_classes=False)[1]
+    tables = _read(read_file(name_or_path), read_with)[1]
     return _text_of(tables), read_with
 
 
@@ -467,6 +465,7 @@ def _scenario(
     scenario = Scenario(tables)
     problems: list[Problem] = []
     with collected(problems):
+        problems += contradictions.selections(tables)
         problems += contradictions.on_the_road(tables, scenario.route)
         for name, drive in () if problems else scenario.replays.items():
             problems += replay_problems(tables, name, drive, scenario.duration_s)
@@ -482,8 +481,6 @@ def _read(
     overrides: Sequence[str],
     seed: int | None = None,
     on_drive: OnDrive = lambda _: None,
-    *,
-    try_classes: bool = True,
 ) -> tuple[MergedScenario, ScenarioTables]:
     """Read all keys and the files that they name; raises ScenarioError with all problems.
 
@@ -509,8 +506,6 @@ def _read(
         problems += error_lines(error)
         tables = _valid_part(raw, error)
     if tables is not None:
-        if try_classes and not file.recorded:
-            problems += plug_in_problems(tables)
         tables = _with_files(tables, given, problems, on_drive)
     if tables is None or problems or given.invalid_overrides:
         raise _scenario_error(given, problems)

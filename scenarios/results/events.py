@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.results.tables import RunTables, once
+from scenarios.results.tables import QUIET_NS, RunTables, once, spans
 from scenarios.results.true_motion import (
     Gaps,
     body_sizes,
@@ -29,8 +29,6 @@ EventKind = Literal[
 # fmt: on
 PARTED_M = 0.2
 """Distance at which collided bodies have separated, so that a grazing contact is one collision."""
-QUIET_NS = SECOND
-"""Shorter breaks of a condition do not end its event."""
 REACH_MARGIN_M = 2.0
 """Distance of bodies, in addition to their own size, up to which they are compared."""
 LOST_MODES = ("coast", "stop", "straight")
@@ -61,19 +59,6 @@ class Event:
 
 
 # ---- Spans of time in which a condition holds
-
-
-def spans(at: Integers, holds: Flags, quiet_ns: int | None = None) -> list[tuple[int, int]]:
-    """First and last rows of the spans of a condition over rows at instants `at` (ns).
-
-    Breaks of up to `quiet_ns` do not end a span; without it, any row without the condition does.
-    """
-    rows = np.flatnonzero(holds)
-    if not len(rows):
-        return []
-    ends = np.diff(rows) > 1 if quiet_ns is None else np.diff(at[rows]) > quiet_ns
-    firsts, lasts = rows[np.concatenate(([True], ends))], rows[np.concatenate((ends, [True]))]
-    return list(zip(firsts.tolist(), lasts.tolist(), strict=True))
 
 
 def begins(holds: Flags) -> Flags:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from scenarios.definition.scenario import Scenario
 from scenarios.results.events import (
-    QUIET_NS,
     Event,
     distrusts,
     encounters,
@@ -20,7 +19,7 @@ from scenarios.results.events import (
     slides,
     stops,
 )
-from scenarios.results.tables import Collector, RunTables
+from scenarios.results.tables import QUIET_NS, Collector, RunTables
 from scenarios.results.true_motion import (
     at_instants,
     cross_track_error,

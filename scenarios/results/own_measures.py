@@ -1,32 +1,20 @@
-"""Events and metrics of the user's classes, from the true poses of each vehicle."""
+"""Events and metrics of the user's functions."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TypeVar
 
-import numpy as np
-
-from scenarios.definition.schema.plug_ins.point import PlugInError
-from scenarios.definition.schema.plug_ins.points import EventDetector, RunFigure
+from scenarios.definition.schema.plug_ins.point import PlugInError, called
 from scenarios.definition.schema.plug_ins.table import PlugInTable
-from scenarios.results.events import QUIET_NS, Event, place_at, seconds_between, spans
+from scenarios.results.events import Event, place_at
 from scenarios.results.tables import RunTables, once
-from transport.columns import Columns
-from vehicles.messages import TruePose
-
-
-def true_poses(columns: Columns) -> Iterator[TruePose]:
-    """Yield the true poses of a table."""
-    names = list(columns.fields)
-    for values in zip(*(columns[name].tolist() for name in names), strict=True):
-        yield TruePose(vehicle=columns.vehicle, **dict(zip(names, values, strict=True)))
+from vehicles.schedule import SECOND
 
 
 @dataclass(slots=True)
 class OwnMeasures:
-    """Results of the user's classes; a class that fails is left out, with a line in `faults`.
+    """Results of the user's functions; one that fails is left out, with a line in `faults`.
 
-    `figures` are values by vehicle and class. A class that measures does not end a run.
+    `figures` are values by vehicle and function. A function that measures does not end a run.
     """
 
     figures: dict[str, dict[str, float | None]] = field(default_factory=dict)
@@ -34,54 +22,37 @@ class OwnMeasures:
     faults: list[str] = field(default_factory=list)
 
 
-Measure = TypeVar("Measure")
-
-
 @once
 def own_measures(run: RunTables) -> OwnMeasures:
-    """Measure with all classes of the scenario; nothing if they are not here."""
-    found = OwnMeasures()
+    """Results of all functions of the scenario; nothing of those that are not here."""
     tables = run.scenario.tables
-    if not tables.event and not tables.figure:
-        return found
-    for name in run.names:
-        truth = run.table(name, "truth")
+    found = OwnMeasures({name: {} for name in run.names} if tables.figure else {})
+    for table in (*tables.figure, *tables.event):
+        measure = _add_figure if table in tables.figure else _add_events
         try:
-            figures: Mapping[str, RunFigure] = _built(tables.figure)
-            detectors: Mapping[str, EventDetector] = _built(tables.event)
-        except PlugInError:  # of a recorded run
-            return OwnMeasures()
-        poses = list(true_poses(truth))
-        found.figures[name] = {}
-        for word, figure in figures.items():
-            try:
-                found.figures[name][word] = _value(figure, poses)
-            except PlugInError as error:
-                found.faults.append(f"{name}: {error}; left out")
-        for word, detector in detectors.items():
-            try:
-                found.events += _detected(truth, word, [detector.holds(pose) for pose in poses])
-            except PlugInError as error:
-                found.faults.append(f"{name}: {error}; left out")
+            measure(found, run, table)
+        except PlugInError as error:
+            found.faults += [f"{error}; left out"] if callable(table.plugged) else []
     return found
 
 
-def _built(tables: Sequence[PlugInTable]) -> dict[str, Measure]:
-    return {table.class_name: table.build() for table in tables}
+def _add_figure(found: OwnMeasures, run: RunTables, table: PlugInTable) -> None:
+    result = table.build(run)
+    by_name = result if isinstance(result, Mapping) else dict.fromkeys(run.names, result)
+    for name in run.names:
+        if name in by_name:
+            found.figures[name][table.word] = by_name[name]
 
 
-def _value(figure: RunFigure, poses: Sequence[TruePose]) -> float | None:
-    for pose in poses:
-        figure.add(pose)
-    return figure.value()
-
-
-def _detected(truth: Columns, name: str, holds: Sequence[bool]) -> Iterator[Event]:
-    at = truth.at_ns
-    for first, last in spans(at, np.array(holds, bool), QUIET_NS):
-        figures = {"duration_s": seconds_between(at, first, last)}
-        place = place_at(truth, int(at[first]))
-        yield Event("own", (truth.vehicle,), int(at[first]), figures, place, name)
+def _add_events(found: OwnMeasures, run: RunTables, table: PlugInTable) -> None:
+    what = table.point.what(table.use)
+    held = called(lambda: [(name, int(at), int(to)) for name, at, to in table.build(run)], what)
+    if unknown := {name for name, _, _ in held}.difference(run.names):
+        raise PlugInError(f"{what} returned spans of {unknown}, expected {', '.join(run.names)}")
+    for name, at, to in held:
+        figures = {"duration_s": (to - at) / SECOND}
+        place = place_at(run.table(name, "truth"), at)
+        found.events.append(Event("own", (name,), at, figures, place, table.word))
 
 
 def own_events(run: RunTables) -> Sequence[Event]:

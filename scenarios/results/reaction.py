@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.results.events import LOST_MODES, begins, is_one_of, source_statuses, spans
-from scenarios.results.tables import RunTables, common, once
+from scenarios.results.events import LOST_MODES, begins, is_one_of, source_statuses
+from scenarios.results.tables import RunTables, common, once, spans
 from transport.columns import Flags, Floats, Integers
 from vehicles.schedule import SECOND
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.definition.scenario import Scenario
-from transport.columns import Columns, Integers, columns_from, joined
+from transport.columns import Columns, Flags, Integers, columns_from, joined
 from transport.topics import RUN_SENDER, TOPIC_OF, TOPICS
 from vehicles.messages import (
     Change,
@@ -111,10 +111,36 @@ class RunTables:
                 last[name] = max(last[name], int(stamped.max()))
         return last
 
+    def spans(self, vehicle: str, holds: Flags, topic: str = "truth") -> list[tuple[str, int, int]]:
+        """Times in which a condition held: the vehicle, and first and last instant (ns).
+
+        `holds` has an entry for each message of a vehicle and topic.
+        """
+        at = self.table(vehicle, topic).at_ns
+        rows = spans(at, holds, QUIET_NS)
+        return [(vehicle, int(at[first]), int(at[last])) for first, last in rows]
+
     def until(self, at: int) -> "RunTables":
         """The same run, cut at an instant (ns)."""
         tables = {key: columns.of(columns.at_ns <= at) for key, columns in self.tables.items()}
         return RunTables(self.scenario, tables, max(at - self.beginning, 0))
+
+
+QUIET_NS = SECOND
+"""Shorter breaks of a condition do not end its event."""
+
+
+def spans(at: Integers, holds: Flags, quiet_ns: int | None = None) -> list[tuple[int, int]]:
+    """First and last rows of the spans of a condition over rows at instants `at` (ns).
+
+    Breaks of up to `quiet_ns` do not end a span; without it, any row without the condition does.
+    """
+    rows = np.flatnonzero(holds)
+    if not len(rows):
+        return []
+    ends = np.diff(rows) > 1 if quiet_ns is None else np.diff(at[rows]) > quiet_ns
+    firsts, lasts = rows[np.concatenate(([True], ends))], rows[np.concatenate((ends, [True]))]
+    return list(zip(firsts.tolist(), lasts.tolist(), strict=True))
 
 
 def in_order(columns: Columns) -> Columns:

@@ -17,16 +17,9 @@ import numpy as np
 from scenarios.definition.changes import change_from_json
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.schema.change_tables import CrashTable, StallTable
-from scenarios.results.events import (
-    QUIET_NS,
-    Event,
-    EventKind,
-    peak,
-    place_at,
-    spans,
-)
+from scenarios.results.events import Event, EventKind, peak, place_at
 from scenarios.results.record import FOREVER
-from scenarios.results.tables import RunTables, once
+from scenarios.results.tables import QUIET_NS, RunTables, once, spans
 from scenarios.results.true_motion import at_instants, distances, first_of_periods, gaps
 from transport.columns import Flags, Floats, Integers
 from vehicles.driver.controller import SpacingPolicy

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.cli.plug_in_page import EXAMPLES
 from scenarios.definition.channel.presets import presets
+from tests.made.scenarios import plug_ins
 from tests.made.scenarios.random_classes import CODE, random_settings
 from tests.system.logs import Run, assert_equal_while_nothing_was_late
 from tests.system.processes import invoke, run_to_the_end, start
@@ -161,14 +161,9 @@ links.latency_ms = 60.0
 
 
 def test_a_run_with_all_plug_ins_equals_its_virtual_run(tmp_path: Path) -> None:
-    code = "\n\n".join(example.code for example in EXAMPLES.values())
-    (tmp_path / "mine.py").write_text(code, encoding="utf-8")
-    toml = "\n".join(example.toml for example in EXAMPLES.values())
-    links = [one.toml.partition("\n")[2] for key, one in EXAMPLES.items() if "links." in key]
-    for key, example in EXAMPLES.items():
-        if "links." in key:
-            toml = toml.replace(example.toml, "")
-    (tmp_path / "own.toml").write_text(f"{PLUGGED}{_links(links)}{toml}", encoding="utf-8")
+    (tmp_path / "mine.py").write_text(plug_ins.CODE, encoding="utf-8")
+    lines = "\n".join(plug_ins.SETTINGS.values())
+    (tmp_path / "own.toml").write_text(f"{PLUGGED}{lines}\n", encoding="utf-8")
     for out, clock in (("wall", "wall"), ("virtual", "virtual")):
         ran = run_to_the_end("run", "own.toml", "--clock", clock, "--out", out, folder=tmp_path)
         assert ran.exit_code == 0, ran.err
@@ -176,10 +171,6 @@ def test_a_run_with_all_plug_ins_equals_its_virtual_run(tmp_path: Path) -> None:
     assert_equal_while_nothing_was_late(wall, virtual, within_m=0.05)
     assert wall.summary["plug_ins"] == virtual.summary["plug_ins"]
     assert list(wall.summary["plug_ins"]) == ["mine"]
-
-
-def _links(lines: list[str]) -> str:
-    return "".join(f"links.{line}" for line in lines)
 
 
 @pytest.mark.campaign(1, len(presets()))

@@ -247,7 +247,7 @@ class LongitudinalController(Protocol):
     """Interface of the longitudinal controller of a follower, shipped or user-defined.
 
     Each follower with `speed.followers = "gap"` has its own instance, constructed as
-    `Class(setup)`, followed by its `settings` if it has any; `setup` is a `LongitudinalSetup`. A
+    `Class(setup)`, followed by its parameters; `setup` is a `LongitudinalSetup`. A
     class with `needs_predecessor = True` is refused where the predecessor is not a longitudinal
     source.
 

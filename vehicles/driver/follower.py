@@ -250,7 +250,7 @@ class Follower:
     def _track(self, fit: Fit, pose: Pose) -> TrackingErrors:
         """Errors along a trajectory; blended sources each have their own path behind."""
         errors = track(fit.spline, pose)
-        place = fit.source.item(0) if self.fusion.separate else 0
+        place = fit.source.item(0) if getattr(self.fusion, "separate", False) else 0
         behind = self._behind.get(place)
         if behind is None:
             behind = self._behind[place] = PathBehind()

@@ -105,11 +105,9 @@ class Acc:
 
     needs_predecessor: ClassVar[bool] = True
     needs_poses: ClassVar[bool] = False
-    Settings = AccSettings
+    needs_headway: ClassVar[bool] = True
 
     def __init__(self, setup: LongitudinalSetup, settings: AccSettings) -> None:
-        if not setup.policy.headway > 0.0:
-            raise ValueError("acc needs a speed.gap.headway_s above 0")
         self._setup, self._gain = setup, settings.gap_gain
 
     def acceleration(self, speed: float, ahead: VehiclesAhead) -> float:
@@ -174,8 +172,6 @@ class Cacc(_RadioLaw):
     of the lead c1 is 0. Its law has h = 0: set `speed.gap.headway_s` to 0.
     """
 
-    Settings = CaccSettings
-
     def __init__(self, setup: LongitudinalSetup, settings: CaccSettings) -> None:
         super().__init__(setup, settings)
         self._settings = settings
@@ -214,11 +210,9 @@ class Ploeg(_RadioLaw):
     period from the last command.
     """
 
-    Settings = PloegSettings
+    needs_headway: ClassVar[bool] = True
 
     def __init__(self, setup: LongitudinalSetup, settings: PloegSettings) -> None:
-        if not setup.policy.headway > 0.0:
-            raise ValueError("ploeg needs a speed.gap.headway_s above 0")
         super().__init__(setup, settings)
         self._settings = settings
 
@@ -251,8 +245,6 @@ class Flatbed(_RadioLaw):
     u = -k_a a + k_v (v_p - v) + k_p (g - d - h v - h_l (v - v_l)). Without data of the lead, v_l is
     the predecessor's speed.
     """
-
-    Settings = FlatbedSettings
 
     def __init__(self, setup: LongitudinalSetup, settings: FlatbedSettings) -> None:
         super().__init__(setup, settings)
@@ -311,7 +303,6 @@ class Consensus(_RadioLaw):
     """
 
     needs_predecessor: ClassVar[bool] = False
-    Settings = ConsensusSettings
 
     def __init__(self, setup: LongitudinalSetup, settings: ConsensusSettings) -> None:
         super().__init__(setup, settings)

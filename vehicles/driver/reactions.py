@@ -14,7 +14,7 @@ CHOSEN: tuple[Mode, ...] = ("coast", "stop", "straight")
 class ReactionPolicy(Protocol):
     """Interface of a degradation policy, shipped or user-defined.
 
-    Each follower has its own instance, constructed as `Class()`, with its `settings` if it has any.
+    Each follower has its own instance, constructed as `Class()`, with its parameters.
     `mode`, `steering` and `acceleration` are called once per control instant, in this order. They
     must not use a clock. A class that inherits from `Extrapolate` of `vehicles.driver.reactions`
     replaces the shipped policy: only impossible jumps are rejected, and the law of the speed is not

@@ -26,7 +26,7 @@ class LateralController(Protocol):
     """Interface of a lateral controller (Fig. 1), shipped or user-defined.
 
     Each vehicle has its own instance, constructed as `Class(parameters, gains)`, followed by its
-    `settings` if it has any:
+    own parameters:
 
     parameters   `VehicleParameters` assumed of the car (SI units)
     gains        `Gains` of the table `control.gains`; a controller may ignore them

@@ -12,15 +12,13 @@ Trajectories = Sequence[tuple[float, Fit]]  # With shares of the command; empty 
 class SourceFusion(Protocol):
     """Interface of a fusion, which makes trajectories from received poses (Section III-A).
 
-    Each follower has its own instance, constructed as `Class()`, with its `settings` if it has any.
+    Each follower has its own instance, constructed as `Class()`, with its parameters.
     A follower with one lateral source always fits a composite trajectory. `fuse` is called after
     new poses, and at least every 50 ms. It must not use a clock.
 
     A class may set `separate = True` if it returns a trajectory for each source, whose errors are
     then followed up separately.
     """
-
-    separate: ClassVar[bool]
 
     def fuse(self, sources: Sequence[SourceWindow], settings: FitSettings) -> Trajectories:
         """Trajectories as a list of (share, fit), the shares adding up to 1; empty without one.

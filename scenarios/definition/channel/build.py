@@ -10,7 +10,6 @@ import numpy as np
 
 from scenarios.definition.road.route import Route, vehicle_names
 from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
-from scenarios.definition.schema.plug_ins.channel import effects_of
 from scenarios.definition.schema.scenario_tables import ScenarioTables
 from scenarios.definition.schema.settings_table import overlay
 from scenarios.definition.topology import directed_links, no_link
@@ -159,7 +158,7 @@ def link_effects(
     latency = round(table.latency_ms * MILLISECOND)
     setting = replace(setting, between=between, latency=latency)
     if table.loss is not None and table.loss.replaces_others:
-        return (*effects_of(table.loss, setting), *besides)
+        return (*table.loss.effects(setting), *besides)
     result: list[Effect] = []
     if table.rate_hz is not None and table.rate_hz < source_rate_hz:
         result.append(Decimation(Fraction(table.rate_hz) / Fraction(source_rate_hz)))
@@ -181,7 +180,7 @@ def _of(setting: LinkSetting, *laws: LinkLaw | None) -> list[Effect]:
         effect
         for place, law in enumerate(laws)
         if law is not None
-        for effect in effects_of(law, replace(setting, place=place))
+        for effect in law.effects(replace(setting, place=place))
     ]
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
-from scenarios.definition.schema.plug_ins.channel import DELAY, LOSS
+from scenarios.definition.schema.plug_ins.points import DELAY, LOSS
 from scenarios.definition.schema.plug_ins.table import plug_in
 from scenarios.definition.schema.settings_table import Name, Ratio, Table
 from transport.links.laws.basic import Queue

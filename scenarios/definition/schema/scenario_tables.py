@@ -14,8 +14,16 @@ from scenarios.definition.schema.change_tables import Changes
 from scenarios.definition.schema.limit_tables import LimitsTable
 from scenarios.definition.schema.link_tables import InformationFlowTable, LinkEntry, LinkTable
 from scenarios.definition.schema.path_tables import Bound, PathTable, PointsPath
-from scenarios.definition.schema.plug_ins.path import FUSION, LATERAL, LONGITUDINAL, REACTION
-from scenarios.definition.schema.plug_ins.points import EVENT, FIGURE, RECEIVER_ERROR, SENDING
+from scenarios.definition.schema.plug_ins.points import (
+    EVENT,
+    FIGURE,
+    FUSION,
+    LATERAL,
+    LONGITUDINAL,
+    REACTION,
+    RECEIVER_ERROR,
+    SENDING,
+)
 from scenarios.definition.schema.plug_ins.table import PlugInTable, default_of, plug_in
 from scenarios.definition.schema.settings_table import (
     Name,

@@ -3,6 +3,7 @@
 from bisect import insort
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from threading import Lock
@@ -10,6 +11,7 @@ from typing import Protocol
 
 from scenarios.definition.changes import change_json
 from scenarios.definition.schema.change_tables import AnyChange
+from scenarios.definition.schema.plug_ins.point import PlugInError
 from scenarios.runs.node.decision_messages import (
     command_message,
     tracking_message,
@@ -288,7 +290,10 @@ class Outbox:
             self._add_text(now, f"{late} late ticks, by up to {worst:.1f} ms so far", "warning")
             self._late_ticks = usage.late_ticks
         late_targets, refused_targets = self._count_targets(now)
-        waiting = self._inbox.waiting(now) if final else ""
+        waiting = ""
+        if final:
+            with suppress(PlugInError):  # of a law of the user, which has ended the run
+                waiting = self._inbox.waiting(now)
         self._add(
             messages.Health(
                 vehicle=self._vehicle,

@@ -18,7 +18,8 @@ from scenarios.definition.channel.build import (
 )
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.change_tables import AnyChange
-from scenarios.definition.schema.plug_ins.points import begin_error, begin_rule
+from scenarios.definition.schema.plug_ins.point import begin
+from scenarios.definition.schema.plug_ins.points import RECEIVER_ERROR, SENDING
 from scenarios.definition.vehicle_setup import VehicleSetup
 from scenarios.runs.node.driver_builder import DriverBuilder
 from scenarios.runs.node.node import AnyNode, Node, SoftwareHandover
@@ -80,14 +81,15 @@ def make_receiver(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Gns
         own_streams=_streams(scenario.seed, setup.place),
         shared_streams=_streams(scenario.seed, SHARED_STREAM),
     )
-    return GnssReceiver(setup.gnss, start, random, begin_error)
+    return GnssReceiver(setup.gnss, start, random, partial(begin, RECEIVER_ERROR))
 
 
 def make_sender(scenario: Scenario, setup: VehicleSetup, start_at: int) -> Sender:
     rule = setup.sending
     control = None if rule.dcc is None else ReactiveControl(rule.dcc, start_at)
     path = PathHistory(LocalPlane(scenario.origin), rule.path_history, rule.path_history_points)
-    return Sender(begin_rule(rule, _sending_start(scenario, setup, start_at)), control, path)
+    trigger = begin(SENDING, rule, _sending_start(scenario, setup, start_at))
+    return Sender(trigger, control, path)
 
 
 def extra_instants(

@@ -16,7 +16,7 @@ import tomli_w
 
 from scenarios.definition.schema.limit_tables import LimitsTable
 from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
-from scenarios.definition.schema.plug_ins.path import LATERAL
+from scenarios.definition.schema.plug_ins.points import LATERAL
 from scenarios.definition.schema.plug_ins.table import PlugInTable
 from scenarios.definition.schema.scenario_tables import (
     EPOCH,

@@ -1,21 +1,14 @@
 """A module of classes that draw random numbers at each plug-in point that passes them in."""
 
 CODE = """
-from dataclasses import dataclass
 from vehicles.driver.reactions import Extrapolate
 from vehicles.driver.steering import FeedforwardFeedback, SteeringCommand
 from vehicles.preview.trajectory import fit_composite
 
-@dataclass
-class Amount:
-    share: float = 1.0
-
 class Steers(FeedforwardFeedback):
-    Settings = Amount
-
-    def __init__(self, parameters, gains, settings, draw):
+    def __init__(self, parameters, gains, share, draw):
         super().__init__(parameters, gains)
-        self.share, self.draw = settings.share, draw
+        self.share, self.draw = share, draw
 
     def steer(self, errors, speed):
         command = super().steer(errors, speed)
@@ -23,10 +16,8 @@ class Steers(FeedforwardFeedback):
         return SteeringCommand(command.steering + noise, command.feedforward, command.feedback)
 
 class Follows:
-    Settings = Amount
-
-    def __init__(self, setup, settings, draw):
-        self.policy, self.share, self.draw = setup.policy, settings.share, draw
+    def __init__(self, setup, share, draw):
+        self.policy, self.share, self.draw = setup.policy, share, draw
 
     def acceleration(self, speed, ahead):
         error = ahead.spacing - self.policy.desired(speed)
@@ -45,10 +36,8 @@ class Fuses:
         return [] if fit is None else [(1.0, fit)]
 
 class Reacts(Extrapolate):
-    Settings = Amount
-
-    def __init__(self, settings, draw):
-        self.share, self.draw = settings.share, draw
+    def __init__(self, share, draw):
+        self.share, self.draw = share, draw
 
     def mode(self, situation, usual, speed):
         return "coast" if usual == "composite" and self.draw("mode") < 0.3 else usual

@@ -12,8 +12,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from scenarios.results.events import PARTED_M, QUIET_NS
+from scenarios.results.events import PARTED_M
 from scenarios.results.run_event import RunEvent, run_events
+from scenarios.results.tables import QUIET_NS
 from scenarios.results.traffic import FIGURE_OF
 from scenarios.results.true_motion import (
     Bodies,

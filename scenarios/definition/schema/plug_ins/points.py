@@ -1,265 +1,261 @@
 """All plug-in points."""
 
-from typing import Protocol
+from collections.abc import Iterable, Mapping
+from typing import Any, Protocol, get_args
 
-from scenarios.definition.schema.plug_ins.channel import DELAY, LOSS
-from scenarios.definition.schema.plug_ins.path import FUSION, LATERAL, LONGITUDINAL, REACTION
 from scenarios.definition.schema.plug_ins.point import (
-    PlugInError,
+    ANY_RESULT,
+    NUMBER,
+    YES_OR_NO,
     PlugInPoint,
-    called,
+    Result,
     dotted_name,
-    finite,
-    own_name,
+    is_finite,
 )
-from vehicles.car.dynamics import Body
-from vehicles.car.gnss import Fix
+from transport.links.laws.burst_losses import BaseLoss
+from transport.links.laws.delays import BaseDelay
+from transport.links.laws.link_law import LinkLaw, Position, TransmissionContext
+from transport.links.laws.registry import DelayLaw, LossLaw
+from transport.topics import REASONS
 from vehicles.car.gnss_error_terms import ErrorProcess, ErrorTerm, ReceiverContext
 from vehicles.car.gnss_settings import ERRORS
+from vehicles.car.parameters import Gains, VehicleParameters
 from vehicles.car.sending_rules import RULES, SendingContext, SendingRule, SendingTrigger
-from vehicles.messages import TruePose
-from vehicles.schedule import MILLISECOND
+from vehicles.driver.controller import (
+    LongitudinalController,
+    LongitudinalSetup,
+    OwnMotion,
+    SourceState,
+    VehiclesAhead,
+)
+from vehicles.driver.reactions import CHOSEN, ReactionPolicy
+from vehicles.driver.steering import LateralController, SteeringCommand
+from vehicles.driver.tracking import TrackingErrors
+from vehicles.preview.fusion import SourceFusion
+from vehicles.preview.trajectory import Fit, SourceWindow
 
-# ---- Sending rules and errors of receivers as plug-ins
-
-
-PERIOD = 20 * MILLISECOND
-SENDING_STEPS = 50
-"""Number of control instants before a run at which a rule and an error are called."""
-
-
-class GuardedTrigger:
-    """Wraps the trigger of a user's sending rule, and converts its faults to PlugInError."""
-
-    def __init__(self, trigger: SendingTrigger, name: str) -> None:
-        self._trigger = trigger
-        self._what = f"sending rule {name!r}"
-
-    def due(self, now: int, unsent: Fix | None, allowed_from: int) -> bool:
-        what = f"{self._what}: due()"
-        is_due: object = called(lambda: self._trigger.due(now, unsent, allowed_from), what)
-        if not isinstance(is_due, bool):
-            raise PlugInError(f"{what} returned {is_due!r}, expected True or False")
-        return is_due
-
-    def sent(self, now: int, fix: Fix) -> None:
-        called(lambda: self._trigger.sent(now, fix), f"{self._what}: sent()")
+# ---- Results of methods
 
 
-def begin_rule(rule: SendingRule, context: SendingContext) -> SendingTrigger:
-    """Begin a rule; the trigger of a user's rule is guarded. Raises PlugInError."""
-    name = own_name(rule)
-    if not name:
-        return rule.begin(context)
-    trigger = called(lambda: rule.begin(context), f"sending rule {name!r}: begin()")
-    return GuardedTrigger(trigger, name)
+def _is_command(value: object, *_: object) -> bool:
+    if not isinstance(value, SteeringCommand):
+        return False
+    return all(map(is_finite, (value.steering, value.feedforward, value.feedback)))
 
 
-def try_rule(rule: SendingRule, context: SendingContext) -> list[bool]:
-    """Drive straight for a second with 20 fixes; returns when the rule sends."""
-    what = f"sending rule {own_name(rule)!r}"
-    finite(called(lambda: rule.max_rate(20.0), f"{what}: max_rate()"), what, "rate (Hz)")
-    nominal = called(lambda: rule.nominal_rate(20.0, 20.0), f"{what}: nominal_rate()")
-    finite(nominal, f"{what}: nominal_rate() returned", "rate (Hz)")
-    trigger = begin_rule(rule, context)
-    sends = []
-    for step in range(SENDING_STEPS):
-        now = context.start_at + step * PERIOD
-        fix = Fix(step, now, 20.0 * step, 0.0, 0.0, 20.0, 0.0)
-        sends.append(trigger.due(now, fix, now))
-        if sends[-1]:
-            trigger.sent(now, fix)
-    return sends
+def _is_fused(value: object, *_: object) -> bool:
+    return isinstance(value, list | tuple) and all(
+        isinstance(entry, tuple)
+        and len(entry) == 2
+        and is_finite(entry[0])
+        and isinstance(entry[1], Fit)
+        for entry in value
+    )
 
 
-class GuardedError:
-    """Wraps a user's position error, and converts its faults to PlugInError."""
-
-    def __init__(self, process: ErrorProcess, name: str) -> None:
-        self._process = process
-        self._what = f"error {name!r}: at()"
-
-    def at(self, body: Body, now: int) -> tuple[float, float]:
-        result: object = called(lambda: self._process.at(body, now), self._what)
-        if not isinstance(result, tuple) or len(result) != 2:
-            raise PlugInError(f"{self._what} returned {result!r}, expected east and north (m)")
-        east, north = (finite(one, f"{self._what} returned", "number of metres") for one in result)
-        return east, north
+def _is_verdict(value: object, *_: object) -> bool:
+    if isinstance(value, str):
+        return value in REASONS and REASONS[value].is_drop
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
 
 
-def begin_error(term: ErrorTerm, context: ReceiverContext) -> ErrorProcess:
-    """Begin an error; that of a user's class is guarded. Raises PlugInError."""
-    name = own_name(term)
-    if not name:
-        return term.begin(context)
-    return GuardedError(called(lambda: term.begin(context), f"error {name!r}: begin()"), name)
+def _is_position(value: object, *_: object) -> bool:
+    return isinstance(value, tuple) and len(value) == 2 and all(map(is_finite, value))
 
 
-def try_error(term: ErrorTerm, context: ReceiverContext) -> list[tuple[float, float]]:
-    """Return the errors over a second of straight driving."""
-    what = f"error {own_name(term)!r}"
-    finite(called(lambda: term.variance, f"{what}: variance"), f"{what}: variance", "variance (m²)")
-    process = begin_error(term, context)
-    bodies = [Body(20.0 * step, 0.0, 0.0, 20.0) for step in range(SENDING_STEPS)]
-    return [process.at(one, context.start_at + k * PERIOD) for k, one in enumerate(bodies)]
+COMMAND = Result("a SteeringCommand of finite angles (rad)", _is_command)
+FUSED = Result("a list of tuples (share, Fit)", _is_fused)
+MODE = Result(
+    f"the usual mode or one of {', '.join(CHOSEN)}",
+    lambda value, _situation, usual, _speed: value in (usual, *CHOSEN),
+)
+VERDICT = Result(
+    'a whole number of ns of at least 0, or the reason of a drop, such as "loss"', _is_verdict
+)
+POSITION = Result("a tuple of two finite numbers: east and north (m)", _is_position)
 
 
+# ---- Control of a vehicle
+
+
+LATERAL = PlugInPoint(
+    name="controller",
+    key="control.controller",
+    shipped={
+        "slip_compensated": "vehicles.driver.steering.SlipCompensated",
+        "feedforward_feedback": "vehicles.driver.steering.FeedforwardFeedback",
+        "stanley": "vehicles.driver.steering.Stanley",
+        "pure_pursuit": "vehicles.driver.steering.PurePursuit",
+    },
+    contract=LateralController,
+    results={"steer": COMMAND},
+    arguments=("parameters", "gains"),
+    types=(TrackingErrors, SteeringCommand, VehicleParameters, Gains),
+    draws=True,
+)
+LONGITUDINAL = PlugInPoint(
+    name="controller",
+    key="control.longitudinal",
+    shipped={
+        name: f"vehicles.driver.longitudinal_laws.{law}"
+        for name, law in (
+            ("gap", "GapLaw"),
+            ("acc", "Acc"),
+            ("cacc", "Cacc"),
+            ("ploeg", "Ploeg"),
+            ("flatbed", "Flatbed"),
+            ("consensus", "Consensus"),
+        )
+    },
+    contract=LongitudinalController,
+    results={"acceleration": NUMBER},
+    arguments=("setup",),
+    types=(LongitudinalSetup, VehiclesAhead, OwnMotion, SourceState),
+    draws=True,
+)
+FUSION = PlugInPoint(
+    name="fusion",
+    key="control.fusion",
+    shipped={
+        "composite": "vehicles.preview.fusion.CompositeFusion",
+        "blend": "vehicles.preview.fusion.BlendFusion",
+    },
+    contract=SourceFusion,
+    results={"fuse": FUSED},
+    types=(SourceWindow,),
+    draws=True,
+)
+REACTION = PlugInPoint(
+    name="reaction",
+    key="control.degradation.reaction",
+    shipped={
+        "degrade": "vehicles.driver.reactions.Degrade",
+        "extrapolate": "vehicles.driver.reactions.Extrapolate",
+        "hold": "vehicles.driver.reactions.Hold",
+        "straight": "vehicles.driver.reactions.Straight",
+    },
+    contract=ReactionPolicy,
+    results={"mode": MODE, "steering": COMMAND, "acceleration": NUMBER},
+    types=(SteeringCommand,),
+    draws=True,
+)
+
+
+# ---- Links, sending and receivers
+
+
+def _shipped(laws: Any) -> dict[str, str]:
+    """Dotted names of the laws of a union by their kinds."""
+    union = get_args(get_args(laws)[0])
+    return {law.model_fields["kind"].default: dotted_name(law) for law in union}
+
+
+EFFECT: Mapping[str, Result] = {
+    "judge": VERDICT,
+    "effects": ANY_RESULT,
+    "losses": ANY_RESULT,
+    "delays": ANY_RESULT,
+}
+LOSS = PlugInPoint(
+    name="law",
+    key="links.loss",
+    shipped=_shipped(LossLaw),
+    contract=BaseLoss,
+    results=EFFECT,
+    types=(TransmissionContext, Position),
+    base=LinkLaw,
+)
+DELAY = PlugInPoint(
+    name="law",
+    key="links.delay",
+    shipped=_shipped(DelayLaw),
+    contract=BaseDelay,
+    results=EFFECT,
+    base=BaseDelay,
+)
 SENDING = PlugInPoint(
     name="sending rule",
-    title="sending rule",
     key="sending",
     shipped={kind: dotted_name(rule) for kind, rule in RULES.items()},
     contract=SendingRule,
-    methods={},
+    results={"due": YES_OR_NO, "sent": ANY_RESULT},
     types=(SendingTrigger, SendingContext),
     base=SendingRule,
-    trial=try_rule,
 )
 RECEIVER_ERROR = PlugInPoint(
     name="error",
-    title="position error of a receiver",
     key="gnss.errors",
     shipped={kind: dotted_name(error) for kind, error in ERRORS.items()},
     contract=ErrorTerm,
-    methods={},
+    results={"at": POSITION},
     types=(ErrorProcess, ReceiverContext),
     base=ErrorTerm,
-    trial=try_error,
 )
 
 
-# ---- Events and figures as plug-ins
+# ---- Events and metrics of a run
 
 
-STEPS = 20
+class OwnEvent(Protocol):
+    """A function that returns the times of an event of your own, listed in `[[event]]`.
 
-
-class EventDetector(Protocol):
-    """Interface of an event of your own, listed in `[[event]]`.
-
-    Each vehicle has its own instance, constructed as `Class()`, with its `settings` if it has any.
-    `holds` is called with each true pose of the vehicle, in order. The event begins when it first
-    returns True, and ends when it has not done so for a second. It is listed in log, summary and
-    picture under the name of the class, with its duration.
+    `run` has the messages of a whole run as NumPy arrays, as `convoy.open(LOG).tables`:
+    `run.names` are the vehicles, `run.table(name, "truth")` the true poses of one of them, with the
+    fields of `convoy reference topics`. The result has, or yields, tuples (vehicle, first and last
+    instant in ns). `run.spans(name, holds)` makes them of an array of True and False, one for each
+    true pose: a break of up to a second does not end an event. It is listed in log, summary and
+    picture under the name of the function, with its duration.
     """
 
-    def holds(self, pose: TruePose) -> bool:
-        """Whether the event holds at a true pose."""
+    def __call__(self, run: Any) -> Iterable[tuple[str, int, int]]:
+        """Return the times in which the event held."""
         ...
 
 
-class RunFigure(Protocol):
-    """Interface of a figure of your own, listed in `[[figure]]`.
+class OwnFigure(Protocol):
+    """A function that returns a metric of your own, listed in `[[figure]]`.
 
-    Each vehicle has its own instance, constructed as `Class()`, with its `settings` if it has any.
-    `add` is called with each true pose of the vehicle, in order. The value is in the summary, in
-    `own_figures` of the vehicle, under the name of the class. For a class SteeringEffort,
-    [limits.own_figures] has the keys SteeringEffort_max and SteeringEffort_min, `--limit` takes
-    SteeringEffort_max=0.02, and `convoy sweep --metric` takes own_figures.SteeringEffort. Limits
-    judge the value at the end of the run.
+    `run` is that of an event. The result is a number or None for each vehicle, by its name, or one
+    number for all of them. It is in the summary, in `own_figures` of the vehicles, under the name
+    of the function. For a function steering_effort, [limits.own_figures] has the keys
+    steering_effort_max and steering_effort_min, `--limit` takes steering_effort_max=0.02, and
+    `convoy sweep --metric` takes own_figures.steering_effort. Limits judge it at the end of the
+    run.
     """
 
-    def add(self, pose: TruePose) -> None:
-        """Take a true pose."""
-        ...
-
-    def value(self) -> float | None:
-        """Figure of the run so far; None if there is none."""
+    def __call__(self, run: Any) -> Mapping[str, float | None] | float:
+        """Return the metric of a run."""
         ...
 
 
-class GuardedDetector:
-    """Wraps a user's event, and converts its faults to PlugInError."""
-
-    def __init__(self, detector: EventDetector, name: str) -> None:
-        self._detector = detector
-        self._what = f"event {name!r}: holds()"
-
-    def holds(self, pose: TruePose) -> bool:
-        holds: object = called(lambda: self._detector.holds(pose), self._what)
-        if not isinstance(holds, bool):
-            raise PlugInError(f"{self._what} returned {holds!r}, expected True or False")
-        return holds
+def _is_figure(value: object, *_: object) -> bool:
+    if not isinstance(value, Mapping):
+        return is_finite(value)
+    return all(one is None or is_finite(one) for one in value.values())
 
 
-class GuardedFigure:
-    """Wraps a user's figure, and converts its faults to PlugInError."""
-
-    def __init__(self, figure: RunFigure, name: str) -> None:
-        self._figure = figure
-        self._what = f"figure {name!r}"
-
-    def add(self, pose: TruePose) -> None:
-        called(lambda: self._figure.add(pose), f"{self._what}: add()")
-
-    def value(self) -> float | None:
-        value: object = called(self._figure.value, f"{self._what}: value()")
-        if value is None:
-            return None
-        return finite(value, f"{self._what}: value() returned", "number, or None")
-
-
-def _poses() -> list[TruePose]:
-    """True poses of a straight drive at 20 m/s."""
-    return [
-        TruePose(
-            vehicle="v1",
-            seq=seq,
-            true_at_ns=seq * PERIOD,
-            east_m=0.4 * seq,
-            north_m=0.0,
-            yaw_rad=0.0,
-            speed_mps=20.0,
-            lateral_speed_mps=0.0,
-            yaw_rate_radps=0.0,
-            steering_rad=0.0,
-            distance_m=0.4 * seq,
-            lateral_acceleration_mps2=0.0,
-            front_slip_rad=0.0,
-            rear_slip_rad=0.0,
-            friction_ratio=0.0,
-        )
-        for seq in range(STEPS)
-    ]
-
-
-def try_event(detector: EventDetector) -> list[bool]:
-    return [detector.holds(pose) for pose in _poses()]
-
-
-def try_figure(figure: RunFigure) -> list[float | None]:
-    values = [figure.value()]
-    for pose in _poses():
-        figure.add(pose)
-    return [*values, figure.value()]
+def _are_spans(value: object, *_: object) -> bool:
+    return isinstance(value, Iterable)
 
 
 EVENT = PlugInPoint(
     name="event",
-    title="event",
     key="event",
     shipped={},
-    contract=EventDetector,
-    methods={"holds": "pose"},
-    types=(TruePose,),
-    guard=GuardedDetector,
-    trial=try_event,
+    contract=OwnEvent,
+    results={"": Result("tuples (vehicle, first ns, last ns)", _are_spans)},
+    arguments=("run",),
+    calls=True,
 )
 FIGURE = PlugInPoint(
     name="figure",
-    title="figure",
     key="figure",
     shipped={},
-    contract=RunFigure,
-    methods={"add": "pose", "value": ""},
-    types=(),
-    guard=GuardedFigure,
-    trial=try_figure,
+    contract=OwnFigure,
+    results={"": Result("a finite number, or one or None by vehicle", _is_figure)},
+    arguments=("run",),
+    calls=True,
 )
-
-
-# ---- Points
-
 
 POINTS: tuple[PlugInPoint, ...] = (
     LATERAL,

@@ -1,4 +1,4 @@
-"""The table that selects a class at a plug-in point and has its parameters."""
+"""The table that selects a class or a function at a plug-in point and has its parameters."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal, cast
@@ -19,30 +19,33 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from scenarios.definition.schema.plug_ins.point import (
     InstantDraw,
+    Parameters,
     PlugInError,
     PlugInPoint,
     called,
-    settings_class,
+    guarded,
+    parameters_of,
 )
-from scenarios.definition.schema.settings_table import SettingsTable, Table, generated
-from transport.links.laws.delays import BaseDelay
-from transport.links.laws.link_law import LinkLaw
+from scenarios.definition.schema.settings_table import SettingField, SettingsTable, generated
 
 AS_ANY = cast("Any", SerializeAsAny)()
 ERROR_TYPE = "plug_in"
 """Type of the errors of Pydantic that are about a class, not about its parameters."""
 
 
-class PlugInTable(Table):
-    """A class at a plug-in point, and its parameters.
+class PlugInTable(SettingsTable[Any]):
+    """A class or a function at a plug-in point, and its parameters.
 
-    use  short name of a shipped class, or your own class, "module.Class"
+    use  short name of a shipped class, or your own class or function, "module.name"
     """
 
     use: str
 
     point: ClassVar[PlugInPoint]
-    plugged: ClassVar[type[Any]]
+    plugged: ClassVar[Any] = None
+    parameters: ClassVar[Parameters]
+    settings: ClassVar[type[Any]] = dict
+    by_key: ClassVar[Mapping[str, SettingField]] = {}
 
     @model_serializer(mode="wrap")
     def _serialize(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any] | str:
@@ -56,36 +59,34 @@ class PlugInTable(Table):
         return self.use not in self.point.shipped
 
     @property
-    def class_name(self) -> str:
-        """Name of the class without its module, by which events and figures are listed."""
+    def value(self) -> Any:
+        """The table itself: it is built for each vehicle."""
+        return self
+
+    @property
+    def word(self) -> str:
+        """Name without the module, by which events and metrics are listed."""
         return self.use.rpartition(".")[2]
 
-    def constructor_settings(self) -> tuple[Any, ...]:
-        """Parameters as the last argument of the constructor; empty for a class without any."""
-        return ()
-
     def build(self, *arguments: object, draw: InstantDraw | None = None) -> Any:
-        """Construct the class, which may draw random numbers; raises PlugInError."""
-        what = f"{self.point.name} {self.use!r}: invalid parameters"
-        settings = called(self.constructor_settings, what, ": ")
-        return self.point.build(self.plugged, self.use, *arguments, *settings, draw=draw)
+        """Construct the class, which may draw random numbers, or call the function.
 
-
-class SettingsPlugIn(PlugInTable, SettingsTable[Any]):
-    """A class whose `Settings` is a dataclass, whose fields may be annotated with a `Setting`."""
-
-    def constructor_settings(self) -> tuple[Any, ...]:
-        return (self.value,)
-
-
-class ModelPlugIn(PlugInTable):
-    """A class whose `Settings` is a Pydantic model; the table inherits from it."""
-
-    model: ClassVar[type[BaseModel]]
-
-    def constructor_settings(self) -> tuple[Any, ...]:
-        fields = self.model.model_fields
-        return (self.model.model_construct(**{name: getattr(self, name) for name in fields}),)
+        What is the user's is guarded; raises PlugInError. Draws are by default those of no vehicle.
+        """
+        point, what = self.point, self.point.what(self.use)
+        if self.plugged is None:
+            raise PlugInError(f"{what} is neither in the working folder nor installed")
+        parameters = self.parameters
+        named: dict[str, Any] = self.values()
+        if parameters.is_whole:
+            settings = called(lambda: self.settings(**named), what, ": invalid parameters: ")
+            arguments, named = (*arguments, settings), {}
+        if parameters.draws:
+            named["draw"] = (draw or InstantDraw(0, "")).of(point.key)
+        if point.calls:
+            return guarded(self.plugged, f"{what}:", point.results[""])(*arguments, **named)
+        verb = f" cannot be built as {self.plugged.__name__}({', '.join(point.arguments)}, …): "
+        return point.guard(called(lambda: self.plugged(*arguments, **named), what, verb), self.use)
 
 
 class _KeepsKeys(BaseModel):
@@ -94,8 +95,6 @@ class _KeepsKeys(BaseModel):
 
 RECORDED = {"recorded": True}
 """Context of the validation of a recorded scenario, whose own classes need not be here."""
-MODEL_BASES = (LinkLaw, BaseDelay)
-"""Bases of classes that are Pydantic models."""
 _TABLES: dict[tuple[str, str], type[BaseModel]] = {}
 _TABLE_OF_TAG: dict[str, type[BaseModel]] = {}
 """Generated tables by the tag that the location of an error has in front of a parameter."""
@@ -112,11 +111,41 @@ def plug_in_table(point: PlugInPoint, use: str) -> type[BaseModel]:
     key = point.key, use
     if key not in _TABLES:
         plugged = point.load(use)
-        what = f"{point.name} {use!r}: invalid parameters"
         make = _generated if point.base is None else _generated_from_itself
-        made = called(lambda: make(point, plugged, use), what, ": ")
+        made = called(lambda: make(point, plugged, use), point.what(use), ": invalid parameters: ")
         _TABLES[key] = _TABLE_OF_TAG[_tag(point, use)] = made
     return _TABLES[key]
+
+
+def _tag(point: PlugInPoint, use: str) -> str:
+    return f"{point.key}={use}"
+
+
+def _generated(point: PlugInPoint, plugged: Any, use: str) -> type[PlugInTable]:
+    """Generate the table of a class or a function by its signature."""
+    parameters = parameters_of(point, plugged)
+    made = generated(parameters.settings, PlugInTable, use=use)
+    made.point, made.parameters = point, parameters
+    made.plugged = staticmethod(plugged) if point.calls else plugged  # else it would be a method
+    return made
+
+
+def _generated_from_itself(point: PlugInPoint, plugged: type[Any], use: str) -> type[BaseModel]:
+    """Generate the table of a class that is the dataclass or the model of its parameters.
+
+    The methods of a user's model are guarded.
+    """
+    if not issubclass(plugged, BaseModel):
+        return generated(plugged, SettingsTable, use=use)
+    entry: dict[str, Any] = {"use": (Literal[use], use)}
+    made = create_model(plugged.__name__, __base__=plugged, __doc__=plugged.__doc__, **entry)
+    for name, result in point.results.items() if use not in point.shipped else ():
+        method, what = getattr(made, name), f"{point.what(use)}: {name}()"
+        if isinstance(method, property):
+            setattr(made, name, property(guarded(cast("Any", method.fget), what, result)))
+        elif callable(method):
+            setattr(made, name, guarded(method, what, result))
+    return made
 
 
 def default_of(point: PlugInPoint) -> PlugInTable:
@@ -130,7 +159,7 @@ def named(point: PlugInPoint, use: str) -> PlugInTable:
 
 
 def own_classes(table: object) -> Iterator[str]:
-    """Yield the dotted names of the user's classes in a table, and those inside it."""
+    """Yield the dotted names of the user's classes and functions in a table, and inside it."""
     if "." in (use := str(getattr(table, "use", ""))):
         yield use
     inner: Iterable[object] = ()
@@ -160,7 +189,7 @@ def plug_in(point: PlugInPoint, shipped: Any = PlugInTable) -> Any:
         use = table.get("use")
         if isinstance(given, Mapping) and "use" not in given and not has_kinds:
             text = f"use is missing, the class with the keys {', '.join(map(str, given))}"
-            raise _custom_error(text, {"use": "", "names": list(point.shipped), "own": []})
+            raise _custom_error(text, {"use": "", "names": list(point.shipped)})
         if not isinstance(use, str):
             return usual(given)  # an existing table, a `kind`, or an error
         if has_kinds and use in point.shipped:
@@ -169,11 +198,10 @@ def plug_in(point: PlugInPoint, shipped: Any = PlugInTable) -> Any:
             model = plug_in_table(point, use)
         except PlugInError as error:
             is_absent = isinstance(error.__cause__, ImportError)
-            if info.context == RECORDED and is_absent and point.base in {None, *MODEL_BASES}:
+            is_model = point.base is None or issubclass(point.base, BaseModel)
+            if info.context == RECORDED and is_absent and is_model:
                 return _absent(point).model_validate(table)
-            own = [*point.own_names(use)] if "." in use else []
-            context = {"use": use, "names": list(point.shipped), "own": own}
-            raise _custom_error(str(error), context) from error
+            raise _custom_error(str(error), {"use": use, "names": list(point.shipped)}) from error
         named = {**table, "use": point.short_names.get(use, use)}
         try:
             return model.model_validate(named)
@@ -189,40 +217,8 @@ def _absent(point: PlugInPoint) -> type[BaseModel]:
     base: Any = PlugInTable if point.base is None else point.contract
     made: Any = create_model("Absent", __base__=(base, _KeepsKeys), use=(str, ...))
     if point.base is None:
-        made.point, made.plugged = point, object
+        made.point = point
     return cast("type[BaseModel]", made)
-
-
-def _tag(point: PlugInPoint, use: str) -> str:
-    return f"{point.key}={use}"
-
-
-def _generated(point: PlugInPoint, plugged: type[Any], use: str) -> type[PlugInTable]:
-    """Generate the table of a class that is constructed with its `Settings`, if any."""
-    settings = settings_class(point, plugged, use)
-    made: type[PlugInTable]
-    if settings is None:
-        made = _with_use(plugged, PlugInTable, use)
-    elif issubclass(settings, BaseModel):
-        made = _with_use(plugged, (settings, ModelPlugIn), use)
-        made.model = settings  # type: ignore[attr-defined]
-    else:
-        made = generated(settings, SettingsPlugIn, use=use)
-    made.point, made.plugged = point, plugged
-    return made
-
-
-def _generated_from_itself(_: PlugInPoint, plugged: type[Any], use: str) -> type[BaseModel]:
-    """Generate the table of a class that is the dataclass or the model of its parameters."""
-    if issubclass(plugged, BaseModel):
-        made: type[BaseModel] = _with_use(plugged, plugged, use)
-        return made
-    return generated(plugged, SettingsTable, use=use)
-
-
-def _with_use(plugged: type[Any], base: Any, use: str) -> Any:
-    entry: dict[str, Any] = {"use": (Literal[use], use)}
-    return create_model(plugged.__name__, __base__=base, __doc__=plugged.__doc__, **entry)
 
 
 def _tagged(error: ValidationError, tag: str) -> Iterator[InitErrorDetails]:

@@ -10,15 +10,11 @@ from vehicles.messages import Message, Tracking
 from vehicles.schedule import SECOND
 
 CODE = """
-from dataclasses import dataclass
 from vehicles.driver.reactions import Extrapolate
 
 class StopWhenSilent(Extrapolate):
-    @dataclass
-    class Settings:
-        silence_s: float = 0.3
-    def __init__(self, settings):
-        self.silence = settings.silence_s
+    def __init__(self, silence_s=0.3):
+        self.silence = silence_s
     def mode(self, situation, usual, speed):
         return "stop" if situation.predecessor.silence > self.silence else usual
     def acceleration(self, situation, mode, speed, wanted):

@@ -1,4 +1,4 @@
-"""Figures of the user's classes in limits, sweeps, searches and comparisons."""
+"""Metrics of the user's functions in limits, sweeps, searches and comparisons."""
 
 from collections.abc import Callable
 from functools import partial
@@ -15,62 +15,47 @@ from scenarios.studies.many.plan import figures_of, planned
 from scenarios.studies.many.variant import Variant, limited_variant
 
 CODE = """
-from dataclasses import dataclass
+def scaled(run, factor=1.0):
+    return {name: factor * run.table(name, "truth")["distance_m"][-1] for name in run.names}
 
-class Scaled:
-    @dataclass
-    class Settings:
-        factor: float = 1.0
+def ebbing(run):
+    return {name: 4.0 - distance for name, distance in scaled(run).items()}
 
-    def __init__(self, settings):
-        self.factor, self.last = settings.factor, None
-
-    def add(self, pose):
-        self.last = self.factor * pose.distance_m
-
-    def value(self):
-        return self.last
-
-class Faulty(Scaled):
-    def add(self, pose):
-        1 / (pose.seq - 20)
-
-class Ebbing(Scaled):
-    def value(self):
-        return None if self.last is None else 4.0 - self.last
+def faulty(run):
+    return 1 / 0
 """
 Module = Callable[[str], str]
 
 
 def variant(name: str, limit: str = "lane", *more: str) -> tuple[Variant, Limit]:
-    figures = f"figure=[{{use='{name}.Scaled',factor=0.5}},'{name}.Ebbing']"
+    figures = f"figure=[{{use='{name}.scaled',factor=0.5}},'{name}.ebbing']"
     sets = ["convoy.vehicles=2", "duration_s=0.5", figures, *more]
     return limited_variant("lane_change", sets, limit)
 
 
 def test_limits_bound_own_figures_of_the_convoy_and_of_a_vehicle(module: Module) -> None:
-    bounds = "limits.own_figures={Scaled_max=100,Scaled_min=0.1}"
-    of_one = "limits.v1.own_figures.Scaled_max=0.1"
+    bounds = "limits.own_figures={scaled_max=100,scaled_min=0.1}"
+    of_one = "limits.v1.own_figures.scaled_max=0.1"
     run, _ = variant(module(CODE), "lane", bounds, of_one)
     assert [one.name for one in limits_of(run.scenario.tables.limits)] == [
-        "own_figures.Scaled_max", "own_figures.Scaled_min", "v1.own_figures.Scaled_max",
+        "own_figures.scaled_max", "own_figures.scaled_min", "v1.own_figures.scaled_max",
     ]  # fmt: skip
     summary = run.run()
     halves = {row.name: row.distance_m / 2 for row in summary.vehicles}
     assert [(one.limit, one.vehicle, one.value, one.broken) for one in summary.limits] == [
-        ("own_figures.Scaled_max", "v2", halves["v2"], False),
-        ("own_figures.Scaled_min", "v1", halves["v1"], False),
-        ("own_figures.Scaled_min", "v2", halves["v2"], False),
-        ("v1.own_figures.Scaled_max", "v1", halves["v1"], True),
+        ("own_figures.scaled_max", "v2", halves["v2"], False),
+        ("own_figures.scaled_min", "v1", halves["v1"], False),
+        ("own_figures.scaled_min", "v2", halves["v2"], False),
+        ("v1.own_figures.scaled_max", "v1", halves["v1"], True),
     ]
-    assert summary.reason.startswith("limits.v1.own_figures.Scaled_max = 0.1: v1 had Scaled ")
+    assert summary.reason.startswith("limits.v1.own_figures.scaled_max = 0.1: v1 had scaled ")
 
 
 @pytest.mark.parametrize(
     ("limit", "broken"),
     [
-        ("Scaled_max=100", False), ("Scaled_max=0.1", True), ("Scaled_min=100", True),
-        ("v2.Scaled_max=0.1", True), ("v1.Scaled_min=0.1", False), ("Ebbing_max=0", False),
+        ("scaled_max=100", False), ("scaled_max=0.1", True), ("scaled_min=100", True),
+        ("v2.scaled_max=0.1", True), ("v1.scaled_min=0.1", False), ("ebbing_max=0", False),
     ],
 )  # fmt: skip
 def test_searches_judge_own_figures_at_the_end(module: Module, limit: str, broken: bool) -> None:
@@ -88,8 +73,8 @@ def test_sweeps_and_comparisons_have_own_figures(module: Module) -> None:
         vary=["figure.0.factor=0.5,2"],
         seeds=1,
         sets=run.overrides,
-        metrics=["own_figures.Scaled", "v2.own_figures.Scaled"],
-        limits=["Scaled_max=10"],
+        metrics=["own_figures.scaled", "v2.own_figures.scaled"],
+        limits=["scaled_max=10"],
     )
     cells = [figures_of(plan.variants(cell)[0], plan.figures, plan.limits) for cell in plan.cells]
     (low, of_v2), (high, _) = (cell["figures"] for cell in cells)
@@ -100,23 +85,23 @@ def test_sweeps_and_comparisons_have_own_figures(module: Module) -> None:
     (found,) = (
         one
         for one in metric_differences("B", summaries[:1], summaries[1:], 1e-9)[1]
-        if one.name == "v2.own_figures.Scaled"
+        if one.name == "v2.own_figures.scaled"
     )
     assert (found.a, found.b, found.is_main) == (of_v2, 4.0 * of_v2, True)
-    with pytest.raises(ScenarioError, match=r"similar: own_figures\.Scaled"):
-        planned("lane_change", vary=[], seeds=1, sets=run.overrides, metrics=["Scaled"])
+    with pytest.raises(ScenarioError, match=r"similar: own_figures\.scaled"):
+        planned("lane_change", vary=[], seeds=1, sets=run.overrides, metrics=["scaled"])
 
 
 def test_a_figure_that_fails_is_not_judged(module: Module) -> None:
     name = module(CODE)
-    own = f"figure=['{name}.Faulty']"
-    run, limit = variant(name, "Faulty_max=1", own, "limits.own_figures.Faulty_max=1")
+    own = f"figure=['{name}.faulty']"
+    run, limit = variant(name, "faulty_max=1", own, "limits.own_figures.faulty_max=1")
     summary = run.run()
     assert [(one.value, one.judged, one.broken) for one in summary.limits] == 2 * [
         (None, False, True)
     ]
     assert summary.outcome == "failed"
     for breaks in (run.breaks, partial(broken_by, summary=summary)):
-        with pytest.raises(PlugInError, match="Faulty_max=1: v1 has no figure Faulty"):
+        with pytest.raises(PlugInError, match="faulty_max=1: v1 has no figure faulty"):
             breaks(limit)
-    assert any("v1: figure" in line and "ZeroDivisionError" in line for line in summary.warnings)
+    assert any("figure" in line and "ZeroDivisionError" in line for line in summary.warnings)
