@@ -1,24 +1,16 @@
 """Links that copy, corrupt and falsify messages: nothing breaks, all is counted."""
 
 from collections import Counter
-from dataclasses import dataclass
 from functools import cache
 from math import isfinite, isnan
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import pytest
 
 from scenarios.definition.scenario import load_scenario
-from scenarios.results.summary import RunSummary
-from scenarios.runs.observer import OnMessage
-from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import drive as virtual_drive
-from scenarios.runs.virtual import run_virtual
-from transport.log.reader import LogReader
+from tests.made.convoys.driven import Driven, driven
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.geometry.geodesy import LocalPlane
-from vehicles.messages import Command, GpsPose, LinkVerdict, LogText, Message, Tracking, TruePose
+from vehicles.messages import Command, GpsPose, LinkVerdict, LogText, Tracking, TruePose
 
 RATE_LIMIT, PERIOD = 1.18, 0.02
 """How fast front wheels turn (rad/s), and the time (s) from one command to the next."""
@@ -48,35 +40,16 @@ CASES = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Driven:
-    """A run: its summary and the messages of its log, or the messages without one."""
-
-    summary: RunSummary | None
-    messages: list[Message]
-
-
 @cache
 def drive(content: str, followers: str = "same") -> Driven:
-    """Drive three cars into the lane change; a log is kept of the usual convoy."""
-    scenario = load_scenario(
+    """Drive three cars into the lane change."""
+    return driven(
         "lane_change",
-        [
-            "convoy.vehicles=3",
-            f"duration_s={DURATION_S}",
-            f"speed.followers={followers!r}",
-            f"links.content={content}",
-        ],
+        "convoy.vehicles=3",
+        f"duration_s={DURATION_S}",
+        f"speed.followers={followers!r}",
+        f"links.content={content}",
     )
-    if followers != "same":
-        results: list[Message] = []
-        keep = OnMessage(lambda _, message: results.append(message))
-        virtual_drive(scenario, [keep]).raise_fault()
-        return Driven(None, results)
-    with TemporaryDirectory() as folder:
-        summary = run_virtual(scenario, Path(folder), Stop())
-        log = LogReader(Path(folder) / "run.mcap")
-        return Driven(summary, [message for _, _, message in log.messages()])
 
 
 @pytest.mark.spread(6)
@@ -85,9 +58,9 @@ def drive(content: str, followers: str = "same") -> Driven:
 def test_followers_survive_any_message(case: str, followers: str) -> None:
     content, kinds = CASES[case]
     run = drive(content, followers)
-    assert not [m.text for m in run.messages if isinstance(m, LogText) and m.level == "fatal"]
+    assert not [m.text for m in run.all(LogText) if m.level == "fatal"]
     last: dict[str, float] = {}
-    commands = [m for m in run.messages if isinstance(m, Command)]
+    commands = run.all(Command)
     assert len(commands) == 3 * round(DURATION_S / PERIOD)
     for one in commands:
         assert isfinite(one.steering_rad + one.acceleration_mps2 + one.target_speed_mps)
@@ -96,9 +69,9 @@ def test_followers_survive_any_message(case: str, followers: str) -> None:
         assert turned <= RATE_LIMIT * PERIOD * (1.0 + 1e-9)
         assert -6.0 - 1e-9 <= one.acceleration_mps2 <= 2.0 + 1e-9
         last[one.vehicle] = one.steering_rad
-    for track in (m for m in run.messages if isinstance(m, Tracking)):
+    for track in run.all(Tracking):
         assert not isnan(track.lateral_error_m + track.heading_error_rad + track.curvature_per_m)
-    verdicts = [m for m in run.messages if isinstance(m, LinkVerdict)]
+    verdicts = run.all(LinkVerdict)
     assert kinds <= {v.content for v in verdicts if v.outcome == "delivered"}
 
 
@@ -108,8 +81,8 @@ def test_the_log_holds_what_was_sent_and_a_verdict_on_each(case: str) -> None:
     content, _ = CASES[case]
     run = drive(content)
     plane = LocalPlane(load_scenario("lane_change").origin)
-    poses = [m for m in run.messages if isinstance(m, GpsPose)]
-    truths = {(m.vehicle, m.true_at_ns): m for m in run.messages if isinstance(m, TruePose)}
+    poses = run.all(GpsPose)
+    truths = {(m.vehicle, m.true_at_ns): m for m in run.all(TruePose)}
     measured = 0
     for pose in poses:
         if truth := truths.get((pose.vehicle, pose.measured_at_ns)):
@@ -117,7 +90,7 @@ def test_the_log_holds_what_was_sent_and_a_verdict_on_each(case: str) -> None:
             assert abs(east - truth.east_m) + abs(north - truth.north_m) < 0.2
             measured += 1
     assert measured > 100
-    verdicts = [m for m in run.messages if isinstance(m, LinkVerdict)]
+    verdicts = run.all(LinkVerdict)
     results = Counter((v.vehicle, v.sender, v.pose_seq) for v in verdicts)
     assert set(results.values()) == {1}
     # The last ones were still in transit.
@@ -137,10 +110,6 @@ def test_a_follower_trusts_a_small_offset_and_leaves_its_lane() -> None:
     assert straight.summary != aside.summary
 
     def furthest(run: Driven) -> float:
-        return max(
-            abs(m.lateral_error_m)
-            for m in run.messages
-            if isinstance(m, Tracking) and m.vehicle == "v3"
-        )
+        return max(abs(m.lateral_error_m) for m in run.of("v3", Tracking))
 
     assert furthest(straight) < 0.1 < furthest(aside)

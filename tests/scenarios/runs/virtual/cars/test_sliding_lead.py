@@ -1,12 +1,11 @@
 """Three cars behind a lead that slides in a bend that is too tight for its speed."""
 
-from typing import Literal
-
 import pytest
 
 from scenarios.definition.scenario import scenario_from_text
 from scenarios.results.summary import RunSummary
 from scenarios.runs.virtual import run_unlogged
+from tests.made.convoys.driven import collisions, errors, least_gap_m
 
 SLIDE = """
 name = "slide"
@@ -24,29 +23,22 @@ segments = [
 set_mps = 22.0
 lateral_acceleration_mps2_max = 20.0    # 12 m/s² in the bend, twice the friction
 """
-Followers = Literal["gap", "same"]
 
 
-def slid(followers: Followers, *overrides: str) -> RunSummary:
-    own = [f"speed.followers={followers}", *overrides]
-    return run_unlogged(scenario_from_text(SLIDE, overrides=own))
-
-
-def errors(summary: RunSummary) -> list[float]:
-    return [row.cross_track_error_m_max or 0.0 for row in summary.vehicles[1:]]
+def slid(*overrides: str) -> RunSummary:
+    return run_unlogged(scenario_from_text(SLIDE, overrides=overrides))
 
 
 @pytest.mark.parametrize("followers", ["gap", "same"])
-def test_followers_take_the_bend_at_a_speed_that_the_friction_allows(followers: Followers) -> None:
-    summary = slid(followers)
-    lead, *cars = summary.vehicles
-    assert (lead.road_error_m_max or 0.0) > 5.0  # it slid off the road
+def test_followers_take_the_bend_at_a_speed_that_the_friction_allows(followers: str) -> None:
+    summary = slid(f"speed.followers={followers}")
+    assert (summary.vehicles[0].road_error_m_max or 0.0) > 5.0  # it slid off the road
     assert max(errors(summary)) < 0.3  # its followers know where it drove
-    assert min(car.true_gap_m_min or 0.0 for car in cars) > 5.0
-    assert not [event for event in summary.events if event.kind == "collision"]
+    assert least_gap_m(summary) > 5.0
+    assert collisions(summary) == 0
 
 
 def test_without_a_limit_they_slide_too() -> None:
     """Followers that degrade brake with the lead as well."""
     blind = 'control.degradation.reaction="extrapolate"'
-    assert max(errors(slid("same", "speed.friction_ratio_max=inf", blind))) > 5.0
+    assert max(errors(slid("speed.friction_ratio_max=inf", blind))) > 5.0

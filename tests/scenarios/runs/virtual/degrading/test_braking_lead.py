@@ -5,11 +5,12 @@ from itertools import pairwise
 import pytest
 
 from scenarios.definition.scenario import scenario_from_text
-from tests.made.convoys.speed_runs import drive
+from tests.made.convoys.driven import Driven, driven
 from vehicles.car.tyres import GRAVITY
 from vehicles.driver.settings import DegradationSettings
 from vehicles.driver.situation import stopping_distance
 from vehicles.driver.speed_guard import TYRES_USED
+from vehicles.messages import Command, TruePose
 
 FAST, SLOW, BRAKES_AT_S = 25.0, 5.0, 6.0
 LENGTH = 4.93
@@ -31,6 +32,15 @@ profile = [
 [links]
 loss_ratio = {loss}
 """
+
+
+def spacings(run: Driven) -> list[list[float]]:
+    """Distances (m) of each vehicle to the one ahead, along the straight road to the east."""
+    east = [[one.east_m for one in run.of(name, TruePose)] for name in run.scenario.vehicle_names]
+    return [
+        [one - other for one, other in zip(ahead, behind, strict=True)]
+        for ahead, behind in pairwise(east)
+    ]
 
 
 def test_physics_allows_this_convoy_to_be_safe_whatever_is_lost() -> None:
@@ -65,15 +75,11 @@ def assert_nobody_drives_into_anybody(
     text = CONVOY.format(
         duration_s=slow_at_s + 4.0, vehicles=vehicles, slow_at_s=slow_at_s, loss=loss
     )
-    driven = drive(scenario_from_text(text, seed=case + 1))
-    names = list(driven.truth)
-    assert len(names) == vehicles
-    for ahead, behind in pairwise(names):
-        both = zip(driven.truth[ahead], driven.truth[behind], strict=True)
-        least = min(one.east_m - other.east_m for one, other in both) - LENGTH
-        assert least > 0.5, f"{behind} within {least:.2f} m of {ahead}"
-    for name in names[1:]:
-        emergency = min(one.acceleration_mps2 for one in driven.commands[name])
+    run = driven(scenario_from_text(text, seed=case + 1))
+    assert len(run.scenario.vehicle_names) == vehicles
+    assert min(map(min, spacings(run))) - LENGTH > 0.5
+    for name in run.followers:
+        emergency = min(one.acceleration_mps2 for one in run.of(name, Command))
         assert emergency >= -TYRES_USED * 0.9 * GRAVITY - 1e-9
 
 
@@ -110,11 +116,7 @@ def test_gaps_do_not_grow_along_predecessor_only_vehicles(followers: str, gap: f
     )
     first = f"gap_m = {gap}" if followers == "same" else ""
     text = CHAIN.format(duration_s=32.0, gap=first, followers=followers, links=links)
-    truth = drive(scenario_from_text(text)).truth
-    gaps = [
-        [one.east_m - other.east_m for one, other in zip(truth[ahead], truth[behind], strict=True)]
-        for ahead, behind in pairwise(truth)
-    ]
+    gaps = spacings(driven(scenario_from_text(text)))
     assert min(map(min, gaps)) > gap - 1.5
     # The second vehicle receives the lead; others open to the headway that is stable without it.
     opened = 0.35 * FAST if followers == "gap" else 0.0

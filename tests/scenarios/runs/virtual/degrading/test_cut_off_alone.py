@@ -1,33 +1,10 @@
-"""One vehicle is cut off alone and stops; the vehicle behind it must not hit it."""
+"""One vehicle or link is cut off: nobody is hit, and a short silence costs little."""
 
 from random import Random
 
 import pytest
 
-from scenarios.definition.scenario import load_scenario
-from scenarios.results.summary import RunSummary
-from scenarios.runs.virtual import run_unlogged
-from tests.made.convoys.speed_runs import drive
-from vehicles.driver.sources import Sources
-
-
-def cut_off(*more: str, vehicle: str = "v3", for_s: float = 4.2) -> list[str]:
-    """Cut `vehicle` off the convoy, both directions, and restore its links."""
-    cut = f"kind='cut', at_s=3.8, for_s={for_s}"
-    change = f"change=[{{{cut}, sender='{vehicle}'}}, {{{cut}, receiver='{vehicle}'}}]"
-    return ["duration_s=15", change, *more]
-
-
-def collisions(summary: RunSummary) -> int:
-    return sum(event.kind == "collision" for event in summary.events)
-
-
-@pytest.mark.parametrize(("vehicle", "gap_m"), [("v2", 3.0), ("v3", 10.0)])
-def test_a_vehicle_that_is_cut_off_alone_is_not_hit(vehicle: str, gap_m: float) -> None:
-    overrides = cut_off(f"convoy.gap_m={gap_m}", vehicle=vehicle)
-    summary = run_unlogged(load_scenario("lane_change", overrides))
-    assert "stop" in summary.vehicles[int(vehicle[1:]) - 1].ticks_by_mode
-    assert collisions(summary) == 0
+from tests.made.convoys.driven import collisions, driven, summary_of
 
 
 @pytest.mark.campaign(1, 200)
@@ -53,16 +30,10 @@ def test_random_cuts_of_one_vehicle_or_link_end_without_a_collision(case: int) -
         f"links.loss_ratio={chance.choice([0.0, 0.0, 0.2])}",
         f"change=[{change}]",
     ]
-    assert collisions(run_unlogged(load_scenario("lane_change", overrides, case + 1))) == 0
-
-
-def test_if_no_stop_were_assumed_it_would_be_hit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Sources, "stops_at", lambda *_: 0)
-    assert collisions(run_unlogged(load_scenario("lane_change", cut_off()))) > 0
+    assert collisions(summary_of("lane_change", *overrides, seed=case + 1)) == 0
 
 
 def test_a_short_silence_costs_little_speed() -> None:
     """Half a second of messages from v3 to v4 is lost, of which v4 brakes for a tenth."""
     cut = "change=[{kind='cut', at_s=3.8, for_s=0.5, sender='v3', receiver='v4'}]"
-    driven = drive(load_scenario("lane_change", ["duration_s=6", cut]))
-    assert min(pose.speed_mps for pose in driven.truth["v4"]) > 27.5
+    assert min(driven("lane_change", "duration_s=6", cut).speeds("v4")) > 27.5

@@ -1,20 +1,15 @@
-"""A follower whose known path ends at a hole, or behind it because messages arrive late."""
+"""A follower whose known path ends at a hole."""
 
-from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
 from math import isfinite
 
 import pytest
 
-from scenarios.definition.scenario import load_scenario
-from scenarios.results.summary import RunSummary
-from scenarios.runs.observer import OnMessage
-from scenarios.runs.virtual import run_unlogged
+from tests.made.convoys.driven import Driven, collisions, driven, errors, summary_of
 from vehicles.driver.situation import CREEP_SPEED
 from vehicles.driver.sources import Sources
 from vehicles.driver.tracking import Rejoining
-from vehicles.messages import Message, Tracking, TruePose
+from vehicles.messages import Tracking, TruePose
 
 NO_HISTORY = "sending.path_history_m=0"
 LOOP = [
@@ -27,56 +22,28 @@ LOOP = [
 CONTROL_S = 0.02
 
 
-@dataclass
-class Driven:
-    """Summary of a run, with true poses and tracking by vehicle."""
-
-    summary: RunSummary
-    truth: dict[str, list[TruePose]]
-    tracking: dict[str, list[Tracking]]
-
-
-def drive(name: str, requested: list[str]) -> Driven:
-    truth: dict[str, list[TruePose]] = defaultdict(list)
-    tracking: dict[str, list[Tracking]] = defaultdict(list)
-
-    def take(_: int, message: Message) -> None:
-        if isinstance(message, TruePose):
-            truth[message.vehicle].append(message)
-        elif isinstance(message, Tracking):
-            tracking[message.vehicle].append(message)
-
-    kinds = frozenset[type[Message]]({TruePose, Tracking})
-    summary = run_unlogged(load_scenario(name, requested), [OnMessage(take, kinds)])
-    return Driven(summary, truth, tracking)
-
-
-def errors(summary: RunSummary) -> list[float]:
-    return [one.cross_track_error_m_max or 0.0 for one in summary.vehicles[1:]]
-
-
 def cut(start: float, length: float, sender: str = "*") -> str:
     return f"change=[{{kind='cut', at_s={start}, for_s={length}, sender='{sender}'}}]"
 
 
 @pytest.fixture(scope="module")
 def before_hole() -> Driven:
-    return drive("church_lot", [*LOOP, NO_HISTORY, "speed.lead_keeps_gap=false"])
+    return driven("church_lot", *LOOP, NO_HISTORY, "speed.lead_keeps_gap=false")
 
 
 def test_before_a_long_hole_it_stands_and_states_why(before_hole: Driven) -> None:
-    assert max(errors(before_hole.summary)) < 0.5
-    last = before_hole.tracking["v2"][-1]
+    assert max(before_hole.errors()) < 0.5
+    last = before_hole.of("v2", Tracking)[-1]
     assert "hole" in last.reason
     assert last.known_m > 0.0
-    assert before_hole.truth["v2"][-1].speed_mps < 0.01
+    assert before_hole.speeds("v2")[-1] < 0.01
 
 
 def test_with_path_history_it_drives_on_along_the_path() -> None:
-    driven = drive("church_lot", LOOP)
-    assert max(errors(driven.summary)) < 0.5
-    assert not [event for event in driven.summary.events if event.kind == "collision"]
-    assert driven.truth["v2"][-1].speed_mps > 1.0
+    run = driven("church_lot", *LOOP)
+    assert max(run.errors()) < 0.5
+    assert collisions(run.summary) == 0
+    assert run.speeds("v2")[-1] > 1.0
 
 
 def test_if_a_bridge_counted_as_known_it_would_leave_the_path(
@@ -84,8 +51,8 @@ def test_if_a_bridge_counted_as_known_it_would_leave_the_path(
 ) -> None:
     monkeypatch.setattr(Sources, "_find_hole", lambda *_: None)
     monkeypatch.setattr(Rejoining, "corrected", lambda _, __, errors, ___: errors)
-    requested = [*LOOP, NO_HISTORY, "speed.lead_keeps_gap=false"]
-    assert max(errors(run_unlogged(load_scenario("church_lot", requested)))) > 2.0
+    requested = *LOOP, NO_HISTORY, "speed.lead_keeps_gap=false"
+    assert max(errors(summary_of("church_lot", *requested))) > 2.0
 
 
 def creeping(rows: list[Tracking]) -> Iterator[Tracking]:
@@ -93,18 +60,17 @@ def creeping(rows: list[Tracking]) -> Iterator[Tracking]:
 
 
 def test_a_short_hole_on_a_gentle_road_is_crossed_at_walking_pace() -> None:
-    requested = ["duration_s=40", NO_HISTORY, "convoy.vehicles=2", cut(12.0, 2.5)]
-    driven = drive("highway", requested)
-    speeds = {pose.true_at_ns: pose.speed_mps for pose in driven.truth["v2"]}
-    creeps = list(creeping(driven.tracking["v2"]))
+    run = driven("highway", "duration_s=40", NO_HISTORY, "convoy.vehicles=2", cut(12.0, 2.5))
+    speeds = {pose.true_at_ns: pose.speed_mps for pose in run.of("v2", TruePose)}
+    creeps = list(creeping(run.of("v2", Tracking)))
     inside = [speeds[row.decided_at_ns] for row in creeps if row.known_m < 0.0]
     assert inside
     braked = next(k for k, speed in enumerate(inside) if speed < 1.25 * CREEP_SPEED)
     assert sorted(inside[:braked], reverse=True) == inside[:braked]  # it comes from a blind stop
     assert max(inside[braked:]) < 1.25 * CREEP_SPEED
-    assert max(errors(driven.summary)) < 0.5
-    assert driven.truth["v2"][-1].speed_mps > 5.0
-    figures = driven.summary.vehicles[1].reaction
+    assert max(run.errors()) < 0.5
+    assert run.speeds("v2")[-1] > 5.0
+    figures = run.summary.vehicles[1].reaction
     assert figures.blind_m > 1.0
     assert figures.predicted_blind_m_max is not None
     fast = (row for row in creeps if speeds[row.decided_at_ns] > max(inside[braked:]))
@@ -118,12 +84,12 @@ def test_a_short_hole_on_a_gentle_road_is_crossed_at_walking_pace() -> None:
 def test_a_car_beside_the_path_returns_slowly(case: tuple[float, float]) -> None:
     """All links fail during a lane change at 30 m/s."""
     duration_s = min(sum(case) + 14.0, 34.0)
-    driven = drive("lane_change", [f"duration_s={duration_s}", "convoy.vehicles=3", cut(*case)])
-    end_at = driven.truth["v2"][0].true_at_ns + round((case[0] + case[1]) * 1e9)
+    run = driven("lane_change", f"duration_s={duration_s}", "convoy.vehicles=3", cut(*case))
+    end_at = run.scenario.start_at_ns + round((case[0] + case[1]) * 1e9)
     for name in ("v2", "v3"):
-        lateral = {row.decided_at_ns: row.lateral_error_m for row in driven.tracking[name]}
-        heading = {row.decided_at_ns: row.heading_error_rad for row in driven.tracking[name]}
-        for pose in driven.truth[name]:
+        lateral = {row.decided_at_ns: row.lateral_error_m for row in run.of(name, Tracking)}
+        heading = {row.decided_at_ns: row.heading_error_rad for row in run.of(name, Tracking)}
+        for pose in run.of(name, TruePose):
             beside = abs(lateral.get(pose.true_at_ns, 0.0))
             if pose.true_at_ns > end_at and beside > 0.3:
                 assert abs(heading[pose.true_at_ns]) < 0.25
@@ -135,11 +101,11 @@ def test_a_car_beside_the_path_returns_slowly(case: tuple[float, float]) -> None
 @pytest.mark.parametrize("name", ["lane_change", "church_lot"])
 def test_after_flapping_links_no_car_stands_for_long(name: str) -> None:
     cuts = ", ".join(f"{{kind='cut', at_s={8.0 + 2.2 * k:.1f}, for_s=1.2}}" for k in range(8))
-    driven = drive(name, ["duration_s=32", "convoy.vehicles=3", f"change=[{cuts}]"])
+    run = driven(name, "duration_s=32", "convoy.vehicles=3", f"change=[{cuts}]")
     for vehicle in ("v2", "v3"):
-        speeds = {pose.true_at_ns: pose.speed_mps for pose in driven.truth[vehicle]}
+        speeds = {pose.true_at_ns: pose.speed_mps for pose in run.of(vehicle, TruePose)}
         standing = 0.0
-        for row in driven.tracking[vehicle]:
+        for row in run.of(vehicle, Tracking):
             received = min(row.lead_received_ratio, row.predecessor_received_ratio) >= 0.8
             free = row.estimated_gap_m > 6.0
             stands = speeds.get(row.decided_at_ns, 9.0) < 0.1
@@ -147,36 +113,12 @@ def test_after_flapping_links_no_car_stands_for_long(name: str) -> None:
             assert standing <= 3.0
 
 
-# ---- Where a gap takes less time to drive than a message takes to come
-
-LATE = (
-    *("convoy.vehicles=3", "gnss.rate_hz=10", "duration_s=11", "links.jitter_ms=0"),
-    *("convoy.gap_m=3", "links.latency_ms=300"),
-)
-"""At 30 m/s the received path of a lead 8 m ahead ends a metre behind the first follower."""
-
-
-@pytest.mark.parametrize(("loss_ratio", "seed"), [(0.0, 1), (0.2, 1), (0.2, 8), (0.2, 9)])
-def test_a_follower_that_knows_only_road_behind_falls_back_and_then_follows(
-    loss_ratio: float, seed: int
-) -> None:
-    scenario = load_scenario("lossy_lane_change", (*LATE, f"links.loss_ratio={loss_ratio}"), seed)
-    summary = run_unlogged(scenario)
-    first = summary.vehicles[1]
-    assert first.ticks_by_mode["lead"] > 0.5 * first.ticks
-    for row in summary.vehicles[1:]:
-        assert row.cross_track_error_m_max is not None
-        assert row.cross_track_error_m_max < 0.5, row.name  # it was up to 3.8 m
-    assert not [event for event in summary.events if event.kind in ("lane_departure", "slide")]
-
-
 def left_behind_m(*overrides: str) -> float:
     """How much less than the lead, which has no fix for 3 s, the last follower has driven."""
     change = "change=[{kind='gnss', at_s=8, vehicle='v1', fix='none', for_s=3}]"
-    scenario = load_scenario("highway", ["duration_s=25", "convoy.vehicles=2", change, *overrides])
-    lead, *followers = run_unlogged(scenario).vehicles
-    assert all((row.cross_track_error_m_max or 0.0) < 0.2 for row in followers)
-    return lead.distance_m - followers[-1].distance_m
+    run = summary_of("highway", "duration_s=25", "convoy.vehicles=2", change, *overrides)
+    assert max(errors(run)) < 0.2
+    return run.vehicles[0].distance_m - run.vehicles[-1].distance_m
 
 
 def test_a_lead_without_fixes_sends_where_it_drove_by_dead_reckoning() -> None:

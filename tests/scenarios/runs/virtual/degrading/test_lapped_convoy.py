@@ -3,10 +3,10 @@
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.runs.observer import OnMessage
 from scenarios.runs.virtual import run_unlogged
+from tests.made.convoys.driven import collisions, driven, summary_of
 from tests.scenarios.studies.drills.planted_faults import IGNORES_CONVOY
-from vehicles.messages import Command, Message, Tracking, TruePose
+from vehicles.messages import Tracking, TruePose
 
 SEEDS = 5
 CASES = [(vehicles, seed) for vehicles in range(3, 9) for seed in range(1, SEEDS + 1)]
@@ -18,28 +18,18 @@ def hits_of_lead(scenario: Scenario) -> int:
 
 
 def test_the_lead_stops_behind_its_last_car() -> None:
-    reasons, speeds = set[str](), list[float]()
-
-    def listen(_at: int, message: Message) -> None:
-        if message.vehicle != "v1":
-            return
-        if isinstance(message, Tracking):
-            reasons.add(message.reason)
-        elif isinstance(message, TruePose):
-            speeds.append(message.speed_mps)
-
     longer = "change=[{kind='cut', at_s=4.5, for_s=16, receiver='v3'}]"
-    scenario = load_scenario("lapped_convoy", (longer, "duration_s=24"))
-    summary = run_unlogged(scenario, [OnMessage(listen, frozenset({Tracking, TruePose}))])
-    assert [one for one in summary.events if one.kind == "collision"] == []
-    assert any("v3" in reason for reason in reasons)
+    run = driven("lapped_convoy", longer, "duration_s=24")
+    assert collisions(run.summary) == 0
+    assert any("v3" in one.reason for one in run.of("v1", Tracking))
+    speeds = run.speeds("v1")
     assert min(speeds[len(speeds) // 2 :]) < 0.5
 
 
 def test_the_lead_stands_behind_a_silent_car_and_the_summary_lists_it() -> None:
     silent = "change=[{kind='cut', at_s=0, sender='v2'}]"
     more = ("convoy.vehicles=2", "duration_s=16", silent)
-    (stop,) = run_unlogged(load_scenario("lapped_convoy", more)).events
+    (stop,) = summary_of("lapped_convoy", *more).events
     assert (stop.kind, stop.vehicles) == ("stop", ("v1",))
 
 
@@ -56,15 +46,10 @@ def test_the_lead_touches_nobody(case: int) -> None:
     assert hits_of_lead(load_scenario("church_lot", overrides, seed)) == 0
 
 
-def commands(*overrides: str) -> list[Message]:
-    found: list[Message] = []
-    scenario = load_scenario("lane_change", ("duration_s=6", "convoy.vehicles=3", *overrides))
-    run_unlogged(
-        scenario,
-        [OnMessage(lambda _at, message: found.append(message), frozenset({Command, TruePose}))],
-    )
-    return sorted(found, key=repr)
-
-
 def test_on_an_open_path_nobody_drives_differently() -> None:
-    assert commands("speed.lead_keeps_gap=true") == commands()
+    usual, asked = (
+        driven("lane_change", "duration_s=6", "convoy.vehicles=3", *more)
+        for more in ((), ("speed.lead_keeps_gap=true",))
+    )
+    for name in usual.scenario.vehicle_names:
+        assert asked.of(name, TruePose) == usual.of(name, TruePose)

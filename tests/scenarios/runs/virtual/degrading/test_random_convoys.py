@@ -3,7 +3,6 @@
 `pytest --campaign` drives 500 of them.
 """
 
-from collections import defaultdict
 from itertools import pairwise
 from math import isfinite
 from random import Random
@@ -13,11 +12,10 @@ import pytest
 import tomli_w
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.runs.observer import OnMessage
-from scenarios.runs.virtual import drive
 from tests.made.channels.drawn_channels import drawn_channel
+from tests.made.convoys.driven import driven
 from vehicles.driver.settings import Reaction
-from vehicles.messages import Command, Message, Mode, Tracking, TruePose
+from vehicles.messages import Command, Mode, Tracking, TruePose
 
 Raw = dict[str, Any]
 DURATION_S = 12.0
@@ -111,13 +109,12 @@ def drawn_convoy(case: int) -> Scenario:
 @pytest.mark.campaign(3, 500)
 def test_no_convoy_gets_a_command_that_no_car_can_take(case: int) -> None:
     scenario = drawn_convoy(case)
-    results: defaultdict[str, list[Message]] = defaultdict(list)
-    keep = OnMessage(lambda _, message: results[message.vehicle].append(message))
-    drive(scenario, [keep]).raise_fault()
+    run = driven(scenario)
+    assert run.summary.outcome != "failed", run.summary.reason
     period_s = 1.0 / scenario.control_rate_hz
     for name in scenario.vehicle_names:
         car = scenario.vehicle(name).parameters
-        commands = [one for one in results[name] if isinstance(one, Command)]
+        commands = run.of(name, Command)
         assert all(isfinite(one.steering_rad + one.acceleration_mps2) for one in commands)
         assert max(abs(one.steering_rad) for one in commands) <= car.steering_limit + ROUNDING
         most = car.steering_rate_limit * period_s + ROUNDING
@@ -126,11 +123,11 @@ def test_no_convoy_gets_a_command_that_no_car_can_take(case: int) -> None:
             for a, b in pairwise(commands)
             if b.decided_at_ns - a.decided_at_ns < 1.5e9 * period_s
         )
-        poses = [one for one in results[name] if isinstance(one, TruePose)]
+        poses = run.of(name, TruePose)
         assert all(isfinite(one.east_m + one.north_m + one.speed_mps) for one in poses)
         assert max((one.friction_ratio for one in poses), default=0.0) <= 1.0 + ROUNDING
     for name in scenario.vehicle_names[1:]:
-        tracking = [one for one in results[name] if isinstance(one, Tracking)]
+        tracking = run.of(name, Tracking)
         assert {one.mode for one in tracking} <= set(get_args(Mode))
         for before, one in pairwise(tracking):
             if one.mode != before.mode and one.mode not in ALONE:
