@@ -40,8 +40,7 @@ SECTIONS: Mapping[str, Sequence[str]] = {
         "status", "link", "cut", "gnss", "stall", "crash", "speed", "scenario-from",
     ),
     "Study": (
-        "sweep", "bisect", "blame", "drill", "channel", "gains",
-        "reproduce",
+        "sweep", "bisect", "blame", "drill", "channel", "paper",
     ),
 }  # fmt: skip
 DEPLOYMENT = ("router", "vehicle", "record")
@@ -183,7 +182,6 @@ for command in (
     running.record,
     scenario_commands.list_scenarios,
     scenario_commands.check,
-    paper_commands.gains,
     scenario_commands.new,
     runs,
     log_commands.review,
@@ -205,7 +203,7 @@ for command in (
     live_commands.status,
     live_commands.scenario_from,
     drill.drill,
-    paper_commands.reproduce,
+    paper_commands.paper,
     bisect,
     reference,
 ):

@@ -240,8 +240,7 @@ SECTIONS: Mapping[str, Section] = {
         "The lateral law of the paper has another answer: with a weight α of the predecessor and "
         "1 - α of the lead, errors are not amplified at any frequency if α < α* = 1/‖G‖∞, where G "
         "is the transfer of the lateral error from vehicle to vehicle with the predecessor alone. "
-        "`convoy check` prints α* at the scenario's speed; `convoy gains` and `convoy reproduce` "
-        "have its source.",
+        "`convoy check` prints α* at the scenario's speed; `convoy paper` has its source.",
         {},
     ),
 }

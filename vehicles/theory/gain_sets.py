@@ -156,30 +156,6 @@ def crossing_equations(
     return [np.poly1d(row) for row in real.T], [np.poly1d(row) for row in imaginary.T]
 
 
-def boundary_curve(
-    parameters: VehicleParameters, speed: float, yaw_rate_gain: float, frequencies: Array
-) -> Array:
-    """Gains (k_e, k_theta) with a root at j w for each frequency (rad/s) > 0; shape (n, 2).
-
-    Paper, Section III-F: Delta(j w, K) = 0 at fixed k_omega, two linear equations solved in closed
-    form. Rows are NaN where the equations have no solution: their determinant is proportional to
-    C_r (a + b) + (m a b - I_z) w², so there is such a frequency if I_z > m a b, as in most loaded
-    cars. The line k_e = 0 completes the boundary.
-    """
-    x = (np.asarray(frequencies) / parameters.steering_frequency) ** 2
-    p, q = (
-        [np.asarray(one(x), dtype=np.float64) for one in equation]
-        for equation in crossing_equations(parameters, speed)
-    )
-    determinant = p[1] * q[2] - p[2] * q[1]
-    scale = np.abs(p[1] * q[2]) + np.abs(p[2] * q[1])
-    determinant = np.where(np.abs(determinant) > 1e-12 * scale, determinant, np.nan)
-    right_p, right_q = -p[0] - p[3] * yaw_rate_gain, -q[0] - q[3] * yaw_rate_gain
-    lateral = (right_p * q[2] - p[2] * right_q) / determinant
-    heading = (p[1] * right_q - right_p * q[1]) / determinant
-    return np.column_stack([lateral, heading])
-
-
 # ---- Extent
 
 

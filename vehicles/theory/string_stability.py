@@ -1,12 +1,10 @@
-"""String stability: norms of propagation and of recorded errors (Section IV-B).
+"""String stability: norms of the propagation of errors (Section IV-B).
 
 The H-infinity norm is the gain in L2. The paper's Definition 1 is in L-infinity, whose gain (the L1
 norm of the impulse response) is at least as large.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from math import pi
 
 import numpy as np
@@ -95,16 +93,3 @@ def largest_singular_value(
     feedback = np.hypot(gains.lateral, np.abs(gains.heading + gains.yaw_rate * s))
     sizes = np.hypot(*np.abs(outputs)) * feedback
     return np.asarray(sizes / np.abs(np.polyval(plain.denominator, s)))
-
-
-def is_string_stable(norms: Sequence[float], slack: float = 0.0) -> bool:
-    """Whether norms do not increase from follower to follower (Definition 1, Section IV-B).
-
-    Growth from one follower to the next of up to `slack`, in the unit of the norms, is ignored.
-    """
-    return all(behind <= ahead + slack for ahead, behind in pairwise(norms))
-
-
-def head_to_tail(norms: Sequence[float]) -> float:
-    """Ratio of the last follower's norm to the first's, at most 1 under Definition 1."""
-    return norms[-1] / norms[0] if norms[0] > 0.0 else np.inf

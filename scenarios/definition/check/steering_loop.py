@@ -188,15 +188,15 @@ def _leaving(
         ranges = {f"below {SLOWEST:g}": slow, f"above {FASTEST:g}": fast}
         reached = " and ".join(text for text, is_reached in ranges.items() if is_reached)
         yield (
-            f"{name}: the stability proof for varying speed (convoy gains) does not cover speeds "
-            f"{reached} m/s: the run may be stable without it"
+            f"{name}: the stability proof for varying speed (convoy paper gains) does not cover "
+            f"speeds {reached} m/s: the run may be stable without it"
         )
     if worst[0] > 1.0:
         _, at, acceleration, bound = worst
         yield (
             f"{name}: {acceleration:.1f} m/s² at {at:.1f} s exceeds the {bound:.1f} m/s² of the "
-            "stability proof for varying speed (convoy gains): steering may be unstable. Lower "
-            "speed.acceleration_mps2_max or speed.braking_mps2_max."
+            "stability proof for varying speed (convoy paper gains): steering may be unstable. "
+            "Lower speed.acceleration_mps2_max or speed.braking_mps2_max."
         )
 
 

@@ -1,1 +1,1 @@
-"""`convoy gains`: stabilising sets, margins, certificates, propagation, lowest rates."""
+"""`convoy paper gains`: stabilising sets, margins, certificates, propagation, lowest rates."""

@@ -26,8 +26,8 @@ COMMANDS: Sequence[Sequence[str]] = (
     ["vehicle", "lane_change", "--name", "v1", "-e", NOBODY],
     ["record", "lane_change", "-e", NOBODY, "--out", "run"],
     ["check", "church_lot"],
-    ["gains", "--out", "gains"],
-    ["reproduce", "--out", "paper"],
+    ["paper", "gains", "--out", "gains"],
+    ["paper", "reproduce", "--out", "paper"],
 )
 
 

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 
 from tests.made.examples import examples
 from tests.made.vehicles.theory.random_cars import CAR, CARS, GAINS, SPEEDS
@@ -21,8 +20,6 @@ from vehicles.theory.linear_model import (
 )
 from vehicles.theory.string_stability import (
     amplified_band,
-    head_to_tail,
-    is_string_stable,
     largest_singular_value,
     largest_weight,
     peak,
@@ -121,20 +118,3 @@ def test_the_singular_value_is_never_below_the_propagation() -> None:
         values = largest_singular_value(CAR, NOMINAL_GAINS, speed, frequencies)
         assert (values >= eigenvalue * (1.0 - 1e-12)).all()
         assert values.max() > 2.0 * eigenvalue.max()
-
-
-@given(st.lists(st.floats(0.001, 100.0), min_size=2, max_size=8))
-def test_norms_that_do_not_increase_are_string_stable(norms: list[float]) -> None:
-    assert is_string_stable(norms) == (sorted(norms, reverse=True) == norms)
-    assert is_string_stable(norms, slack=100.0)
-    if is_string_stable(norms):
-        assert head_to_tail(norms) <= 1.0
-
-
-def test_string_stability_of_recorded_norms() -> None:
-    assert is_string_stable([0.12, 0.11, 0.11])
-    assert not is_string_stable([0.12, 0.13, 0.11])
-    assert is_string_stable([0.120, 0.121, 0.11], slack=0.0011)
-    assert not is_string_stable([0.120, 0.121, 0.11], slack=0.0009)
-    assert head_to_tail([0.10, 0.30, 0.05]) == pytest.approx(0.5)
-    assert head_to_tail([0.0, 0.1]) == np.inf

@@ -5,43 +5,24 @@ from dataclasses import replace
 import numpy as np
 
 from scenarios.results.drives import Drive, Trial
-from scenarios.studies.paper.experiments import (
-    ALPHAS,
-    BASE,
+from scenarios.studies.paper.measures import Findings, SampleFigures
+from scenarios.studies.paper.runs import (
     FIELD_NO_INITIAL_ERROR,
     FIELD_SLIP_COMPENSATED,
     FIELD_WITH,
     FIELD_WITHOUT,
-    LATENCIES_MS,
-    LONG_WITH,
     LONG_WITHOUT,
-    LOSSES_PERCENT,
     NO_LEAD_DATA,
-    NOISE_WITH,
-    NOISE_WITHOUT,
-    OTHER_LAWS,
-    PREVIEWS_S,
-    RADII,
+    RUNS_OF_CASE,
+    SINES,
     VARIABLE_SPEED,
     A,
     B,
     C,
-    D,
-    RunKey,
-    at_alpha,
-    at_preview,
-    at_radius,
+    at_sine,
 )
-from scenarios.studies.paper.findings import (
-    FREQUENCIES,
-    PREVIEW_S,
-    SHORT_FREQUENCIES,
-    SHORT_PREVIEW_S,
-    Findings,
-    SampleFigures,
-    SineResponse,
-)
-from vehicles.preview.curve_fit import Trajectory
+
+SPEED = 30.0
 
 
 def trial_of(tracking: tuple[float, ...], true: tuple[float, ...] | None = None) -> Trial:
@@ -50,8 +31,8 @@ def trial_of(tracking: tuple[float, ...], true: tuple[float, ...] | None = None)
     bump = np.exp(-((at - 12.0) ** 2))
     peak = bump / bump.max()
     nothing = np.zeros(len(at))
-    east = 30.0 * at
-    lead = Drive("v1", at, east, -peak, nothing + 30.0, nothing, nothing, east, nothing)
+    east = SPEED * at
+    lead = Drive("v1", at, east, -peak, nothing + SPEED, nothing, nothing, east, nothing)
     followers = [
         replace(lead, name=f"v{k}", lateral_error=-error * peak, cross_track=true_error * peak)
         for k, (error, true_error) in enumerate(zip(tracking, true or tracking, strict=True), 2)
@@ -59,56 +40,35 @@ def trial_of(tracking: tuple[float, ...], true: tuple[float, ...] | None = None)
     return Trial((lead, *followers))
 
 
-def late_third_car(error: float) -> Trial:
-    """Make a run in which the second follower has its largest error (m) later than the first."""
-    trial = trial_of((0.05, error))
-    first, second = trial.followers
-    return Trial((trial.lead, first, replace(second, cross_track=np.roll(second.cross_track, 20))))
-
-
-def along_both_trajectories(findings: Findings) -> dict[Trajectory, Findings]:
-    return {"fitted": findings, "paper": replace(findings, trajectory="paper")}
+def sine_of(frequency: float, amplitudes: tuple[float, ...]) -> Trial:
+    """Make a run whose vehicles drive sines with these amplitudes (m)."""
+    lead = trial_of(()).lead
+    wave = np.sin(frequency * lead.east / SPEED)
+    return Trial(tuple(replace(lead, north=size * wave) for size in amplitudes))
 
 
 def findings_with_all_claims_true() -> Findings:
-    falling = trial_of((0.08, 0.06, 0.05))
-    same = (
-        BASE,
-        BASE.with_variant("blend"),
-        BASE.with_variant("as_is"),
-        D,
-        VARIABLE_SPEED.with_variant("blend"),
-    )
-    varied = (
-        *map(at_alpha, ALPHAS),
-        *map(at_preview, PREVIEWS_S),
-        *(RunKey("loss", value=percent) for percent in LOSSES_PERCENT),
-        *(RunKey("latency", value=latency) for latency in LATENCIES_MS),
-        *(key.noisy(1) for key in (NOISE_WITH, NOISE_WITHOUT)),
-    )
-    trials = dict.fromkeys((*same, *varied), falling)
-    trials[NO_LEAD_DATA] = trial_of((0.08, 0.08, 0.08), (0.08, 0.16, 0.25))
-    trials[LONG_WITH] = trial_of((0.08, 0.06, 0.05), (0.08, 0.06, 0.05))
-    trials[LONG_WITHOUT] = trial_of((0.08, 0.08, 0.08), (0.08, 0.16, 0.25))
-    for key in (A, A.with_variant("slip_compensated"), A.with_variant("same_times"), B):
-        trials[key] = trial_of((0.03, 0.02, 0.01))
-    for key in (C, C.with_variant("slip_compensated"), C.with_variant("same_times")):
-        trials[key] = trial_of((0.05, 0.04, 0.03))
+    falling, growing = trial_of((0.08, 0.06, 0.05)), (0.08, 0.16, 0.25)
+    keys = [key for runs in RUNS_OF_CASE.values() for key in runs if "phase" not in key]
+    trials = dict.fromkeys(keys, falling)
+    trials |= {key: falling for key in keys if key.endswith("noise/1")}
+    trials[NO_LEAD_DATA] = trials[LONG_WITHOUT] = trial_of((0.08, 0.08, 0.08), growing)
+    for seed in (1, 2, 3):
+        trials[f"{NO_LEAD_DATA}/noise/{seed}"] = trials[NO_LEAD_DATA]
+    for case, errors in ((A, (0.03, 0.02, 0.01)), (B, (0.03, 0.02, 0.01)), (C, (0.05, 0.04, 0.03))):
+        trials |= {key: trial_of(errors) for key in keys if key.split("/")[0] == case}
     trials[VARIABLE_SPEED] = trial_of((0.10, 0.09, 0.08))
-    for radius in RADII:
-        trials[at_radius(radius)] = trials[at_radius(radius).noisy(1)] = falling
-    for law in OTHER_LAWS:
-        trials[BASE.with_variant(law)] = falling
-    trials[FIELD_WITH], trials[FIELD_WITHOUT] = late_third_car(0.04), trial_of((0.05, 0.06))
+    late = trial_of((0.05, 0.04))
+    first, second = late.followers
+    later = replace(second, cross_track=np.roll(second.cross_track, 20))
+    for key in (FIELD_WITH, f"{FIELD_WITH}/noise/1", f"{FIELD_WITH}/noise/2"):
+        trials[key] = Trial((late.lead, first, later))
+    for key in (FIELD_WITHOUT, f"{FIELD_WITHOUT}/noise/1", f"{FIELD_WITHOUT}/noise/2"):
+        trials[key] = trial_of((0.05, 0.06))
     for key in (FIELD_NO_INITIAL_ERROR, FIELD_SLIP_COMPENSATED):
-        trials[key] = trial_of((0.05, 0.04))
-    responses = [
-        SineResponse(frequency, preview, (1.0, 1.1, 1.2, 1.3))
-        for preview, frequencies in (
-            (PREVIEW_S, FREQUENCIES),
-            (SHORT_PREVIEW_S, SHORT_FREQUENCIES),
-        )
-        for frequency in frequencies
-    ]
-    samples = {BASE: SampleFigures(16, 15, 1.5)}
-    return Findings(trials=trials, samples=samples, sine_responses=responses, gains_pictures=())
+        trials[key] = late
+    for preview, frequencies in SINES.items():
+        for frequency in frequencies:
+            trials[at_sine(preview, frequency)] = sine_of(frequency, (1.0, 1.1, 1.2, 1.3))
+    parts = frozenset({"gains", "propagation"})
+    return Findings("fitted", trials, SampleFigures(16, 15, 1.5), parts)

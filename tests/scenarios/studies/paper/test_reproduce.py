@@ -1,70 +1,166 @@
-"""`convoy reproduce` on small cases and on made-up findings."""
+"""`convoy paper reproduce`: its runs, and its report on small cases and on made-up findings."""
 
 import json
 import re
-from functools import partial
-from math import isfinite
+from dataclasses import replace
+from math import cos, isfinite, pi, sin
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from scenarios.cli.paper_commands import CASES
 from scenarios.definition.errors import ScenarioError
+from scenarios.definition.scenario import load_scenario
 from scenarios.results.files import LOG_NAME
-from scenarios.studies.job import Job
-from scenarios.studies.paper import reproduce as reproduction
-from scenarios.studies.paper.claim import JUDGEMENTS
-from scenarios.studies.paper.experiments import (
+from scenarios.runs.virtual import drive_trial
+from scenarios.studies.paper.claims import CLAIMS, JUDGEMENTS
+from scenarios.studies.paper.plots import PICTURES
+from scenarios.studies.paper.report import write_report
+from scenarios.studies.paper.reproduce import chosen_cases, jobs_of, reproduce, simulate
+from scenarios.studies.paper.runs import (
     BASE,
+    FIRST_CHANGE,
+    LANE,
+    PERIODS,
+    RADII,
+    ROADS,
     RUNS_OF_CASE,
     TRAJECTORIES,
-    VARIABLE_SPEED,
-    Experiment,
-    Part,
-    WithTrajectory,
+    A,
+    C,
+    PaperRun,
+    at_radius,
+    at_sine,
+    lane_change_lengths,
+    road,
 )
-from scenarios.studies.paper.report import CLAIMS, all_pictures, write_report
-from scenarios.studies.paper.reproduce import chosen_cases, jobs_of, reproduce, run_experiment
-from tests.made.many.engines import engine_here
-from tests.scenarios.studies.paper.findings import (
-    along_both_trajectories,
-    findings_with_all_claims_true,
+from tests.scenarios.studies.paper.findings import findings_with_all_claims_true
+from vehicles.car.parameters import NOMINAL_GAINS
+
+RUNS = {key: run for case in RUNS_OF_CASE.values() for key, run in case.items()}
+
+# ---- Runs
+
+
+def test_every_run_is_a_valid_scenario() -> None:
+    for key, run in RUNS.items():
+        if run.seed not in {None, 2}:
+            continue  # differs from another run in the seed only
+        scenario = run.with_trajectory("paper")
+        exact = run.seed is None and not key.endswith("own_state_estimated")
+        recipe = "paper_prefix" if key.endswith("paper_prefix") else "paper"
+        for name in scenario.vehicle_names:
+            setup = scenario.vehicle(name)
+            assert (setup.steering.own_state == "exact") is exact, f"{key}: {name}"
+            assert (setup.gnss.position_noise == 0.0) is (run.seed is None), f"{key}: {name}"
+            assert setup.steering.trajectory == recipe, f"{key}: {name}"
+        speeds = scenario.route.profile.speeds
+        assert max(speeds) == min(speeds) or run.scenario == "paper_variable_speed", key
+
+
+@pytest.mark.parametrize(
+    ("case", "speed", "loads"),
+    [
+        ("base", 30.0, [(1, 3)] * 4),
+        ("a", 10.0, [(1, 2)] * 4),
+        ("b", 10.0, [(1, 0)] * 4),
+        ("c", 20.0, [(1, 0)] * 4),
+        ("d", 30.0, [(1, 2), (1, 2), (1, 0), (1, 0)]),
+    ],
 )
-
-PNG = b"\x89PNG"
-
-NAMES = """
-    parameters steering_parameters feedforward preview signs preview_samples one_change
-    ten_centimetres circle recipe_suffices two_samples
-    polynomial state_equation proposition_1_square_integrable
-    proposition_1_in_the_mean proposition_1 norm_of_g equivalence stabilising_set
-    inside_the_intersection ball first_condition inertia not_affine all_loadings open_loop_roots
-    road base_below_9_cm base_where
-    base_decreasing base_true amplified_without_lead_data reduced_by_lead_data a_decreasing
-    b_decreasing c_decreasing d_decreasing uneven faster mass small variable_below_11_cm
-    slightly_more variable_speed_decreasing definition_1 bounded_along_the_convoy
-    others_true amplified_in_l2 not_amplified_in_l2 propagation_measured
-    field_course field_amplified field_not_amplified field_initial_error
-    field_on_the_road against_stanley against_pure_pursuit alpha_chain
-    noise_along_the_convoy preview_suffices loss_varied latency_varied
-"""
-"""Names of the claims in report.json, in the order of the paper."""
+def test_the_cases_are_the_papers(case: str, speed: float, loads: list[tuple[int, int]]) -> None:
+    scenario = load_scenario(f"paper_{case}")
+    assert scenario.route.profile.speeds == (speed,)
+    for name, (front, rear) in zip(scenario.vehicle_names, loads, strict=True):
+        setup = scenario.vehicle(name)
+        mass = setup.assumed_parameters.mass + 120.0 * (front + rear)
+        assert setup.parameters.mass == pytest.approx(mass)
+        assert setup.steering.controller.use == "feedforward_feedback"
+        assert (setup.steering.alpha_ratio, setup.steering.fusion.use) == (0.5, "composite")
+        assert tuple(setup.steering.gains.model_dump().values()) == NOMINAL_GAINS
 
 
-def no_progress(_: str) -> None:
-    pass
+def test_the_field_course_is_closed() -> None:
+    route = load_scenario("paper_field").route
+    assert route.profile.speeds == (25.0,)
+    start, end = route.path.at(route.start), route.path.at(route.path.length - 60.0)
+    assert (end.east, end.north) == pytest.approx((start.east, 0.0), abs=0.01)
+    assert end.yaw == pytest.approx(start.yaw + 2.0 * pi, abs=1e-4)
 
 
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("whole")
-    findings = findings_with_all_claims_true()
-    for case in RUNS_OF_CASE.values():
-        for key in case:
-            findings.trials.setdefault(key, findings.trials[BASE])
-    write_report(along_both_trajectories(findings), list(RUNS_OF_CASE), out)
-    return out
+@pytest.mark.parametrize("radius", RADII)
+def test_a_lane_change_is_a_lane_wide(radius: float) -> None:
+    arc, straight = lane_change_lengths(radius)
+    angle = arc / radius
+    sideways = 2.0 * radius * (1.0 - cos(angle)) + straight * sin(angle)
+    assert sideways == pytest.approx(LANE, abs=0.01)
+    assert arc <= 30.0
+
+
+@pytest.mark.parametrize("case", [A, C])
+def test_a_road_of_the_same_times_has_the_same_lateral_acceleration(case: str) -> None:
+    route = RUNS[f"{case}/same_times"].with_trajectory("fitted").route
+    speed = route.profile.speeds[0]
+    curvature = [route.path.at(route.start + s * speed).curvature for s in (4.9, 5.5, 20.5)]
+    assert speed**2 * np.array(curvature) == pytest.approx([0.0, -1.8, 1.8], rel=1e-4)
+
+
+@pytest.mark.parametrize("case", ROADS)
+def test_a_shifted_road_is_the_case_s_road_moved_ahead(case: str) -> None:
+    speed, first, second = ROADS[case]
+    own, again, moved = (
+        load_scenario(f"paper_{case}", overrides).route
+        for overrides in (
+            (),
+            (road(500.0, 30.0, 30.0, first, second),),
+            RUNS[f"{case}/phase/0.5"].overrides,
+        )
+    )
+    assert own.profile.at(first / speed)[0] == speed
+    for station in np.arange(0.0, 750.0, 0.25):
+        here = own.path.at(own.start + station).curvature
+        assert again.path.at(again.start + station).curvature == pytest.approx(here, abs=1e-12)
+        later = moved.path.at(moved.start + station + 0.05 * speed).curvature
+        assert later == pytest.approx(here, abs=1e-12)
+
+
+def test_the_lead_drives_the_sine_for_all_the_periods() -> None:
+    frequency = 2.5
+    scenario = RUNS[at_sine(0.8, frequency)].with_trajectory("fitted")
+    speed = scenario.tables.speed.set_mps
+    east = np.arange(0.0, speed * scenario.duration_s, 0.5)
+    last = east > east[-1] - PERIODS * 2.0 * pi * speed / frequency
+    path = scenario.route.path
+    heights = np.array([path.at(scenario.route.start + e).north for e in east[last]])
+    assert heights.max() == pytest.approx(1.5 / frequency**2, rel=0.03)
+    assert heights.min() == pytest.approx(-1.5 / frequency**2, rel=0.03)
+
+
+def test_the_paper_s_trajectory_gives_the_paper_s_numbers() -> None:
+    largest = {}
+    for key in (A, C, BASE, at_radius(250.0), f"{BASE}/noise/1"):
+        until = (FIRST_CHANGE[key],) if key in {A, C} else ()
+        run = RUNS[key]._replace(overrides=(*RUNS[key].overrides, *until))
+        largest[key] = 100.0 * max(drive_trial(run.with_trajectory("paper")).tracking)
+    assert largest[A] == pytest.approx(4.1, abs=0.3)
+    assert largest[C] == pytest.approx(9.8, abs=0.4)
+    assert largest[BASE] == pytest.approx(6.8, abs=0.5)
+    assert largest[at_radius(250.0)] > 12.0
+    assert largest[f"{BASE}/noise/1"] > 9.0
+
+
+def test_the_samples_of_the_base_case_are_counted(tmp_path: Path) -> None:
+    short = ("duration_s=6.0", "convoy.vehicles=3", "path.segments=[{length_m=300.0}]")
+    _, samples = simulate(PaperRun(short, logged=True), "fitted", BASE, tmp_path)
+    assert samples is not None
+    assert samples.lead == 16  # 24 m of preview, a sample each 1.5 m
+    assert 0 < samples.predecessor <= 16
+    assert samples.rule_error == pytest.approx(0.5 * pi, abs=0.01)  # one beside the other
+
+
+# ---- Reports
 
 
 def numbers_in(value: Any) -> list[float]:
@@ -75,109 +171,61 @@ def numbers_in(value: Any) -> list[float]:
     return [value] if isinstance(value, float) else []
 
 
-def test_a_whole_report_has_a_row_for_each_claim_and_every_picture(whole: Path) -> None:
-    text = (whole / "report.md").read_text(encoding="utf-8")
+def test_a_whole_report_has_a_row_for_each_claim_and_every_picture(tmp_path: Path) -> None:
+    findings = findings_with_all_claims_true()
+    for key in RUNS:
+        findings.trials.setdefault(key, findings.trials[key.partition("/phase")[0]])
+    both = {"fitted": findings, "paper": replace(findings, trajectory="paper")}
+    write_report(both, list(RUNS_OF_CASE), tmp_path)  # type: ignore[arg-type]
+    text = (tmp_path / "report.md").read_text(encoding="utf-8")
+    report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
     rows = re.findall(r"^\| .*\|$", text, flags=re.MULTILINE)
     for claim in CLAIMS:
         paper = claim.paper.replace("|", "\\|")
-        assert sum(f"| {paper} |" in row for row in rows) >= 1, claim.name
-    assert set(re.findall(r"!\[.*?\]\((.*?)\)", text)) == set(all_pictures())
-    for name in all_pictures():
-        assert (whole / name).read_bytes().startswith(PNG)
-
-
-def test_report_json_agrees_with_report_md(whole: Path) -> None:
-    report = json.loads((whole / "report.json").read_text(encoding="utf-8"))
-    assert [claim["name"] for claim in report["claims"]] == [c.name for c in CLAIMS]
-    assert [claim["name"] for claim in report["claims"]] == NAMES.split()
-    text = (whole / "report.md").read_text(encoding="utf-8")
-    for kind in ("fitted", "paper"):
-        rows = {claim["name"]: claim["trajectories"][kind] for claim in report["claims"]}
-        counts = [sum(row["verdict"] == j for row in rows.values()) for j in JUDGEMENTS]
-        assert sum(counts) == len(CLAIMS)
-        assert counts[2] == 5
-        line = (
-            f"{counts[0]} hold, {counts[1]} undecided, 5 harmless misprints, {counts[3]} do not "
-            f"hold, {counts[4]} cannot be checked"
-        )
-        assert line in text
-        runs = report["runs"][kind]
-        assert set(runs) == {"field/with", "field/without"} | {
-            str(key) for case in RUNS_OF_CASE.values() for key in case
-        }
-        assert rows["a_decreasing"]["noise"] == {"holding": 2, "runs": 2, "kind": "seeds"}
-        assert runs["base"]["tracking_error_m_max"] == pytest.approx([0.08, 0.06, 0.05])
+        assert any(f"| {paper} |" in row for row in rows), claim.name
+    pictures = {f"{name}_{kind}.png" for name in PICTURES for kind in TRAJECTORIES}
+    assert set(re.findall(r"!\[.*?\]\((.*?)\)", text)) == pictures == set(report["pictures"])
+    assert all((tmp_path / name).read_bytes().startswith(b"\x89PNG") for name in pictures)
+    assert [claim["name"] for claim in report["claims"]] == [claim.name for claim in CLAIMS]
+    verdicts = [claim["trajectories"]["fitted"]["verdict"] for claim in report["claims"]]
+    for verdict, words in JUDGEMENTS.items():
+        assert f"{verdicts.count(verdict)} {words}" in text
+    assert report["runs"]["paper"].keys() == RUNS.keys()
+    assert report["runs"]["fitted"]["base"]["tracking_error_m_max"] == pytest.approx(
+        [0.08, 0.06, 0.05]
+    )
     assert all(map(isfinite, numbers_in(report)))
 
 
 def test_a_small_reproduction_from_end_to_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tiny = {BASE: Experiment(overrides=("duration_s=26.0", "convoy.vehicles=2"), logged=True)}
+    tiny = {BASE: PaperRun(("duration_s=26.0", "convoy.vehicles=2"), logged=True)}
     monkeypatch.setitem(RUNS_OF_CASE, "base", tiny)
     progress: list[str] = []
     assert reproduce(["base"], tmp_path / "paper", progress.append, workers=0) == 0
-    for kind in ("fitted", "paper"):
-        assert (tmp_path / "paper" / kind / "base" / LOG_NAME).exists()
     report = json.loads((tmp_path / "paper" / "report.json").read_text(encoding="utf-8"))
     claims = {claim["name"]: claim["trajectories"] for claim in report["claims"]}
     assert {row["verdict"] for row in claims["base_below_9_cm"].values()} == {"holds"}
     errors = [report["runs"][kind]["base"]["tracking_error_m_max"] for kind in ("fitted", "paper")]
     assert errors[0] < errors[1]
-    assert "base_true" not in claims  # it needs runs of other cases
-    assert report["logs"] == ["fitted/base/run.mcap", "paper/base/run.mcap"]
+    assert "mass" not in claims  # it needs runs of other cases
+    assert report["logs"] == [f"{kind}/base/{LOG_NAME}" for kind in ("fitted", "paper")]
+    assert all((tmp_path / "paper" / name).exists() for name in report["logs"])
     assert any("2 of 2 runs" in line for line in progress)
     assert "report.md" in progress[-1]
-
-
-def test_a_report_is_never_overwritten(tmp_path: Path) -> None:
-    (tmp_path / "report.md").write_text("mine")
     with pytest.raises(ScenarioError, match="exists"):
-        reproduce(["base"], tmp_path, no_progress)
-    assert (tmp_path / "report.md").read_text() == "mine"
+        reproduce(["base"], tmp_path / "paper", progress.append)
 
 
-def test_every_run_is_one_job_and_long_jobs_come_first(tmp_path: Path) -> None:
+def test_every_run_is_a_job_with_each_trajectory_and_logged_runs_come_first(tmp_path: Path) -> None:
     jobs = list(jobs_of(chosen_cases([]), tmp_path))
-    runs = {key: run for case in RUNS_OF_CASE.values() for key, run in case.items()}
-    alone = {key for key, run in runs.items() if run.names_trajectory}
-    assert alone == {BASE.with_variant("paper_prefix")}
-    repeated = {WithTrajectory(kind, key) for key in runs.keys() - alone for kind in TRAJECTORIES}
-    assert repeated | alone <= set(jobs)
-    assert not {WithTrajectory(kind, key) for key in alone for kind in TRAJECTORIES} & set(jobs)
-    assert jobs[:3] == [*(WithTrajectory(kind, Part.FIELD) for kind in TRAJECTORIES), Part.GAINS]
-    assert jobs.index(WithTrajectory("paper", VARIABLE_SPEED)) < jobs.index(
-        WithTrajectory("fitted", BASE.noisy(1))
-    )
+    assert set(jobs) == {"gains"} | {f"{kind}/{key}" for kind in TRAJECTORIES for key in RUNS}
+    assert jobs.index("paper/variable_speed") < jobs.index("fitted/base/noise/1")
 
 
-def test_a_failed_job_ends_the_reproduction(tmp_path: Path) -> None:
-    work = partial(run_experiment, Experiment(scenario="no_such"), tmp_path)
-    with engine_here() as engine, pytest.raises(ScenarioError, match="no such file"):
-        engine.results([Job(key="bad", work=work)])
-
-
-def test_the_gains_pictures_are_those_of_the_gains_report(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    drawn: list[Path] = []
-
-    def report(*_: object, out_dir: Path, picture_format: str) -> SimpleNamespace:
-        drawn.append(out_dir)
-        return SimpleNamespace(pictures=(f"roots_over_loadings.{picture_format}",))
-
-    monkeypatch.setattr("scenarios.studies.gains.report.gains_report", report)
-    pictures = reproduction.jobs_of(["gains"], tmp_path)[Part.GAINS]()
-    assert pictures == ("roots_over_loadings.png",)
-    assert drawn == [tmp_path / "gains"]
-
-
-def test_an_unknown_case_is_refused_with_a_hint(tmp_path: Path) -> None:
-    with pytest.raises(ScenarioError, match=r"no such case, did you mean radius\?, allowed base"):
-        reproduce(["radios"], tmp_path / "new", no_progress)
-    assert not (tmp_path / "new").exists()
-
-
-def test_cases_come_in_the_order_of_the_paper_and_none_means_all() -> None:
+def test_cases_come_in_the_order_of_the_paper_and_unknown_ones_are_refused() -> None:
     assert chosen_cases(["field", "a", "base"]) == ["base", "a", "field"]
-    assert chosen_cases([]) == list(RUNS_OF_CASE)
+    assert tuple(chosen_cases([])) == CASES
+    with pytest.raises(ScenarioError, match=r"no such case, did you mean radius\?, allowed base"):
+        chosen_cases(["radios"])
