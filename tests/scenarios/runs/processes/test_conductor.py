@@ -81,157 +81,157 @@ def play(*history: Event, continues: bool = False, until: float = 40.0) -> Told:
     return outcome
 
 
-# ---- Gathering and starting
+# ---- Histories and what becomes of them
+
+PRESENT = "all 3 vehicles are present"
+COUNTED_S = FINAL_COUNTERS_NS / SECOND
+LOST_S = ROUTER_LOST_AFTER_NS / SECOND
 
 
-def test_a_run_starts_when_all_are_present_with_time_to_prepare() -> None:
-    outcome = play(*ALL_COME, until=5.0)
-    assert outcome.conductor.phase is Phase.RUNNING
-    assert outcome.started == pytest.approx(STARTED)
-    assert outcome.lines == ["all 3 vehicles are present"]
-    assert outcome.conductor.end_at - outcome.conductor.start_at == DURATION_S * SECOND
+def all_of(what: str, seconds: float) -> list[Event]:
+    return [(seconds, f"{name} {what}") for name in CONVOY]
 
 
-def test_a_vehicle_that_does_not_come_in_time_is_named() -> None:
-    outcome = play(ALL_COME[0], ALL_COME[2])
-    assert outcome.started is None
-    assert outcome.reason == "not present in time: v2"
-    assert outcome.over == pytest.approx(GATHER_S, abs=0.11)
+def outage(noticed_after: float) -> list[Event]:
+    """The router is away from 6 to 9 s: everyone seems to vanish."""
+    router = [(6.0 + noticed_after, "router vanishes"), (9.0, "router returns")]
+    return [*all_of("goes", 6.0), *router, *all_of("comes", 9.2), *ALL_FINISH]
+
+
+def lost(seconds: float) -> list[Event]:
+    return [*all_of("goes", seconds), (seconds, "router vanishes")]
+
+
+BACK = ENDED + 4.5
+FROZEN = [(ENDED + 11.0 + k / 10, f"{name} ends") for k, name in enumerate(CONVOY)]
+LEFT = "v2 left 7.0 s after the start; the convoy continues without it"
+FAILED = "v2 failed 7.0 s after the start; the convoy continues without it"
+TWO_FINISH = [ALL_FINISH[0], ALL_FINISH[2]]
+
+
+@dataclass(frozen=True)
+class History:
+    """Events, and what must become of the run: reason, lines after the first, end (s)."""
+
+    events: list[Event]
+    reason: str = ""
+    over: float = ENDED + 0.1
+    lines: tuple[str, ...] | None = ()
+    continues: bool = False
+
+
+HISTORIES = {
+    "all finish": History([*ALL_COME, *ALL_FINISH]),
+    "one comes late": History([*ALL_COME[:2]], "not present in time: v3", GATHER_S, None),
+    "no final counters": History(
+        [*ALL_COME, *TWO_FINISH], "no final counters from v2", ENDED + 0.1 + COUNTED_S
+    ),
+    "a frozen router at the end": History([*ALL_COME, *FROZEN], "", ENDED + 11.2),
+    "two leave early": History(
+        [*ALL_COME, (10.0, "v3 finishes"), (10.0, "v2 finishes"), (10.4, "v3 goes"),
+         (10.5, "v2 goes")],
+        "left before the end: v2, v3",
+        10.4 + LEFT_S,
+        None,
+    ),
+    "one leaves": History(
+        [*ALL_COME, (STARTED + 7.0, "v2 finishes"), (STARTED + 7.1, "v2 goes"), *TWO_FINISH],
+        lines=(LEFT,),
+        continues=True,
+    ),
+    "one leaves before the start": History(
+        [*ALL_COME, (STARTED - 0.3, "v3 finishes"), *ALL_FINISH[:2]],
+        lines=("v3 left before the start; the convoy continues without it",),
+        continues=True,
+    ),
+    "one fails": History(
+        [*ALL_COME, (STARTED + 7.0, "v2 goes")],
+        "v2 failed 7.0 s after the start",
+        STARTED + 7.0 + FAILED_S,
+    ),
+    "the others go on": History(
+        [*ALL_COME, (STARTED + 7.0, "v2 goes"), *TWO_FINISH], lines=(FAILED,), continues=True
+    ),
+    "all fail": History(
+        [*ALL_COME, *((STARTED + 3.0 + k, f"{name} goes") for k, name in enumerate(CONVOY))],
+        "all vehicles failed",
+        STARTED + 5.0 + FAILED_S,
+        None,
+        continues=True,
+    ),
+    "all fail or leave": History(
+        [*ALL_COME, (10.0, "v1 finishes"), (12.0, "v2 finishes"), (14.0, "v3 goes"),
+         (10.2, "v1 goes"), (12.2, "v2 goes")],
+        "all vehicles failed or left",
+        14.0 + FAILED_S,
+        None,
+        continues=True,
+    ),
+    "a token is soon back": History(
+        [*ALL_COME, (5.0, "v2 goes"), (5.0 + 0.8 * FAILED_S, "v2 comes"), *ALL_FINISH]
+    ),
+    "strangers": History(
+        [*ALL_COME, (0.5, "v9 comes"), (5.0, "v9 goes"), (6.0, "v9 finishes"), *ALL_FINISH]
+    ),
+    "a router outage": History(
+        [*ALL_COME, *outage(0.0)], lines=("the router was out of reach for 3.0 s",)
+    ),
+    "a router outage noticed first": History(
+        [*ALL_COME, *outage(-0.1)], lines=("the router was out of reach for 3.1 s",)
+    ),
+    "a router outage noticed later": History(
+        [*ALL_COME, *outage(0.3)],
+        lines=("the router was out of reach for 2.7 s",),
+        continues=True,
+    ),
+    "one does not return": History(
+        [*ALL_COME, *all_of("goes", 6.0), (6.0, "router vanishes"), (9.0, "router returns"),
+         (9.2, "v1 comes"), (9.2, "v3 comes")],
+        f"v2 failed {9.0 + RETURN_S - STARTED:.1f} s after the start",
+        9.0 + RETURN_S + FAILED_S,
+        None,
+    ),
+    "a router that stays away": History(
+        [*ALL_COME, *lost(6.0)],
+        f"the router was lost {ENDED - 6.0:.1f} s before the end",
+        6.0 + LOST_S,
+        None,
+    ),
+    "a router lost after the end": History(
+        [*ALL_COME, *lost(ENDED + 0.1)],
+        "the router was lost 0.1 s after the end",
+        ENDED + 0.1 + LOST_S,
+        None,
+    ),
+    "a router away at the end": History(
+        [*ALL_COME, *all_of("goes", ENDED + 0.5), (ENDED - 0.2, "router vanishes"),
+         (BACK, "router returns"), *all_of("comes", BACK + 0.6),
+         *all_of("ends", BACK + COUNTED_S - 0.2)],
+        "",
+        BACK + COUNTED_S - 0.2,
+        None,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", HISTORIES)
+def test_a_history_has_its_lines_reason_and_end(name: str) -> None:
+    row = HISTORIES[name]
+    outcome = play(*row.events, continues=row.continues)
+    assert outcome.reason == row.reason
+    assert outcome.over == pytest.approx(row.over, abs=0.11)
+    if row.lines is not None:
+        assert outcome.lines == [PRESENT, *row.lines]
+        assert outcome.started == pytest.approx(STARTED)
 
 
 def test_missing_vehicles_are_reported_after_a_while_and_on_change() -> None:
-    outcome = play((1.0, "v1 comes"), (5.0, "v2 comes"), (8.0, "v3 comes"), until=9.0)
-    assert outcome.lines == ["waiting for v2, v3", "waiting for v3", "all 3 vehicles are present"]
+    again = (0.5, "v1 comes"), (0.6, "v1 goes")
+    outcome = play(*again, (1.0, "v1 comes"), (5.0, "v2 comes"), (8.0, "v3 comes"), until=9.0)
+    assert outcome.lines == ["waiting for v2, v3", "waiting for v3", PRESENT]
 
 
-# ---- Ending as planned
-
-
-def test_a_run_is_over_when_all_have_finished() -> None:
-    outcome = play(*ALL_COME, *ALL_FINISH)
-    assert outcome.over == pytest.approx(ENDED + 0.1, abs=0.06)
-    assert outcome.reason == ""
-    assert not outcome.conductor.awaits_final_counters()
-
-
-def test_a_vehicle_without_final_counters_is_reported() -> None:
-    outcome = play(*ALL_COME, ALL_FINISH[0], ALL_FINISH[2])
-    assert outcome.reason == "no final counters from v2"
-    assert outcome.over == pytest.approx(ENDED + 0.1 + FINAL_COUNTERS_NS / SECOND, abs=0.11)
-
-
-@pytest.mark.parametrize(("frozen_s", "reason"), [(11.0, ""), (13.0, "no final counters from ")])
-def test_a_router_that_does_not_respond_at_the_end_is_awaited(frozen_s: float, reason: str) -> None:
-    late = [(ENDED + frozen_s + k / 10, f"{name} ends") for k, name in enumerate(CONVOY)]
-    assert play(*ALL_COME, *late).reason == reason + ", ".join(CONVOY) * bool(reason)
-
-
-def test_a_vehicle_that_leaves_early_ends_the_run() -> None:
-    leave = [(10.0, "v3 finishes"), (10.0, "v2 finishes"), (10.4, "v3 goes"), (10.5, "v2 goes")]
-    outcome = play(*ALL_COME, *leave)
-    assert outcome.over == pytest.approx(10.4 + LEFT_S, abs=0.1)
-    assert outcome.reason == "left before the end: v2, v3"
-    assert outcome.conductor.awaits_final_counters()  # of v1
-
-
-def test_the_convoy_continues_without_leavers_if_requested() -> None:
-    outcome = play(*ALL_COME, (STARTED + 7.0, "v2 finishes"), (STARTED + 7.1, "v2 goes"),
-                ALL_FINISH[0], ALL_FINISH[2], continues=True)  # fmt: skip
-    assert outcome.lines[1:] == ["v2 left 7.0 s after the start; the convoy continues without it"]
-    assert outcome.reason == ""
-    assert outcome.over == pytest.approx(ENDED + 0.1, abs=0.06)
-
-
-@pytest.mark.parametrize(
-    ("last", "after_s"), [("goes", FAILED_S), ("finishes", FINAL_COUNTERS_NS / SECOND)]
-)
-def test_a_convoy_whose_vehicles_all_left_or_failed_ends(last: str, after_s: float) -> None:
-    history = [(10.0, "v1 finishes"), (12.0, "v2 finishes"), (14.0, f"v3 {last}")]
-    history += [(10.2, "v1 goes"), (12.2, "v2 goes")]
-    outcome = play(*ALL_COME, *history, continues=True)
-    assert outcome.reason == "all vehicles failed or left"
-    assert outcome.over == pytest.approx(14.0 + after_s, abs=0.11)
-
-
-# ---- Dying
-
-
-def test_a_vehicle_that_fails_ends_the_run() -> None:
-    outcome = play(*ALL_COME, (STARTED + 7.0, "v2 goes"))
-    assert outcome.reason == "v2 failed 7.0 s after the start"
-    assert outcome.over == pytest.approx(STARTED + 7.0 + FAILED_S, abs=0.06)
-    assert outcome.conductor.awaits_final_counters()
-
-
-def test_the_convoy_continues_without_failed_vehicles_if_requested() -> None:
-    outcome = play(
-        *ALL_COME, (STARTED + 7.0, "v2 goes"), ALL_FINISH[0], ALL_FINISH[2], continues=True
-    )
-    assert outcome.lines[1:] == ["v2 failed 7.0 s after the start; the convoy continues without it"]
-    assert outcome.reason == ""
-    assert outcome.over == pytest.approx(ENDED + 0.1, abs=0.06)
-
-
-# ---- Losing the router: everyone seems to vanish
-
-
-def vanish(seconds: float) -> list[Event]:
-    return [(seconds, f"{name} goes") for name in CONVOY]
-
-
-def reappear(seconds: float) -> list[Event]:
-    return [(seconds, f"{name} comes") for name in CONVOY]
-
-
-@pytest.mark.parametrize("noticed_after", [-0.1, 0.0, 0.3])
-@pytest.mark.parametrize("continues", [True, False])
-def test_no_vehicle_has_failed_after_a_short_router_outage(
-    noticed_after: float, *, continues: bool
-) -> None:
-    outcome = play(
-        *ALL_COME,
-        *vanish(6.0),
-        (6.0 + noticed_after, "router vanishes"),
-        (9.0, "router returns"),
-        *reappear(9.2),
-        *ALL_FINISH,
-        continues=continues,
-    )
-    assert outcome.reason == ""
-    assert outcome.lines[1:] == [f"the router was out of reach for {3.0 - noticed_after:.1f} s"]
-    assert outcome.over == pytest.approx(ENDED + 0.1, abs=0.06)
-
-
-def test_a_vehicle_that_does_not_return_after_an_outage_has_failed() -> None:
-    outcome = play(
-        *ALL_COME,
-        *vanish(6.0),
-        (6.0, "router vanishes"),
-        (9.0, "router returns"),
-        (9.2, "v1 comes"),
-        (9.2, "v3 comes"),
-    )
-    assert outcome.reason == f"v2 failed {9.0 + RETURN_S - STARTED:.1f} s after the start"
-    assert outcome.over == pytest.approx(9.0 + RETURN_S + FAILED_S, abs=0.06)
-
-
-def test_a_router_that_stays_away_ends_the_run() -> None:
-    outcome = play(*ALL_COME, *vanish(6.0), (6.0, "router vanishes"))
-    assert outcome.reason == f"the router was lost {ENDED - 6.0:.1f} s before the end"
-    assert outcome.over == pytest.approx(6.0 + ROUTER_LOST_AFTER_NS / SECOND, abs=0.11)
-
-
-@pytest.mark.parametrize(
-    ("lost_s", "when"),
-    [
-        (ENDED - 0.5, "0.5 s before the end"),
-        (ENDED + 0.1, "0.1 s after the end"),
-    ],
-)
-def test_a_router_lost_before_the_final_counters_fails_the_run(lost_s: float, when: str) -> None:
-    outcome = play(*ALL_COME, *vanish(lost_s), (lost_s, "router vanishes"))
-    assert outcome.reason == f"the router was lost {when}"
-    assert outcome.over == pytest.approx(lost_s + ROUTER_LOST_AFTER_NS / SECOND, abs=0.11)
+# ---- A recorder that was late
 
 
 def test_a_recorder_that_caught_up_judges_like_one_that_was_never_late() -> None:
@@ -364,24 +364,6 @@ def test_a_vehicle_that_restarts_on_request_is_awaited(
     assert (conductor.phase is Phase.OVER) == bool(reason)
 
 
-def test_a_vehicle_that_left_again_is_waited_for() -> None:
-    outcome = play(
-        (0.5, "v1 comes"), (1.0, "v1 goes"), (1.1, "v2 comes"), (1.2, "v3 comes"), until=9
-    )
-    assert outcome.conductor.phase is Phase.GATHERING
-    assert outcome.conductor.missing() == ["v1"]
-    again = play((0.5, "v1 comes"), (0.7, "v1 goes"), *ALL_COME, until=5.0)
-    assert again.started == pytest.approx(STARTED)
-
-
-def test_strangers_count_for_nothing() -> None:
-    outcome = play(
-        (0.5, "v9 comes"), *ALL_COME, (5.0, "v9 goes"), (6.0, "v9 finishes"), *ALL_FINISH
-    )
-    assert outcome.reason == ""
-    assert outcome.lines == ["all 3 vehicles are present"]
-
-
 def test_only_the_last_word_of_health_finishes_a_vehicle() -> None:
     outcome = play(*ALL_COME, until=5.0)
     for name in CONVOY:
@@ -392,14 +374,6 @@ def test_only_the_last_word_of_health_finishes_a_vehicle() -> None:
     assert outcome.conductor.awaits_final_counters()
 
 
-def test_a_convoy_without_remaining_vehicles_ends() -> None:
-    failures = [(STARTED + 3.0 + k, f"{name} goes") for k, name in enumerate(CONVOY)]
-    outcome = play(*ALL_COME, *failures, continues=True)
-    assert len(outcome.lines) == 1 + 3
-    assert outcome.reason == "all vehicles failed"
-    assert outcome.over == pytest.approx(STARTED + 5.0 + FAILED_S, abs=0.06)
-
-
 def test_the_first_reason_to_stop_stays() -> None:
     outcome = play(*ALL_COME, until=5.0)
     outcome.conductor.stop("stopped by SIGINT")
@@ -408,20 +382,6 @@ def test_the_first_reason_to_stop_stays() -> None:
     assert outcome.reason == "stopped by SIGINT"
     assert outcome.conductor.advance(at(60.0), connected=False) == []
     assert outcome.reason == "stopped by SIGINT"
-
-
-def test_a_router_that_is_away_at_the_end_is_waited_for_and_then_the_final_counters() -> None:
-    back = ENDED + 4.5
-    outcome = play(
-        *ALL_COME,
-        *vanish(ENDED - 2.0 + 2.5),
-        (ENDED - 0.2, "router vanishes"),
-        (back, "router returns"),
-        *reappear(back + 0.6),
-        *[(back + FINAL_COUNTERS_NS / SECOND - 0.2, f"{name} ends") for name in CONVOY],
-    )
-    assert outcome.reason == ""
-    assert outcome.over == pytest.approx(back + FINAL_COUNTERS_NS / SECOND - 0.2, abs=0.06)
 
 
 def test_a_recorder_held_up_at_the_end_reads_the_messages_of_that_time() -> None:
@@ -451,15 +411,3 @@ def test_the_start_waits_for_slow_announcements_and_missing_vehicles_have_reason
     conductor.note_presence("v2", alive=True, at=at(6.0))
     conductor.advance(at(6.0), connected=True)
     assert conductor.start_at == at(6.0) + LEAD_TIME_NS + 2 * SECOND
-
-
-def test_a_token_that_is_soon_back_is_no_death() -> None:
-    blink = [(5.0, "v2 goes"), (5.0 + 0.8 * FAILED_S, "v2 comes")]
-    outcome = play(*ALL_COME, *blink, *ALL_FINISH)
-    assert outcome.reason == ""
-    assert outcome.lines == ["all 3 vehicles are present"]
-
-
-def test_a_vehicle_that_leaves_before_the_start_is_reported() -> None:
-    outcome = play(*ALL_COME, (STARTED - 0.3, "v3 finishes"), continues=True)
-    assert outcome.lines[1:] == ["v3 left before the start; the convoy continues without it"]

@@ -159,91 +159,88 @@ def test_without_its_router_a_run_fails_and_nothing_else_is_started(folder: Path
     assert supervisor.started == []
 
 
-# ---- Ending as planned
+# ---- Ending
+
+RECORDED = (20.0, "recorder", 0)
+COMPLETED = 0, ""
+SIGINT = 130, "stopped by SIGINT"
+ENDS: dict[str, tuple[list[Event], tuple[int, str], float]] = {
+    # history, exit code and reason, and when the run is over (s)
+    "completed": ([(19.5, "v1", 0), (19.5, "v2", 0), RECORDED], COMPLETED, 20.0),
+    "a vehicle killed": (
+        [(7.0, "v2", SEGMENTATION_FAULT), RECORDED],
+        (1, "v2 was killed by signal 11"),
+        7.0,
+    ),
+    "a vehicle failed": ([(1.0, "v3", 2), RECORDED], (1, "v3 ended with exit code 2"), 1.0),
+    "router killed": ([(5.0, "router", -9)], (1, "router was killed by signal 9"), 5.0 + NOTICED_S),
+    "router killed after all": ([(20.0, "router", -9), RECORDED], COMPLETED, 20.0),
+    "recorder failed": ([(5.0, "recorder", 1)], (1, RECORDER_FAILED), 5.0),
+    "recorder killed": ([(5.0, "recorder", -9)], (1, "recorder was killed by signal 9"), 5.0),
+    "router fails with all": (
+        [(5.0, "v1", -9), (5.0, "v2", -15), (5.0, "router", 1)],
+        (1, "router ended with exit code 1"),
+        5.0,
+    ),
+    "the first failure decides": (
+        [(5.0, "v2", -15), (5.5, "v1", -9)],
+        (1, "v2 was killed by signal 15"),
+        5.0,
+    ),
+    "stopped": ([(4.0, "SIGINT", 130), RECORDED], SIGINT, 4.0),
+    "a stop and the deaths that it brings": (
+        [(4.0, "SIGINT", 130), (4.0, "v1", -2), (4.0, "recorder", 1)],
+        SIGINT,
+        4.0,
+    ),
+    "stopped after all": ([RECORDED, (20.1, "SIGINT", 130)], COMPLETED, 20.0),
+}
 
 
-def test_a_run_is_completed_when_its_recorder_is(folder: Path) -> None:
-    vehicles = [(20.0, name, 0) for name in ("v1", "v2", "v3")]
-    launched = play(folder, *vehicles, (20.5, "recorder", 0))
-    assert launched.ending == (0, "")
-    assert launched.over == pytest.approx(20.5, abs=2 * WATCH_PERIOD_S)
+@pytest.mark.parametrize("name", ENDS)
+def test_the_first_reason_decides_how_a_run_ends(folder: Path, name: str) -> None:
+    history, ending, over = ENDS[name]
+    launched = play(folder, *history)
+    assert launched.ending == ending
+    assert launched.over == pytest.approx(over, abs=2 * WATCH_PERIOD_S + NOTICED_S)
     assert not launched.outcome.repaired
+    (told,) = [call for call in launched.supervisor.calls if call[0] == "send reason"]
+    assert told[1] == "recorder"
+
+
+def test_vehicles_are_stopped_before_the_recorder_which_gets_their_last_messages(
+    folder: Path,
+) -> None:
+    launched = play(folder, (7.0, "v2", SEGMENTATION_FAULT), RECORDED)
     assert launched.supervisor.calls == [
-        ("send reason", "recorder", ""),
-        ("stop",),
-        ("stop",),
-        ("stop", "router"),
-    ]
-
-
-# ---- Failing
-
-
-def test_a_vehicle_that_is_killed_ends_the_run(folder: Path) -> None:
-    launched = play(folder, (7.0, "v2", SEGMENTATION_FAULT), (20.0, "recorder", 0))
-    reason = "v2 was killed by signal 11"
-    assert launched.ending == (1, reason)
-    assert launched.over == pytest.approx(7.0, abs=2 * WATCH_PERIOD_S)
-    assert launched.supervisor.calls == [
-        ("send reason", "recorder", reason),
-        ("stop", "v1", "v3"),  # before the recorder, which gets their last messages
+        ("send reason", "recorder", "v2 was killed by signal 11"),
+        ("stop", "v1", "v3"),
         ("stop", "recorder"),
         ("stop", "router"),
     ]
 
 
-def test_the_convoy_continues_without_failed_vehicles_if_requested(folder: Path) -> None:
-    deaths = [(7.0, "v2", SEGMENTATION_FAULT), (8.0, "v3", 1)]
-    launched = play(folder, *deaths, (20.0, "recorder", 0), goes_on=True)
-    assert launched.ending == (0, "")
-    assert launched.over >= 20.0
-
-
-@pytest.mark.parametrize("goes_on", [False, True])
-def test_without_its_router_no_run_goes_on(folder: Path, *, goes_on: bool) -> None:
-    launched = play(folder, (5.0, "router", -9), (20.0, "recorder", 0), goes_on=goes_on)
-    assert launched.ending == (1, "router was killed by signal 9")
-    assert launched.over == pytest.approx(5.0, abs=2 * WATCH_PERIOD_S + NOTICED_S)
-
-
-def test_a_recorder_that_completed_its_run_decides_over_the_router(folder: Path) -> None:
-    launched = play(folder, (19.5, "router", -9), recorder_ends_with=0)
-    assert launched.ending == (0, "")
-    reason = "router was killed by signal 9"
-    assert ("send reason", "recorder", reason) in launched.supervisor.calls
-    launched = play(folder, (20.0, "router", -9), (20.0, "recorder", 0))
-    assert launched.ending == (0, "")
-
-
-@pytest.mark.parametrize("goes_on", [False, True])
-def test_a_failed_recorder_has_printed_the_reason(folder: Path, *, goes_on: bool) -> None:
-    launched = play(folder, (5.0, "recorder", 1), goes_on=goes_on)
-    assert launched.ending == (1, RECORDER_FAILED)
-
-
-@pytest.mark.parametrize("goes_on", [False, True])
-def test_a_recorder_that_is_killed_ends_the_run(folder: Path, *, goes_on: bool) -> None:
-    launched = play(folder, (5.0, "recorder", -9), goes_on=goes_on)
-    assert launched.ending == (1, "recorder was killed by signal 9")
-
-
-def test_the_first_failure_decides(folder: Path) -> None:
-    launched = play(folder, (5.0, "v1", -9), (5.0, "v2", -15), (5.0, "router", 1))
-    assert launched.ending == (1, "router ended with exit code 1")
-    launched = play(folder, (5.0, "v2", -15), (5.5, "v1", -9))
-    assert launched.ending == (1, "v2 was killed by signal 15")
-
-
-# ---- Being stopped
-
-
-def test_a_stopped_launcher_ends_the_run_with_the_exit_code_of_the_signal(
-    folder: Path,
+@pytest.mark.parametrize(
+    ("event", "ending"),
+    [
+        ((7.0, "v2", SEGMENTATION_FAULT), COMPLETED),
+        ((7.0, "v3", 1), COMPLETED),
+        ((5.0, "router", -9), (1, "router was killed by signal 9")),
+        ((5.0, "recorder", -9), (1, "recorder was killed by signal 9")),
+    ],
+)
+def test_the_convoy_continues_without_failed_vehicles_if_requested(
+    folder: Path, event: Event, ending: tuple[int, str]
 ) -> None:
-    launched = play(folder, (4.0, "SIGINT", 130), (20.0, "recorder", 0))
-    assert launched.ending == (130, "stopped by SIGINT")
-    assert launched.over == pytest.approx(4.0, abs=2 * WATCH_PERIOD_S)
-    assert ("send reason", "recorder", "stopped by SIGINT") in launched.supervisor.calls
+    assert play(folder, event, RECORDED, goes_on=True).ending == ending
+
+
+@pytest.mark.parametrize("source", ["v2", "SIGINT", "router"])
+def test_the_outcome_is_that_of_the_recorder_that_completed_its_run(
+    folder: Path, source: str
+) -> None:
+    launched = play(folder, (19.5, source, -9), recorder_ends_with=0)
+    assert launched.ending == COMPLETED
 
 
 # ---- The log
@@ -279,25 +276,3 @@ def test_a_log_that_its_recorder_could_not_complete_is_repaired(folder: Path) ->
     assert launched.outcome.repaired
     assert launched.ending == (1, "recorder was killed by signal 9")
     assert not LogReader(folder / LOG_NAME).truncated
-
-
-def test_a_vehicle_that_fails_ends_the_run_with_its_exit_code_in_the_line(folder: Path) -> None:
-    launched = play(folder, (1.0, "v3", 2), (20.0, "recorder", 0))
-    assert launched.ending == (1, "v3 ended with exit code 2")
-
-
-def test_a_stop_decides_over_the_deaths_that_it_brings(folder: Path) -> None:
-    launched = play(folder, (4.0, "SIGINT", 130), (4.0, "v1", -2), (4.0, "recorder", 1))
-    assert launched.ending == (130, "stopped by SIGINT")
-
-
-def test_a_completed_recorder_decides_over_a_signal_that_comes_later(folder: Path) -> None:
-    assert play(folder, (20.0, "recorder", 0), (20.1, "SIGINT", 130)).ending == (0, "")
-
-
-@pytest.mark.parametrize("source", ["v2", "SIGINT", "router"])
-def test_the_outcome_is_that_of_the_recorder_that_completed_its_run(
-    folder: Path, source: str
-) -> None:
-    launched = play(folder, (19.5, source, -9), recorder_ends_with=0)
-    assert launched.ending == (0, "")
