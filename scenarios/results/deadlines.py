@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarios.definition.schema.limit_tables import ModeLimit, RecoveryLimit, SourceLimit
-from scenarios.results.events import source_statuses
+from scenarios.results.events import sources
 from scenarios.results.reaction import is_degraded
 from scenarios.results.tables import RunTables
 from scenarios.results.true_motion import cross_track_error
@@ -51,6 +51,7 @@ def _figure(
     run: RunTables, key: str, limit: ModeLimit | SourceLimit | RecoveryLimit
 ) -> DeadlineFigure:
     at = run.table(limit.vehicle, "tracking").at_ns - run.beginning
+    took = None
     match limit:
         case ModeLimit():
             action = f"in mode {limit.mode}, from {limit.after_s:g} s on"
@@ -58,9 +59,10 @@ def _figure(
             took = _first(at, holds, limit.after_s)
         case SourceLimit():
             action = f"source {limit.source} {limit.status}, from {limit.after_s:g} s on"
-            statuses = source_statuses(run, limit.vehicle)
-            unknown = np.full(len(at), "", object)
-            took = _first(at, statuses.get(limit.source, unknown) == limit.status, limit.after_s)
+            found = sources(run, limit.vehicle).get(limit.source)
+            if found is not None:
+                at = found.at_ns - run.beginning
+                took = _first(at, found.status == limit.status, limit.after_s)
         case RecoveryLimit():
             action = f"recovered to {limit.error_m:g} m, from {limit.after_s:g} s on"
             took = _recovered(run, limit)

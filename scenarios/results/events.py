@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from scenarios.results.true_motion import (
     distances,
     gaps,
 )
-from transport.columns import Columns, Flags, Floats, Integers
+from transport.columns import Array, Columns, Flags, Floats, Integers
 from vehicles.car.tyres import SLIDING_SHARE
 from vehicles.messages import statuses_in
 from vehicles.schedule import SECOND, nanoseconds
@@ -239,26 +239,41 @@ def lost_paths(run: RunTables, follower: str) -> Iterator[Event]:
                 yield _of_decision(run, "path_lost", (follower,), int(at[begin]), figures)
 
 
+class SourceHistory(NamedTuple):
+    """Status of a source and age (s) of its data at instants (ns) of decisions; shapes (N)."""
+
+    at_ns: Integers
+    status: Array
+    age_s: Floats
+
+
 @once
-def source_statuses(run: RunTables, follower: str) -> Mapping[str, NDArray[np.object_]]:
-    """Status of each source of a follower at its decisions (N), "" where it has none."""
+def sources(run: RunTables, follower: str) -> Mapping[str, SourceHistory]:
+    """Sources of a follower: lead and predecessor at all its decisions, others where listed."""
     tracking, ahead = run.table(follower, "tracking"), run.ahead(follower)
-    statuses = {run.lead: tracking["lead_status"].copy()}
+    at, others, ages = tracking.at_ns, tracking["other_sources"], tracking.lists["other_age_s"]
+    lengths, found = np.diff(ages.offsets), dict[str, list[tuple[Integers, Array, Floats]]]()
+    for text in set(others.tolist()):
+        for place, (name, status) in enumerate(statuses_in(text).items()):
+            rows = np.flatnonzero(others == text)
+            age_s, known = np.full(len(rows), np.nan), lengths[rows] > place
+            age_s[known] = ages.values[ages.offsets[rows[known]] + place]
+            found.setdefault(name, []).append((rows, np.full(len(rows), status, object), age_s))
+    result = {}
+    for name, parts in found.items():
+        rows, states, age_s = map(np.concatenate, zip(*parts, strict=True))
+        order = np.argsort(rows)
+        result[name] = SourceHistory(at[rows[order]], states[order], age_s[order])
     if ahead != run.lead:
-        statuses[ahead] = tracking["predecessor_status"].copy()
-    others = tracking["other_sources"]
-    for text in set(others.tolist()) - {""}:
-        rows = others == text
-        for source, status in statuses_in(text).items():
-            column = statuses.setdefault(source, np.full(len(others), "", object))
-            column[rows] = status
-    return statuses
+        result[ahead] = SourceHistory(
+            at, tracking["predecessor_status"], tracking["predecessor_age_s"]
+        )
+    return result | {run.lead: SourceHistory(at, tracking["lead_status"], tracking["lead_age_s"])}
 
 
 def distrusts(run: RunTables, follower: str) -> Iterator[Event]:
     """Yield the spans in which a follower distrusts a source."""
-    at = run.table(follower, "tracking").at_ns
-    for source, status in source_statuses(run, follower).items():
+    for source, (at, status, _) in sources(run, follower).items():
         for first, last in spans(at, is_one_of(status, "distrusted")):
             figures = {"duration_s": seconds_between(at, first, last)}
             yield _of_decision(run, "distrust", (source, follower), int(at[first]), figures)

@@ -1,19 +1,20 @@
 """Knowledge of a vehicle at an instant of a recorded run, and why messages were missing."""
 
-from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from math import hypot, isfinite, nan
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
+
+import numpy as np
 
 from scenarios.definition.channel.build import origin
-from scenarios.results.link_account import FATE_WORDS, Fate, MissingVerdict, accounts
+from scenarios.results.link_account import CAUSE_WORDS, LinkAccount, accounts
 from scenarios.results.log_summary import scenario_in, tables_in
 from scenarios.results.reaction import NOT_RELIED_ON
-from transport.columns import Columns
+from scenarios.results.tables import RunTables
+from transport.columns import Columns, Floats, Integers
 from transport.log.errors import LogError
 from transport.log.reader import LogReader
 from transport.topics import counts_as_loss
@@ -25,16 +26,17 @@ from vehicles.schedule import SECOND
 IN_TRANSIT, NOT_ARRIVED, NOT_RECORDED = "in transit", "not arrived", "not recorded"
 """Fates of messages without a drop: not due yet, without a verdict, or with one that the log
 lacks."""
-FATES: Mapping[Fate, str] = {"in_flight": IN_TRANSIT, "unrecorded": NOT_RECORDED}
+FATES = {"in_flight": IN_TRANSIT, "unrecorded": NOT_RECORDED}
 """Fates of the account of a link; the others are causes why a message did not arrive."""
 MOST_OFF_PATH_M = 20.0
 """Largest distance of a vehicle from the path that it follows."""
-FOREVER = 2**63
-"""After every instant (ns)."""
 LEAST_MPS2 = 0.05
 """Least acceleration that is stated."""
 SHOWN = 8
 """Missing messages listed individually."""
+
+
+# ---- What is reported, and its sentence
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,11 +65,11 @@ class KnownSource:
 
     sender: str
     use: str
-    number: int | None
-    measured_at_s: float | None
-    received_at_s: float | None
-    age_s: float | None
-    path_left_m: float | None
+    number: int | None = None
+    measured_at_s: float | None = None
+    received_at_s: float | None = None
+    age_s: float | None = None
+    path_left_m: float | None = None
     received_ratio: float | None
     missing: tuple[MissingMessage, ...]
     status: str = ""
@@ -163,13 +165,10 @@ def cause_of(message: MissingMessage) -> str:
 
 def counts_of(messages: Sequence[MissingMessage]) -> str:
     """Count messages by fate; dropped ones with their causes."""
-    causes: dict[str, dict[str, None]] = {}
-    for message in messages:
-        causes.setdefault(fate_of(message), {})[cause_of(message)] = None
-    counts = Counter(map(fate_of, messages))
     parts = []
-    for fate, count in counts.items():
-        reasons = joined_words([cause for cause in causes[fate] if cause])
+    for fate, count in Counter(map(fate_of, messages)).items():
+        causes = dict.fromkeys(cause_of(one) for one in messages if fate_of(one) == fate)
+        reasons = joined_words([cause for cause in causes if cause])
         parts.append(f"{count} {fate}{f' ({reasons})' if reasons else ''}")
     return ", ".join(parts)
 
@@ -178,236 +177,7 @@ def joined_words(words: Sequence[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
-class SentPose(NamedTuple):
-    """A recorded pose; instants in ns."""
-
-    number: int
-    measured_at: int
-    sent_at: int
-    latitude_deg: float
-    longitude_deg: float
-    altitude_m: float
-
-
-class RecordedVerdict(NamedTuple):
-    """A recorded verdict on a message; instants in ns."""
-
-    number: int
-    measured_at: int
-    sent_at: int
-    received_at: int
-    outcome: str
-    reason: str
-
-
-FIELDS = {
-    "tracking": (
-        *("decided_at_ns", "mode", "reason", "lead_status", "predecessor_status"),
-        "other_sources",
-    ),
-    "truth": ("true_at_ns", "east_m", "north_m"),
-    "command": ("decided_at_ns", "acceleration_mps2", "law_acceleration_mps2", "override"),
-    "gps": ("seq", "measured_at_ns", "sent_at_ns", "latitude_deg", "longitude_deg", "altitude_m"),
-    "verdict": (
-        *("pose_seq", "measured_at_ns", "sent_at_ns", "received_at_ns", "outcome", "reason"),
-        "sender",
-    ),
-}
-"""Fields that are read, by topic, in the order of the tuples above."""
-
-
-class _Messages:
-    """Messages of a vehicle and its senders; poses and verdicts are by sender and number."""
-
-    def __init__(
-        self, columns: Mapping[tuple[str, str], Columns], vehicle: str, senders: Sequence[str]
-    ) -> None:
-        self.decisions = _rows(columns.get((vehicle, "tracking")))
-        places = _rows(columns.get((vehicle, "truth")))
-        self.places = {at: (east, north) for at, east, north in places}
-        self.commands = {at: rest for at, *rest in _rows(columns.get((vehicle, "command")))}
-        self.poses = {
-            sender: {row[0]: SentPose(*row) for row in _rows(columns.get((sender, "gps")))}
-            for sender in senders
-        }
-        self.verdicts: dict[str, dict[int, RecordedVerdict]] = {sender: {} for sender in senders}
-        for number, *rest, sender in _rows(columns.get((vehicle, "verdict"))):
-            if sender in self.verdicts:
-                self.verdicts[sender][number] = RecordedVerdict(number, *rest)
-
-    def decision(self, requested: int) -> tuple[int, str, str, Sequence[str]] | None:
-        """Instant, mode, reason and statuses of the last decision until an instant."""
-        made = bisect_right(self.decisions, requested, key=lambda decision: decision[0])
-        if not made:
-            return None
-        at, mode, reason, *statuses = self.decisions[made - 1]
-        return at, mode, reason, statuses
-
-
-def _rows(columns: Columns | None) -> list[Any]:
-    """Messages as tuples of FIELDS."""
-    if columns is None:
-        return []
-    fields = [columns[name].tolist() for name in FIELDS[columns.topic]]
-    return list(zip(*fields, strict=True))
-
-
-class RecordedKnowledge:
-    """Explains what a vehicle knew at instants of a log."""
-
-    def __init__(self, log: Path, vehicle: str) -> None:
-        """Open a log; raises LogError for a vehicle that is not in it."""
-        self._reader = reader = LogReader(log)
-        self.scenario = scenario_in(reader)
-        names = self.scenario.vehicle_names
-        if vehicle not in names:
-            raise LogError(f"{log}: no vehicle {vehicle!r}, allowed {', '.join(names)}")
-        reader.require_all("verdict", "tracking", "truth")
-        self.log, self.vehicle = log, vehicle
-        self.setup = self.scenario.vehicle(vehicle)
-        self.senders = self.setup.senders
-        starts = [rows for rows in reader.columns(["start"]).values() if len(rows)]
-        self.start_at = int(starts[-1].at_ns[-1]) if starts else 0
-
-    @cached_property
-    def _messages(self) -> _Messages:
-        names = [self.vehicle, *self.senders]
-        columns = self._reader.columns(FIELDS, fields=FIELDS, vehicles=names)
-        return _Messages(columns, self.vehicle, self.senders)
-
-    def at(self, at_s: float) -> Explanation:
-        """Explain the instant `at_s` (s) after the start; raises LogError."""
-        requested = self.start_at + round(at_s * SECOND) if isfinite(at_s) else -FOREVER
-        decision = self._messages.decision(requested)
-        if decision is None or requested > self._reader.last_at:
-            raise self._error(requested)
-        now, mode, reason, recorded = decision
-        statuses = self._statuses(recorded)
-        commanded, law, override = self._messages.commands.get(now, (None, None, ""))
-        return Explanation(
-            vehicle=self.vehicle,
-            decided_at_s=self._seconds(now),
-            mode=mode,
-            reason=reason,
-            acceleration_mps2=commanded,
-            law_acceleration_mps2=law if law is not None and isfinite(law) else None,
-            override=override,
-            steered_along=self._steered_along(mode, statuses),
-            log_faults=self._reader.faults,
-            sources=tuple(
-                self._known(sender, now, statuses.get(sender, "")) for sender in self.senders
-            ),
-        )
-
-    def _statuses(self, recorded: Sequence[str]) -> Mapping[str, str]:
-        """Statuses of the sources, from the `recorded` ones of lead, predecessor and all others."""
-        ends = self.setup.predecessor or "", self.setup.lead
-        return dict(zip(ends, reversed(recorded[:2]), strict=True)) | statuses_in(recorded[2])
-
-    def _steered_along(self, mode: str, statuses: Mapping[str, str]) -> tuple[str, ...]:
-        """Lateral sources along whose path the vehicle steers; a composite leaves lost ones out."""
-        setup, lateral = self.setup, self.setup.flow.lateral
-        ends = setup.lead, setup.predecessor or ""
-        if mode in {"lead", "predecessor"}:
-            return (ends[mode == "predecessor"],)
-        if mode == "intermediate":
-            lateral = tuple(name for name in lateral if name not in ends)
-        kept = [name for name in lateral if statuses.get(name, "") in RELIED_ON]
-        return tuple(kept) if mode in {"composite", "intermediate"} and kept else lateral
-
-    def _error(self, requested: int) -> LogError:
-        decisions = self._messages.decisions
-        if not decisions:
-            return LogError(f"{self.log}: no decisions of {self.vehicle}")
-        first, last = (self._seconds(decisions[row][0]) for row in (0, -1))
-        at_s = self._seconds(requested) if requested > -FOREVER else nan
-        return LogError(
-            f"{self.log}: {self.vehicle} has no decision at {at_s:g} s, allowed "
-            f"{first:g} to {last:g}"
-        )
-
-    @cached_property
-    def _without(self) -> Mapping[str, Mapping[int, MissingVerdict]]:
-        """Messages without a verdict by sender and number, by the accounts of the links."""
-        counted = accounts(tables_in(self._reader, self.scenario))
-        return {
-            sender: {row.number: row for row in counted[sender, self.vehicle].missing}
-            for sender in self.senders
-        }
-
-    def _known(self, sender: str, now: int, status: str) -> KnownSource:
-        poses, verdicts = self._messages.poses[sender], self._messages.verdicts[sender]
-        received = [
-            verdict
-            for verdict in verdicts.values()
-            if verdict.outcome == "delivered" and verdict.received_at <= now
-        ]
-        newest = max(received, key=lambda verdict: verdict.measured_at, default=None)
-        since = newest.number if newest else -1
-        without = self._without[sender]
-        sent_by_now = sorted(number for number, pose in poses.items() if pose.sent_at <= now)
-        missing = [
-            self._missing(sender, poses[number], verdicts.get(number), without.get(number))
-            for number in sent_by_now
-            if number > since
-        ]
-        return KnownSource(
-            sender=sender,
-            use=self.setup.flow.use_of(sender),
-            number=newest.number if newest else None,
-            measured_at_s=self._seconds(newest.measured_at) if newest else None,
-            received_at_s=self._seconds(newest.received_at) if newest else None,
-            age_s=self._age(newest, now) if newest else None,
-            path_left_m=self._path_left(sender, received, now),
-            received_ratio=_received(verdicts.values(), without.values(), now),
-            missing=tuple(missing),
-            status=status,
-        )
-
-    def _seconds(self, at: int) -> float:
-        return (at - self.start_at) / SECOND
-
-    def _age(self, newest: RecordedVerdict, now: int) -> float:
-        """Age (s) of a message by the clock of the vehicle that received it."""
-        clock = self.scenario.clock(self.vehicle, self.start_at)
-        return (clock.reading(now) - newest.measured_at) / SECOND
-
-    def _missing(
-        self,
-        sender: str,
-        pose: SentPose,
-        verdict: RecordedVerdict | None,
-        message: MissingVerdict | None,
-    ) -> MissingMessage:
-        sent_at_s = self._seconds(pose.sent_at)
-        if verdict is None:
-            fate = FATES.get(message.fate, NOT_ARRIVED) if message else NOT_ARRIVED
-            cause = FATE_WORDS[message.fate] if message and fate == NOT_ARRIVED else ""
-            return MissingMessage(number=pose.number, sent_at_s=sent_at_s, fate=fate, cause=cause)
-        dropped, link = verdict.outcome == "dropped", (sender, self.vehicle)
-        return MissingMessage(
-            number=pose.number,
-            sent_at_s=sent_at_s,
-            fate=verdict.reason if dropped else IN_TRANSIT,
-            cause=origin(self.scenario.tables, link, verdict.reason) if dropped else "",
-            due_at_s=self._seconds(verdict.received_at),
-        )
-
-    def _path_left(
-        self, sender: str, received: Sequence[RecordedVerdict], now: int
-    ) -> float | None:
-        """Distance (m) along the received positions of `sender` that lies ahead of the vehicle."""
-        here = self._messages.places.get(now)
-        if here is None or not received:
-            return None
-        plane = LocalPlane(self.scenario.origin)
-        sent, numbers = self._messages.poses[sender], {verdict.number for verdict in received}
-        known = [pose for number, pose in sent.items() if number in numbers]
-        poses = sorted(known, key=lambda pose: pose.measured_at)
-        places = [
-            plane.to_plane(pose.latitude_deg, pose.longitude_deg, pose.altitude_m) for pose in poses
-        ]
-        return remaining_path_length(places, here)
+# ---- From the tables of a run
 
 
 def explain(log: Path, vehicle: str, at_s: float) -> Explanation:
@@ -415,52 +185,158 @@ def explain(log: Path, vehicle: str, at_s: float) -> Explanation:
 
     Raises LogError for an unknown vehicle or an instant outside of the run.
     """
-    return RecordedKnowledge(log, vehicle).at(at_s)
+    reader = LogReader(log)
+    scenario = scenario_in(reader)
+    if vehicle not in scenario.vehicle_names:
+        names = ", ".join(scenario.vehicle_names)
+        raise LogError(f"{log}: no vehicle {vehicle!r}, allowed {names}")
+    reader.require_all("verdict", "tracking", "truth")
+    run = tables_in(reader, scenario)
+    decided_at = run.table(vehicle, "tracking").at_ns
+    if not len(decided_at):
+        raise LogError(f"{log}: no decisions of {vehicle}")
+    if not isfinite(at_s) or not decided_at[0] <= _instant(run, at_s) <= reader.last_at:
+        first, last = run.seconds(decided_at[0]), run.seconds(decided_at[-1])
+        raise LogError(
+            f"{log}: {vehicle} has no decision at {at_s:g} s, allowed {first:g} to {last:g}"
+        )
+    return replace(explanation(run, vehicle, at_s), log_faults=reader.faults)
 
 
-def _received(
-    verdicts: Iterable[RecordedVerdict], without: Iterable[MissingVerdict], now: int
-) -> float | None:
-    """Delivered share of the messages due within the last second, None without any.
-
-    Messages that the transport lost are due when they were sent.
-    """
-    due = [verdict for verdict in verdicts if now - SECOND < verdict.received_at <= now]
-    absent = [lost for lost in without if lost.is_lost and now - SECOND < lost.sent_at <= now]
-    delivered = sum(message.outcome == "delivered" for message in due)
-    return delivered / (len(due) + len(absent)) if due or absent else None
+def _instant(run: RunTables, at_s: float) -> int:
+    return run.beginning + round(at_s * SECOND)
 
 
-def remaining_path_length(
-    places: Sequence[tuple[float, float]], here: tuple[float, float]
-) -> float:
-    """Length (m) of a polyline of `places` from the foot of `here` on it to its end.
+def explanation(run: RunTables, vehicle: str, at_s: float) -> Explanation:
+    """What a vehicle knew at its last decision until `at_s` (s) after the start."""
+    tracking, command = run.table(vehicle, "tracking"), run.table(vehicle, "command")
+    setup = run.scenario.vehicle(vehicle)
+    row = int(np.searchsorted(tracking.at_ns, _instant(run, at_s), side="right")) - 1
+    now, mode = int(tracking.at_ns[row]), tracking["mode"][row]
+    statuses = {
+        setup.predecessor or "": tracking["predecessor_status"][row],
+        setup.lead: tracking["lead_status"][row],
+        **statuses_in(tracking["other_sources"][row]),
+    }
+    commands = command.of(command.at_ns == now)
+    commanded, law, override = (
+        (commands[field].tolist() or [None])[0]
+        for field in ("acceleration_mps2", "law_acceleration_mps2", "override")
+    )
+    return Explanation(
+        vehicle=vehicle,
+        decided_at_s=run.seconds(now),
+        mode=mode,
+        reason=tracking["reason"][row],
+        acceleration_mps2=commanded,
+        law_acceleration_mps2=law if law is not None and isfinite(law) else None,
+        override=override or "",
+        steered_along=_steered_along(run, vehicle, mode, statuses),
+        sources=tuple(
+            _known(run, accounts(run)[name, vehicle], now, statuses.get(name, ""))
+            for name in setup.senders
+        ),
+    )
+
+
+def _steered_along(
+    run: RunTables, vehicle: str, mode: str, statuses: Mapping[str, str]
+) -> tuple[str, ...]:
+    """Lateral sources along whose path a vehicle steers; a composite leaves lost ones out."""
+    setup = run.scenario.vehicle(vehicle)
+    lateral, ends = setup.flow.lateral, (setup.lead, setup.predecessor or "")
+    if mode in {"lead", "predecessor"}:
+        return (ends[mode == "predecessor"],)
+    if mode == "intermediate":
+        lateral = tuple(name for name in lateral if name not in ends)
+    kept = [name for name in lateral if statuses.get(name, "") in RELIED_ON]
+    return tuple(kept) if mode in {"composite", "intermediate"} and kept else lateral
+
+
+def _known(run: RunTables, account: LinkAccount, now: int, status: str) -> KnownSource:
+    sender, vehicle = account.link
+    verdicts, poses = account.verdicts, run.table(sender, "gps")
+    due_at = verdicts["received_at_ns"]
+    received = verdicts.of(account.is_delivered & (due_at <= now))
+    since, newest = -1, dict[str, Any]()
+    if len(received):
+        row = int(np.argmax(received["measured_at_ns"]))
+        since, measured_at = int(received["pose_seq"][row]), int(received["measured_at_ns"][row])
+        clock = run.scenario.clock(vehicle, run.beginning)
+        newest = {
+            "number": since,
+            "measured_at_s": run.seconds(measured_at),
+            "received_at_s": run.seconds(received["received_at_ns"][row]),
+            "age_s": (clock.reading(now) - measured_at) / SECOND,
+            "path_left_m": _path_left(run, account, received["pose_seq"], now),
+        }
+    sent = poses.of((poses.at_ns <= now) & (poses["seq"] > since))
+    is_due = (now - SECOND < due_at) & (due_at <= now)
+    lost_at = account.missing.sent_at[account.missing.is_lost]  # due when they were sent
+    due = int(is_due.sum() + ((now - SECOND < lost_at) & (lost_at <= now)).sum())
+    return KnownSource(
+        sender=sender,
+        use=run.scenario.vehicle(vehicle).flow.use_of(sender),
+        received_ratio=int(account.is_delivered[is_due].sum()) / due if due else None,
+        missing=tuple(_missing(run, account, sent)),
+        status=status,
+        **newest,
+    )
+
+
+def _missing(run: RunTables, account: LinkAccount, sent: Columns) -> Iterator[MissingMessage]:
+    """Yield `sent` poses that had not been received, each with its fate."""
+    verdicts, (numbers, _, fates, _) = account.verdicts, account.missing
+    judged = {number: row for row, number in enumerate(verdicts["pose_seq"].tolist())}
+    without = dict(zip(numbers.tolist(), fates.tolist(), strict=True))
+    for number, sent_at in zip(sent["seq"].tolist(), sent.at_ns.tolist(), strict=True):
+        due_at_s, row = None, judged.get(number)
+        if row is None:
+            known = without.get(number, "")
+            fate, cause = FATES.get(known, NOT_ARRIVED), CAUSE_WORDS.get(known, "")
+        else:
+            due_at_s, fate, cause = run.seconds(verdicts["received_at_ns"][row]), IN_TRANSIT, ""
+            if not account.is_delivered[row]:
+                fate = verdicts["reason"][row]
+                cause = origin(run.scenario.tables, account.link, fate)
+        sent_at_s = run.seconds(sent_at)
+        yield MissingMessage(
+            number=number, sent_at_s=sent_at_s, fate=fate, cause=cause, due_at_s=due_at_s
+        )
+
+
+def _path_left(run: RunTables, account: LinkAccount, numbers: Integers, now: int) -> float | None:
+    """Distance (m) along the received positions of a sender that lies ahead of the vehicle."""
+    sender, vehicle = account.link
+    truth, poses = run.table(vehicle, "truth"), run.table(sender, "gps")
+    here, plane = truth.of(truth.at_ns == now), LocalPlane(run.scenario.origin)
+    if not len(here):
+        return None
+    known = poses.of(np.isin(poses["seq"], numbers))
+    known = known.of(np.argsort(known["measured_at_ns"], kind="stable"))
+    fields = ("latitude_deg", "longitude_deg", "altitude_m")
+    points = zip(*(known[field].tolist() for field in fields), strict=True)
+    places = np.array([plane.to_plane(*point) for point in points]).reshape(-1, 2)
+    return remaining_path_length(places, np.array([here["east_m"][0], here["north_m"][0]]))
+
+
+def remaining_path_length(places: Floats, here: Floats) -> float:
+    """Length (m) of a polyline of `places` (N, 2) from the foot of `here` on it to its end.
 
     The foot is the nearest point of the last stretch that passes by: from the end backwards, the
     first at which the distance grows again within MOST_OFF_PATH_M.
     """
-    if not places:
+    if not len(places):
         return 0.0
-    best, best_length, length_so_far = _distance(places[-1], here), 0.0, 0.0
-    for after, before in zip(reversed(places), reversed(places[:-1]), strict=False):
-        length = _distance(before, after)
-        share = _foot(after, before, here) if length else 0.0
-        foot = tuple(a + share * (b - a) for a, b in zip(after, before, strict=True))
-        distance = hypot(foot[0] - here[0], foot[1] - here[1])
-        if distance <= best:
-            best, best_length = distance, length_so_far + share * length
-        elif best < MOST_OFF_PATH_M and distance > best + MOST_OFF_PATH_M:
-            return best_length
-        length_so_far += length
-    return best_length
-
-
-def _distance(start: tuple[float, float], other: tuple[float, float]) -> float:
-    return hypot(start[0] - other[0], start[1] - other[1])
-
-
-def _foot(start: tuple[float, float], end: tuple[float, float], here: tuple[float, float]) -> float:
-    """Share of the segment from `start` to `end` at its point nearest to `here`."""
-    east, north = end[0] - start[0], end[1] - start[1]
-    along = (here[0] - start[0]) * east + (here[1] - start[1]) * north
-    return min(1.0, max(0.0, along / (east * east + north * north)))
+    ends = places[::-1]
+    steps = np.diff(ends, axis=0)
+    length = np.hypot(*steps.T)
+    along = np.sum((here - ends[:-1]) * steps, axis=1) / np.where(length > 0.0, length**2, 1.0)
+    share = np.clip(along, 0.0, 1.0)
+    feet = np.concatenate((ends[:1], ends[:-1] + share[:, None] * steps))
+    distance = np.hypot(*(here - feet).T)
+    nearest = np.minimum.accumulate(distance)[:-1]
+    has_passed = (nearest < MOST_OFF_PATH_M) & (distance[1:] > nearest + MOST_OFF_PATH_M)
+    stretch = distance[: int(np.argmax(has_passed)) + 1] if has_passed.any() else distance
+    foot = len(stretch) - 1 - int(np.argmin(stretch[::-1]))
+    return float(np.append(0.0, np.cumsum(length) - (1.0 - share) * length)[foot])

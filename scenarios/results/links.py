@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from math import inf, sqrt
+from math import ceil, inf, sqrt
 from statistics import NormalDist
 from typing import Any, NamedTuple
 
@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from scenarios.definition.changes import changed_links
 from scenarios.definition.channel.build import ExpectedChannel, expected_channel
 from scenarios.definition.schema.link_tables import LinkTable
-from scenarios.results.events import begins
+from scenarios.results.events import SourceHistory, begins, sources
 from scenarios.results.link_account import (
-    CAUSE_WORDS,
     LONGEST_NS,
     RESOLUTION_NS,
     TRANSPORT_CAUSES,
@@ -24,11 +23,10 @@ from scenarios.results.link_account import (
     absence_lines,
     away_lines,
 )
-from scenarios.results.record import last_health, pose_rate_hz, poses_of
+from scenarios.results.record import last_health, poses_of
 from scenarios.results.tables import RunTables
-from transport.columns import Array, Columns, Flags, Integers
+from transport.columns import Array, Flags, Integers
 from transport.topics import counts_as_loss
-from vehicles.messages import statuses_in
 from vehicles.schedule import MILLISECOND, SECOND
 
 # ---- Estimates with their intervals: a share of dependent events, the length of bursts, quantiles
@@ -38,8 +36,7 @@ CONFIDENCE = 0.95
 """Confidence of reported intervals."""
 
 
-@dataclass(frozen=True, slots=True)
-class ConfidenceInterval:
+class ConfidenceInterval(NamedTuple):
     value: float
     low: float
     high: float
@@ -92,17 +89,13 @@ def mean_length(lengths: NDArray[np.int_], confidence: float) -> ConfidenceInter
     count = len(lengths)
     if not count:
         return None
-    each = lengths.tolist()
-    first, second = sum(each), sum(length * length for length in each)
-    mean = first / count
-    scatter = (count * second - first * first) / (count * (count - 1)) if count > 1 else 0.0
-    spread = sqrt(max(scatter, mean * (mean - 1.0))) / sqrt(count)
-    half = quantile_of_normal(confidence) * spread
+    mean = int(lengths.sum()) / count
+    scatter = float(lengths.var(ddof=1)) if count > 1 else 0.0
+    half = quantile_of_normal(confidence) * sqrt(max(scatter, mean * (mean - 1.0)) / count)
     return ConfidenceInterval(mean, max(1.0, mean - half), mean + half if count > 1 else inf)
 
 
-@dataclass(frozen=True, slots=True)
-class Spread:
+class Spread(NamedTuple):
     mean: float
     deviation: float
     p95: float
@@ -116,19 +109,10 @@ def spread(times_ns: Integers) -> Spread | None:
     """
     if not len(times_ns):
         return None
-    # In whole numbers, so that the figures are the same on every machine.
-    values, counts = np.unique(times_ns // RESOLUTION_NS, return_counts=True)
-    pairs, total = list(zip(values.tolist(), counts.tolist(), strict=True)), len(times_ns)
-    first = sum(count * value for value, count in pairs)
-    second = sum(count * value * value for value, count in pairs)
-    p95 = values[np.argmax(np.cumsum(counts) >= 0.95 * total)]
-    unit = RESOLUTION_NS / MILLISECOND
-    return Spread(
-        first / total * unit,
-        sqrt((total * second - first * first) / (total * total)) * unit,
-        int(p95) * unit,
-        int(values[-1]) * unit,
-    )
+    values, unit = np.sort(times_ns // RESOLUTION_NS), RESOLUTION_NS / MILLISECOND
+    p95 = values[ceil(0.95 * len(values)) - 1]
+    mean, deviation = int(values.sum()) / len(values), float(values.std())
+    return Spread(mean * unit, deviation * unit, int(p95) * unit, int(values[-1]) * unit)
 
 
 # ---- Link summary
@@ -138,7 +122,7 @@ SAFE_AGES_MS = tuple(range(100, 1001, 100))
 """Ages up to which data may count as fresh."""
 OLDEST_S = 86_400.0
 """Largest plausible age."""
-OF_VEHICLES = {"transmitter_off", "receiver_off"}
+OF_VEHICLES = ("transmitter_off", "receiver_off")
 """Reasons of a vehicle rather than of the link."""
 SILENT_LINK_S = 1.0
 """A link without loss that delivers nothing for this time is reported."""
@@ -261,59 +245,10 @@ class LinkSummary:
 
 def lost_in_transport(row: LinkSummary) -> int:
     """Count the messages that the real transport lost."""
-    return sum([count for cause, count in row.not_arrived.items() if cause in TRANSPORT_CAUSES])
+    return sum([row.not_arrived.get(cause, 0) for cause in TRANSPORT_CAUSES])
 
 
-# ---- Figures of a link from the verdicts, poses and decisions of a run
-
-
-class SourceAges(NamedTuple):
-    """Age (s) and status of a source at each command of a follower, at instants (ns)."""
-
-    age_s: Array
-    status: Array
-    at_ns: Integers
-
-
-def source_ages(run: RunTables, receiver: str) -> dict[str, SourceAges]:
-    """Ages of the sources of a follower; none of the lead."""
-    if receiver == run.lead:
-        return {}
-    tracking, ahead = run.table(receiver, "tracking"), run.ahead(receiver)
-    at, ages = tracking.at_ns, _other_ages(tracking)
-    if ahead != run.lead:
-        ages[ahead] = SourceAges(tracking["predecessor_age_s"], tracking["predecessor_status"], at)
-    ages[run.lead] = SourceAges(tracking["lead_age_s"], tracking["lead_status"], at)
-    return ages
-
-
-def _other_ages(tracking: Columns) -> dict[str, SourceAges]:
-    """Ages of the sources that are neither lead nor predecessor."""
-    lengths, ages = np.diff(tracking.lists["other_age_s"].offsets), tracking.lists["other_age_s"]
-    rows: dict[str, list[tuple[int, int, str]]] = {}
-    listed = {text: list(statuses_in(text).items()) for text in set(tracking["other_sources"])}
-    for row, (text, length) in enumerate(
-        zip(tracking["other_sources"].tolist(), lengths.tolist(), strict=True)
-    ):
-        for place, (name, status) in enumerate(listed[text][:length]):
-            rows.setdefault(name, []).append((row, ages.offsets[row] + place, status))
-    result = {}
-    for name, found in rows.items():
-        numbers, places, statuses = zip(*found, strict=True)
-        at = tracking.at_ns[list(numbers)]
-        result[name] = SourceAges(ages.values[list(places)], np.array(statuses, object), at)
-    return result
-
-
-def false_alarms(ages: SourceAges, until: int) -> int | None:
-    """Count how often a source was newly lost up to an instant (ns) at which it still sent.
-
-    None if the follower reports no status of it.
-    """
-    if (ages.status == "unheard").all():
-        return None
-    is_newly_lost = begins(ages.status == "lost")
-    return int((is_newly_lost & (ages.at_ns <= until)).sum())
+# ---- Figures of a link from its account and the receiver's decisions
 
 
 def carried_losses(account: LinkAccount) -> Flags:
@@ -322,11 +257,10 @@ def carried_losses(account: LinkAccount) -> Flags:
     Messages that the real transport lost are lost. Other messages without a verdict and those held
     back by the link's rate are left out.
     """
-    reasons = account.verdicts["reason"].tolist()
-    losses = {reason: counts_as_loss(reason) for reason in set(reasons)}
-    lost = ~account.is_delivered & np.array([losses[reason] for reason in reasons], bool)
-    carried = account.is_delivered | lost
-    absent = np.array([message.number for message in account.absent], np.int64)
+    reasons = account.verdicts["reason"]
+    losses = [reason for reason in set(reasons.tolist()) if counts_as_loss(reason)]
+    lost = ~account.is_delivered & np.isin(reasons.astype(str), losses)
+    carried, absent = account.is_delivered | lost, account.missing.number[account.missing.is_lost]
     numbers = np.append(account.verdicts["pose_seq"][carried], absent)
     _, first = np.unique(numbers, return_index=True)
     in_order: Flags = np.append(lost[carried], np.ones(len(absent), bool))[first]
@@ -352,37 +286,28 @@ def expected(account: LinkAccount, requested: LinkTable, *, is_changed: bool) ->
     channel = expected_channel(requested)
     if is_changed:
         channel = replace(channel, latency_ms_mean=None, latency_ms_deviation=None)
-    elif OF_VEHICLES.isdisjoint(account.verdicts["reason"][~account.is_delivered]):
+    elif not np.isin(account.verdicts["reason"].astype(str), OF_VEHICLES).any():
         return channel
     return replace(channel, loss_ratio=None, burst_messages=None)
 
 
 def link_summaries(run: RunTables, counted: Mapping[Link, LinkAccount]) -> tuple[LinkSummary, ...]:
-    """Figures of each link, by receiver and then sender from the lead on.
-
-    `counted` are the accounts of the links.
-    """
+    """Figures of each link from its account, by receiver and then sender from the lead on."""
     changed, requested = changed_during(run), run.scenario.links
-    ages = {name: source_ages(run, name) for name in run.names}
     return tuple(
-        _summary(
-            run,
-            account,
-            expected(account, requested[link], is_changed=link in changed),
-            ages[link[1]].get(link[0]),
-        )
+        _summary(run, account, expected(account, requested[link], is_changed=link in changed))
         for link, account in counted.items()
     )
 
 
-def _summary(
-    run: RunTables, account: LinkAccount, channel: ExpectedChannel, ages: SourceAges | None
-) -> LinkSummary:
+def _summary(run: RunTables, account: LinkAccount, channel: ExpectedChannel) -> LinkSummary:
     sender, receiver = account.link
+    source = None if receiver == run.lead else sources(run, receiver).get(sender)
     requested, verdicts = run.scenario.links[account.link], account.verdicts
-    loss, burst, longest = _losses(carried_losses(account), CONFIDENCE)
+    loss, burst, longest = _losses(account, CONFIDENCE)
     delivered, delays = verdicts.of(account.is_delivered), account.latencies
-    latency, mean, numbers = spread(delays), _mean_ms(delays), delivered["pose_seq"]
+    latency, numbers = spread(delays), delivered["pose_seq"]
+    mean = _mean_ms(delays)
     half = _half_of_mean(latency.deviation, len(delays), channel, CONFIDENCE) if latency else 0.0
     between = np.diff(delivered["received_at_ns"])
     transport = account.transport_delays
@@ -398,7 +323,7 @@ def _summary(
         requested_latency_ms_deviation=channel.latency_ms_deviation,
         sent=account.sent,
         judged=len(verdicts),
-        delivered=account.delivered,
+        delivered=len(delivered),
         dropped=_counts(verdicts["reason"][~account.is_delivered]),
         not_arrived=account.not_arrived,
         in_flight=account.fates.get("in_flight", 0),
@@ -423,9 +348,9 @@ def _summary(
         latency_ms_max=max(int(delays.max()), 0) / MILLISECOND if latency else None,
         **_spread_figures("transport", transport),
         **_spread_figures("arrival_gap", between[between > 0]),
-        **_spread_figures("age", _plausible_ns(ages)),
-        false_alarms=AlarmSummary(counted=ages and false_alarms(ages, run.last_at[sender])),
-        safe_time_ratio=_safe_time(ages),
+        **_spread_figures("age", _plausible_ns(source)),
+        false_alarms=AlarmSummary(counted=source and _false_alarms(source, run.last_at[sender])),
+        safe_time_ratio=_safe_time(source),
     )
 
 
@@ -457,14 +382,14 @@ def _recorder_delays(run: RunTables, sender: str) -> Integers:
 
 
 def _losses(
-    lost: Flags, confidence: float
+    account: LinkAccount, confidence: float
 ) -> tuple[ConfidenceInterval, ConfidenceInterval | None, int]:
     """Loss and mean burst length with their intervals, and the longest burst."""
-    lengths = bursts(lost)
+    lost = carried_losses(account)
+    lengths, count = bursts(lost), int(lost.sum())
     burst = mean_length(lengths, confidence)
-    count, of = int(lost.sum()), len(lost)
-    spread_by = inflation(count / of, burst.value) if burst else 1.0
-    return share(count, of, confidence, spread_by), burst, int(lengths.max(initial=0))
+    spread_by = inflation(count / len(lost), burst.value) if burst else 1.0
+    return share(count, len(lost), confidence, spread_by), burst, int(lengths.max(initial=0))
 
 
 def _half_of_mean(
@@ -482,51 +407,33 @@ def _above_floor(delays_ns: Integers, requested: LinkTable) -> float | None:
     return float((delays_ns // RESOLUTION_NS > floor).mean())
 
 
-def _plausible_ns(ages: SourceAges | None) -> Integers:
+def _false_alarms(source: SourceHistory, until: int) -> int | None:
+    """Count how often a source was newly lost up to an instant (ns) at which it still sent.
+
+    None if the follower reports no status of it.
+    """
+    if (source.status == "unheard").all():
+        return None
+    return int((begins(source.status == "lost") & (source.at_ns <= until)).sum())
+
+
+def _plausible_ns(source: SourceHistory | None) -> Integers:
     """Ages (ns) of data, without unknown and absurd ones."""
-    if ages is None:
-        return np.zeros(0, np.int64)
-    known = ages.age_s[(ages.age_s >= 0.0) & (ages.age_s <= OLDEST_S)]
-    nanoseconds: Integers = (known * SECOND).astype(np.int64)
+    age_s = np.zeros(0) if source is None else source.age_s
+    nanoseconds: Integers = (age_s[(age_s >= 0.0) & (age_s <= OLDEST_S)] * SECOND).astype(np.int64)
     return nanoseconds
 
 
-def _safe_time(ages: SourceAges | None) -> dict[str, float]:
+def _safe_time(source: SourceHistory | None) -> dict[str, float]:
     """Share of the commands with data up to each age; unknown ages are not safe."""
-    if ages is None or not len(ages.age_s):
+    if source is None or not len(source.age_s):
         return {}
-    within = _plausible_ns(ages) // RESOLUTION_NS
+    ages = _plausible_ns(source) // RESOLUTION_NS
     most = {str(limit): limit * MILLISECOND // RESOLUTION_NS for limit in SAFE_AGES_MS}
-    return {limit: int((within <= age).sum()) / len(ages.age_s) for limit, age in most.items()}
+    return {limit: int((ages <= age).sum()) / len(source.age_s) for limit, age in most.items()}
 
 
 # ---- Lines about links
-
-
-def describe_link(row: LinkSummary) -> str:
-    """Achieved and requested figures of a link in one line, with intervals of 95 %."""
-    requested_loss, requested_ms = row.requested_loss_ratio, row.requested_latency_ms_mean
-    parts = [
-        f"{row.sender} → {row.receiver}: lost {100 * row.loss_ratio:.1f} % "
-        f"({100 * row.loss_ratio_low:.1f} to {100 * row.loss_ratio_high:.1f}) of its messages, "
-        f"requested {'-' if requested_loss is None else f'{100 * requested_loss:.3g} %'}"
-    ]
-    parts += [
-        f"{row.not_arrived[cause]} not arrived ({words})"
-        for cause, words in CAUSE_WORDS.items()
-        if cause in row.not_arrived
-    ]
-    if row.burst_messages_mean is not None:
-        parts.append(f"{row.burst_messages_mean:.2f} in a row, {row.burst_messages_max} at most")
-    if row.latency_ms_low is not None and row.latency_ms_high is not None:
-        parts.append(
-            f"delayed {row.latency_ms_mean:.1f} ms ({row.latency_ms_low:.1f} to "
-            f"{row.latency_ms_high:.1f}), requested "
-            f"{'-' if requested_ms is None else f'{requested_ms:.4g}'}"
-        )
-    if row.age_ms_mean is not None:
-        parts.append(f"{row.age_ms_mean:.0f} ms old at commands, {row.age_ms_max:.0f} at most")
-    return "; ".join(parts)
 
 
 def channel_warnings(run: RunTables, counted: Mapping[Link, LinkAccount]) -> Iterator[str]:
@@ -549,21 +456,21 @@ def silent_links(
 ) -> str:
     """Report links that should lose nothing but delivered nothing; empty if there are none.
 
-    Only the time during which sender and receiver both ran counts, less the requested delay.
-    `replayed` vehicles receive nothing, and a link with an end whose radio is off for a time may be
-    silent.
+    Only the time in which the sender sends and the receiver reports counts, less the requested
+    delay. `replayed` vehicles receive nothing, and a link with an end whose radio is off for a time
+    may be silent.
     """
     exempt = changed_during(run) | run.scenario.off_links
     silent = []
-    for link, account in counted.items():
-        (sender, receiver), requested = link, run.scenario.links[link]
-        common_s = min(
-            _poses_for_s(run, sender, _first_sent_at(run, sender)),
-            _poses_for_s(run, receiver, run.start_at),
-        )
-        expected_s = common_s - (requested.latency_ms + requested.jitter_ms) / 1000.0
-        should_deliver = requested.is_lossless and receiver not in replayed and link not in exempt
-        if should_deliver and not account.delivered and expected_s >= SILENT_LINK_S:
+    for (sender, receiver), account in counted.items():
+        requested, sent_at = run.scenario.links[sender, receiver], poses_of(run, sender).at_ns
+        should_deliver = requested.is_lossless and account.link not in exempt
+        if not should_deliver or receiver in replayed or not len(sent_at):
+            continue
+        until = min(int(sent_at[-1]), run.last_at[receiver])
+        expected_s = (until - max(int(sent_at[0]), run.beginning)) / SECOND
+        expected_s -= (requested.latency_ms + requested.jitter_ms) / 1000.0
+        if not account.is_delivered.any() and expected_s >= SILENT_LINK_S:
             silent.append(f"{sender} → {receiver} delivered none of {account.sent} poses")
     counters = {name: last_health(run, name) for name in run.names if silent}
     refused = [
@@ -572,16 +479,3 @@ def silent_links(
         if health and health.rejected_messages
     ]
     return "; ".join((*silent, *refused))
-
-
-def _poses_for_s(run: RunTables, name: str, begun_at: int | None) -> float:
-    """Time (s) of sending: by the number of poses, or without a schedule from `begun_at` (ns)."""
-    rate_hz = pose_rate_hz(run, name)
-    if rate_hz is not None:
-        return len(poses_of(run, name)) / rate_hz
-    return 0.0 if begun_at is None else max(run.last_at[name] - begun_at, 0) / SECOND
-
-
-def _first_sent_at(run: RunTables, name: str) -> int | None:
-    at = poses_of(run, name).at_ns
-    return int(at[0]) if len(at) else None

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.results.events import LOST_MODES, begins, is_one_of, source_statuses
+from scenarios.results.events import LOST_MODES, begins, is_one_of, sources
 from scenarios.results.tables import RunTables, common, once, spans
 from transport.columns import Flags, Floats, Integers
 from vehicles.schedule import SECOND
@@ -54,8 +54,8 @@ def is_degraded(run: RunTables, follower: str) -> Flags:
     tracking = run.table(follower, "tracking")
     degraded = is_one_of(tracking["mode"], "coast", "stop")
     degraded |= is_one_of(tracking["predecessor_status"], *NOT_RELIED_ON)
-    for status in source_statuses(run, follower).values():
-        degraded |= is_one_of(status, *NOT_RELIED_ON)
+    for at, status, _ in sources(run, follower).values():
+        degraded |= np.isin(tracking.at_ns, at[is_one_of(status, *NOT_RELIED_ON)])
     return degraded
 
 

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from scenarios.definition.changes import VEHICLE_CHANGES, is_changed
 from scenarios.definition.schema.change_tables import CrashTable
-from scenarios.results.tables import RunTables
+from scenarios.results.tables import RunTables, once
 from transport.columns import Columns, Flags, Integers
 from vehicles.messages import Health
 from vehicles.schedule import SECOND, instant, nanoseconds
@@ -127,6 +127,7 @@ def seen_before(run: RunTables, topic: str, vehicles: Iterable[str], at: int) ->
 # ---- What each vehicle should have sent
 
 
+@once
 def poses_of(run: RunTables, name: str) -> Columns:
     """Recorded poses of a vehicle, without those numbered ahead of its schedule."""
     poses = run.table(name, "gps")
@@ -156,6 +157,7 @@ def last_health(run: RunTables, name: str) -> Health | None:
     return Health(vehicle=name, **{field: value for field, (value,) in values.items()})
 
 
+@once
 def final_health(run: RunTables, name: str) -> Health | None:
     """Final counters of a vehicle, None if it did not end as planned."""
     health = last_health(run, name)
@@ -247,6 +249,7 @@ def expected_poses(until_ns: int, rate_hz: float) -> int:
 # ---- Vehicles out of reach of the recorder
 
 
+@once
 def is_physical(run: RunTables) -> bool:
     """Whether poses took time to reach the recorder, as in no virtual run."""
     tables = [poses_of(run, name) for name in run.names]
@@ -259,11 +262,13 @@ def is_late(poses: Columns) -> Flags:
     return late
 
 
+@once
 def end_of_record(run: RunTables) -> int:
     """Instant (ns) of the last message of any vehicle."""
     return max(run.last_at.values())
 
 
+@once
 def cut_off(run: RunTables) -> frozenset[str]:
     """Vehicles that were out of reach at the end of the record.
 

@@ -12,7 +12,7 @@ from scenarios.results.events import Event
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.limits import collision_ends_run, failure_reason, limit_figures
 from scenarios.results.link_account import accounts
-from scenarios.results.links import describe_link, link_summaries, silent_links
+from scenarios.results.links import silent_links
 from scenarios.results.live import LiveRun, deviations
 from scenarios.results.log_summary import METADATA_NAME, summarise, tables_in, write_summary
 from scenarios.results.record import hole_lines, record_holes
@@ -33,8 +33,6 @@ from vehicles.schedule import nanoseconds
 
 MOST_HOLE_LINES = 20
 """Holes listed in the log; the summary lists all."""
-MOST_LINK_LINES = 100
-"""Links listed in the log, likewise."""
 
 
 def scene_of(scenario: Scenario) -> Scene:
@@ -154,11 +152,7 @@ class RunLog:
             self._write_deviations(at, run, self._end_at)
             for line in hole_lines(record_holes(run), MOST_HOLE_LINES):
                 self.recorder.log(at, line, "warning")
-            counted = accounts(run)
-            for row in link_summaries(run, counted)[:MOST_LINK_LINES]:
-                if row.judged:
-                    self.recorder.log(at, describe_link(row), "debug")  # for the log only
-            silent = silent_links(run, counted, self._replayed)
+            silent = silent_links(run, accounts(run), self._replayed)
             self.reason = self._summary(reason or early or silent).reason
         except LogError as error:
             self.reason = failure_reason(reason or early, [str(error)])

@@ -211,7 +211,7 @@ def test_each_distrust_of_a_source_is_an_event() -> None:
     assert [one.vehicles for one in both_ways] == [("v1", "v2")]  # the lead follows nobody
 
 
-@pytest.mark.parametrize("text", ["v9", "v1 distrusted, v9", "v9 lost v1"])
+@pytest.mark.parametrize("text", ["v9", "v9 distrusted, v1", "v9 lost v1"])
 def test_a_malformed_list_of_sources_is_read_as_far_as_it_goes(text: str) -> None:
     """The bus is open to everybody, and the summary reads what is in the log."""
     found = detected(*(tracking("v3", seq, other_sources=text) for seq in range(3)))

@@ -12,29 +12,24 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from hypothesis import given
-from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from scenarios.cli.log_commands import explain as explain_command
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.explain import (
     IN_TRANSIT,
-    NOT_ARRIVED,
     Explanation,
-    MissingMessage,
-    RecordedKnowledge,
-    counts_of,
+    explain,
+    explanation,
     remaining_path_length,
 )
+from scenarios.results.log_summary import tables_of
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from tests.made.transport.changed_logs import changed_log
 from transport import convoy_pb2
-from transport.log.reader import LogReader
 from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import Command, Message, Tracking
-from vehicles.schedule import SECOND
 
 INSTANTS = 40
 OVERRIDES = [
@@ -148,11 +143,11 @@ def brute_way_left(places: list[tuple[float, float]], here: tuple[float, float])
 
 def test_explanations_of_many_instants_match_the_log(log: Path, plain: Record) -> None:
     start = plain["run", "start"][0].start_at_ns
-    known = {name: RecordedKnowledge(log, name) for name in ("v1", "v2", "v3", "v4")}
+    run = tables_of(log)
     plane = LocalPlane(load_scenario("lane_change").origin)
     reported = 0
     for vehicle, at_s in instants():
-        found = known[vehicle].at(at_s)
+        found = explanation(run, vehicle, at_s)
         requested = start + round(at_s * 1e9)
         decision = [t for t in plain[vehicle, "tracking"] if t.decided_at_ns <= requested][-1]
         assert found.decided_at_s == pytest.approx((decision.decided_at_ns - start) / 1e9)
@@ -172,11 +167,8 @@ def test_the_command_prints_the_sentence_and_its_twin_for_machines(log: Path) ->
     arguments = [str(log), "--vehicle", "v4", "--at", "7.5"]
     printed = CliRunner().invoke(explain_command, arguments)
     assert printed.exit_code == 0
-    found = RecordedKnowledge(log, "v4").at(7.5)
+    found = explain(log, "v4", 7.5)
     assert found.sentence in printed.output
-    for source in found.sources:
-        in_transit = sum(message.fate == IN_TRANSIT for message in source.missing)
-        assert (f"{in_transit} in transit" in found.sentence) == bool(in_transit)
     table = json.loads(CliRunner().invoke(explain_command, [*arguments, "--json"]).output)
     assert table["sentence"] == found.sentence
     assert [one["sender"] for one in table["sources"]] == ["v1", "v3"]
@@ -193,30 +185,10 @@ def test_an_override_is_explained_with_its_evidence(log: Path, tmp_path: Path) -
             return replace(message, override="announced stop", **figures)  # type: ignore[arg-type]
         return replace(message, reason=reason) if isinstance(message, Tracking) else message
 
-    found = RecordedKnowledge(changed_log(log, tmp_path / "run.mcap", overridden), "v4").at(7.5)
-    assert (
-        "It braked at 4.0 m/s² where its longitudinal law requested +0.2 m/s²; overridden by "
-        f"'announced stop': brakes for a stop that the silent predecessor announced ({reason})."
-    ) in found.sentence
-    whole = Explanation(
-        vehicle="v4", decided_at_s=1.0, mode="composite", reason="", sources=(),
-        acceleration_mps2=-1.25, law_acceleration_mps2=-1.25,
-    )  # fmt: skip
-    assert "It braked at 1.2 m/s², as its longitudinal law requested." in whole.sentence
-    assert "It " not in replace(whole, acceleration_mps2=0.0).sentence
-
-
-def missing(fate: str, cause: str = "") -> MissingMessage:
-    return MissingMessage(number=7, sent_at_s=1.0, fate=fate, cause=cause, due_at_s=1.2)
-
-
-def test_later_messages_are_counted_by_their_fate() -> None:
-    """A dropped message is lost from the start, and not in transit until it was due."""
-    loss = missing("loss", "links.loss_ratio = 0.4")
-    assert counts_of([loss, missing(IN_TRANSIT)]) == "1 lost (links.loss_ratio = 0.4), 1 in transit"
-    cut, skipped = missing("cut", "cut"), missing("rate", "links.rate_hz = 5")
-    assert counts_of([cut, cut, missing(NOT_ARRIVED)]) == "2 lost (link cut), 1 not arrived"
-    assert counts_of([skipped]) == "1 skipped (links.rate_hz = 5)"
+    found = explain(changed_log(log, tmp_path / "run.mcap", overridden), "v4", 7.5)
+    assert (found.acceleration_mps2, found.law_acceleration_mps2) == (-4.0, 0.25)
+    assert found.override == "announced stop"
+    assert reason in found.sentence
 
 
 @pytest.mark.parametrize(
@@ -235,27 +207,19 @@ def test_values_outside_of_the_log_are_refused_in_one_line(
     assert result.output.count("\n") == 1
 
 
-@given(st.floats(-5.0, 60.0), st.floats(-3.0, 3.0))
-def test_the_remaining_path_on_a_straight_is_its_length(ahead: float, aside: float) -> None:
-    places = [(2.0 * k, 0.0) for k in range(21)]
-    expected = min(max(40.0 - ahead, 0.0), 40.0)
-    assert remaining_path_length(places, (ahead, aside)) == pytest.approx(expected, abs=1e-9)
-
-
 def test_the_remaining_path_is_that_of_the_last_lap() -> None:
     square = [(0.0, 0.0), (100.0, 0.0), (100.0, 100.0), (0.0, 100.0)]
-    laps = [*square, *square, *square]
-    assert remaining_path_length(laps, (50.0, 1.0)) == pytest.approx(250.0)
+    laps = np.array([*square, *square, *square])
+    assert remaining_path_length(laps, np.array([50.0, 1.0])) == pytest.approx(250.0)
 
 
 def test_ages_of_poses_are_by_the_vehicle_s_own_clock(tmp_path: Path) -> None:
     clocks = ["vehicle.v2.clock={offset_ms=150.0}", "vehicle.v3.clock={offset_ms=-400.0}"]
     run_virtual(load_scenario("lane_change", ["duration_s=3.0", *clocks]), tmp_path, Stop())
-    record = RecordedKnowledge(tmp_path / "run.mcap", "v3")
-    decisions = LogReader(tmp_path / "run.mcap").messages(["tracking"], ["v3"])
-    decision = [message for _, _, message in decisions if isinstance(message, Tracking)][100]
-    results = record.at((decision.decided_at_ns - record.start_at) / SECOND)
-    ages = {source.sender: source.age_s for source in results.sources}
-    assert ages["v1"] == pytest.approx(decision.lead_age_s)
-    assert ages["v2"] == pytest.approx(decision.predecessor_age_s)
-    assert decision.predecessor_age_s < -0.4
+    run = tables_of(tmp_path / "run.mcap")
+    tracking = run.table("v3", "tracking")
+    found = explanation(run, "v3", run.seconds(tracking.at_ns[100]))
+    ages = {source.sender: source.age_s for source in found.sources}
+    assert ages["v1"] == pytest.approx(tracking["lead_age_s"][100])
+    assert ages["v2"] == pytest.approx(tracking["predecessor_age_s"][100])
+    assert tracking["predecessor_age_s"][100] < -0.4

@@ -7,7 +7,7 @@ import pytest
 
 from scenarios.cli.change_requests import VEHICLE_COLUMNS
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.explain import RecordedKnowledge
+from scenarios.results.explain import explain
 from scenarios.results.live import LiveRun
 from scenarios.results.run_drawing import open_drawing
 from scenarios.results.summary import RunSummary
@@ -100,12 +100,12 @@ def test_links_and_limits_count_every_source(run: FlowRun) -> None:
 
 
 def test_the_explanation_and_the_status_name_every_source(run: FlowRun) -> None:
-    knowledge = RecordedKnowledge(run.folder / "run.mcap", "v5").at(END - 0.1)
+    knowledge = explain(run.folder / "run.mcap", "v5", END - 0.1)
     assert knowledge.steered_along == ("v2", "v3")
     assert {one.sender: one.use for one in knowledge.sources} == dict.fromkeys(
         ("v2", "v3", "v4"), "lateral and longitudinal"
     )
-    behind = RecordedKnowledge(run.folder / "run.mcap", "v4").at(END - 0.1)
+    behind = explain(run.folder / "run.mcap", "v4", END - 0.1)
     assert behind.sources[-1].sender == "v5"
     assert behind.sources[-1].use == "longitudinal"
     vehicle = next(one for one in run.status.vehicles if one.name == "v5")
