@@ -23,8 +23,8 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import is_drive
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.path_tables import PointsPath
+from scenarios.definition.traces.drive import WRONG_TIME
 from scenarios.definition.traces.reading import DriveInPlane
-from scenarios.definition.traces.recorded_drive import WRONG_TIME
 from scenarios.results.figure_style import picture_format_of
 
 Row = tuple[str, str]

@@ -44,8 +44,8 @@ from scenarios.definition.schema.plug_ins.point import InstantDraw
 from scenarios.definition.schema.plug_ins.table import RECORDED, own_classes
 from scenarios.definition.schema.scenario_tables import ClockTable, OriginTable, ScenarioTables
 from scenarios.definition.topology import directed_links
-from scenarios.definition.traces.reading import OnDrive
-from scenarios.definition.traces.scenario_drives import (
+from scenarios.definition.traces.reading import (
+    OnDrive,
     at_recorded_speed,
     with_points,
     with_replays,

@@ -75,7 +75,7 @@ def drive_figure(drive: DriveInPlane, scenario: Scenario | None) -> Figure:
 
     Coordinates and distances count from the first point of the drive.
     """
-    points = np.stack((drive.east_m, drive.north_m))
+    points, table = drive.points, drive.table
     start, along = points[:, :1], driven_m(drive, scenario)
     planned = _planned(scenario) if scenario is not None else None
     middle = 0.5 * (points.min(axis=1) + points.max(axis=1)) - start[:, 0]
@@ -95,8 +95,8 @@ def drive_figure(drive: DriveInPlane, scenario: Scenario | None) -> Figure:
         places = _places(drive, kind) - start
         plan.plot(*places[:, :MOST_MARKED], label=f"{kind}: {count}", **style)
     _draw_ends(plan, points - start if planned is None else planned.path)
-    if drive.pauses:
-        numbers = [pause.point for pause in drive.pauses]
+    if table.pause_points:
+        numbers = np.array(table.pause_points)
         plan.plot(*(points - start)[:, numbers], **PAUSED, label="pause")
         at = along[np.minimum(numbers, len(along) - 1)]  # a lap ends before the recording
         speed.plot(at, np.zeros(len(numbers)), **PAUSED, clip_on=False, zorder=3)
@@ -104,8 +104,8 @@ def drive_figure(drive: DriveInPlane, scenario: Scenario | None) -> Figure:
     plan.set(xlim=middle[0] + (-half[0], half[0]), ylim=middle[1] + (-half[1], half[1]))
     plan.set_aspect("equal")
     _draw_speed(speed, drive, planned, along)
-    duration = f", {drive.time_s[-1]:.0f} s" if len(drive.time_s) else ""
-    plan.set_title(f"{drive.source}: {along[-1]:.0f} m{duration}", loc="left")
+    duration = f", {table.time_s[-1]:.0f} s" if table.time_s else ""
+    plan.set_title(f"{Path(table.source).name}: {along[-1]:.0f} m{duration}", loc="left")
     figure.legend(*plan.get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure
 

@@ -1,19 +1,20 @@
 """`convoy check` of a recorded drive: facts of the recording, and of the path through it."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from scenarios.definition.road.point_path import place_of, time_lost
+from scenarios.definition.road.point_path import place_of
 from scenarios.definition.road.replayed_drive import replay_warnings
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.path_tables import PointsPath, SmoothedPathTable
+from scenarios.definition.traces.drive import JUMP, PATH_KEYS, WRONG_TIME
 from scenarios.definition.traces.reading import DriveInPlane
-from scenarios.definition.traces.recorded_drive import JUMP, PATH_KEYS, WRONG_TIME
 from vehicles.geometry.bridges import distances_along, find_holes, step_lengths
 from vehicles.geometry.sampled_path import FloatArray
 from vehicles.geometry.smoothing import Hole, SmoothedPath
@@ -107,64 +108,52 @@ class DriveReport:
 
 def drive_report(drive: DriveInPlane, scenario: Scenario | None) -> DriveReport:
     """Report on a drive, and on its path in a `scenario`, None if it cannot be driven."""
+    table, counts = drive.table, drive.left_out.counts
     road = scenario.route.smoothed if scenario is not None else None
-    points = np.stack((drive.east_m, drive.north_m))
-    steps = step_lengths(points)
-    along = driven_m(drive, scenario)
+    along, steps = driven_m(drive, scenario), step_lengths(drive.points)
     speeds, source = speeds_mps(drive, along)
-    duration = float(drive.time_s[-1]) if len(drive.time_s) else None
-    lost = 0.0 if drive.pauses_cut else sum(pause.lost_s for pause in drive.pauses)
-    moving = (duration or 0.0) - lost
+    moving = table.time_s[-1] if table.time_s else 0.0
+    moving -= 0.0 if table.pauses == "cut" else sum(table.pause_lost_s)
     holes = road.holes if road else [Hole(int(k), float(steps[k])) for k in find_holes(steps)]
+    unread = sum(count for kind, count in counts.items() if kind not in (JUMP, WRONG_TIME))
+    pauses = zip(table.pause_points, table.pause_lasts_s, strict=True)
     return DriveReport(
-        file=drive.source,
+        file=Path(table.source).name,
         format=drive.format_name,
-        records=_record_count(drive),
-        points=int(np.unique(drive.source_numbers).size),
-        begins_at=_begin(drive),
-        from_s=drive.begin_s,
-        from_m=drive.begin_m,
-        duration_s=duration,
-        rate_hz=_rate(drive.time_s),
+        records=drive.record_m.shape[1] + unread,
+        points=len(set(table.source_numbers)),
+        begins_at=_begin(table),
+        from_s=table.begin_s,
+        from_m=table.begin_m,
+        duration_s=table.time_s[-1] if table.time_s else None,
+        rate_hz=_rate(np.array(table.time_s)),
         length_m=float(along[-1]),
-        noise_m=road.noise if road else drive.noise_m,
+        noise_m=road.noise if road else table.noise_m,
         speed_source=source,
         speed_mps_min=float(np.min(speeds)) if source else None,
         speed_mps_mean=float(along[-1]) / moving if source and moving > 0.0 else None,
         speed_mps_max=float(np.max(speeds)) if source else None,
-        holes=_holes(drive, along, holes),
-        pauses=_pauses(drive, along),
-        left_out=dict(drive.left_out.counts),
-        left_out_first=drive.left_out_lines,
-        remarks=drive.remarks,
+        holes=tuple(
+            HoleFacts(
+                after=place_of(table, hole.point),
+                at_m=float(along[hole.point]),
+                length_m=hole.length,
+            )
+            for hole in holes
+        ),
+        pauses=tuple(
+            PauseFacts(
+                after=place_of(table, point),
+                at_m=float(along[min(point, len(along) - 1)]),
+                lasts_s=lasts,
+                is_cut=table.pauses == "cut",
+            )
+            for point, lasts in pauses
+        ),
+        left_out=dict(counts),
+        left_out_first=table.left_out,
+        remarks=table.remarks,
         path=_path(scenario, road) if scenario is not None and road is not None else None,
-    )
-
-
-def _record_count(drive: DriveInPlane) -> int:
-    counts = drive.left_out.counts
-    unread = sum(count for kind, count in counts.items() if kind not in (JUMP, WRONG_TIME))
-    return drive.record_count + unread
-
-
-def _holes(drive: DriveInPlane, along: FloatArray, holes: Sequence[Hole]) -> tuple[HoleFacts, ...]:
-    places = _places(drive, [hole.point for hole in holes])
-    return tuple(
-        HoleFacts(after=place, at_m=float(along[hole.point]), length_m=hole.length)
-        for place, hole in zip(places, holes, strict=True)
-    )
-
-
-def _pauses(drive: DriveInPlane, along: FloatArray) -> tuple[PauseFacts, ...]:
-    places = _places(drive, [pause.point for pause in drive.pauses])
-    return tuple(
-        PauseFacts(
-            after=place,
-            at_m=float(along[min(pause.point, len(along) - 1)]),
-            lasts_s=pause.lasts_s,
-            is_cut=drive.pauses_cut,
-        )
-        for place, pause in zip(places, drive.pauses, strict=True)
     )
 
 
@@ -172,43 +161,28 @@ def driven_m(drive: DriveInPlane, scenario: Scenario | None) -> FloatArray:
     """Return the distance (m) of each point along the drive: on its path if it has one."""
     if scenario is not None and (road := scenario.route.smoothed) is not None:
         return road.stations - road.start
-    return distances_along(np.stack((drive.east_m, drive.north_m)))
+    return distances_along(drive.points)
 
 
 def speeds_mps(drive: DriveInPlane, along: FloatArray) -> tuple[FloatArray, SpeedSource | None]:
     """Return the speeds at points at distances `along` (m), empty without speeds and times."""
-    if len(drive.speed_mps):
-        return drive.speed_mps[: len(along)], "recorded"
-    if not len(drive.time_s) or drive.time_s[-1] <= 0.0:
+    if drive.table.speed_mps:
+        return np.array(drive.table.speed_mps[: len(along)]), "recorded"
+    times = np.array(drive.table.time_s[: len(along)])
+    if not times.size or drive.table.time_s[-1] <= 0.0:
         return np.zeros(0), None
-    times = drive.time_s[: len(along)]
     late = np.minimum(times + SPEED_WINDOW, times[-1])
     early = np.maximum(times - SPEED_WINDOW, times[0])
     gone = np.interp(late, times, along) - np.interp(early, times, along)
     return np.asarray(gone / (late - early)), "derived"
 
 
-def _places(drive: DriveInPlane, points: Sequence[int]) -> list[str]:
-    """Return the places of points in the file, with times since the start of the recording."""
-    numbers = drive.source_numbers[points]
-    if not len(drive.time_s):
-        return [f"{drive.source_unit} {number}" for number in numbers]
-    times = drive.begin_s + drive.time_s[points]
-    if drive.pauses_cut:
-        before = [pause.point for pause in drive.pauses]
-        times += time_lost(points, before, [pause.lost_s for pause in drive.pauses])
-    return [
-        f"{drive.source_unit} {number} ({time:.1f} s)"
-        for number, time in zip(numbers, times, strict=True)
-    ]
-
-
-def _begin(drive: DriveInPlane) -> str | None:
-    if drive.clock is None or not len(drive.time_s):
+def _begin(table: PointsPath) -> str | None:
+    if table.clock is None or not table.time_s:
         return None
-    begin = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=drive.epoch_s)
+    begin = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=table.epoch_s)
     text = begin.isoformat(timespec="milliseconds").removesuffix("+00:00") + "Z"
-    return text if drive.clock == "unix" else text.partition("T")[2]
+    return text if table.clock == "unix" else text.partition("T")[2]
 
 
 def _rate(times: FloatArray) -> float | None:
@@ -223,22 +197,17 @@ def _path(scenario: Scenario, road: SmoothedPath) -> PathFacts:
     sharpest = int(on_drive[np.argmax(np.abs(route.path.curvature[on_drive]))])
     curvature = abs(float(route.path.curvature[sharpest]))
     radius = 1.0 / curvature if curvature > STRAIGHT else None
+    cars = [scenario.vehicle(name).parameters for name in scenario.vehicle_names]
     lateral = scenario.tables.speed.lateral_acceleration_mps2_max
     return PathFacts(
         radius_m_min=radius,
         at_m=float(route.path.station[sharpest]) - road.start if radius else None,
-        turning_radius_m=max(_turning_radii(scenario)),
+        turning_radius_m=max(car.wheelbase / car.steering_limit for car in cars),
         bend_speed_mps_max=math.sqrt(lateral * radius) if radius else None,
         smoothing_m=road.half_width,
         deviation_m_rms=road.deviation_rms,
         deviation_m_max=road.deviation_max,
     )
-
-
-def _turning_radii(scenario: Scenario) -> Iterator[float]:
-    for name in scenario.vehicle_names:
-        car = scenario.vehicle(name).parameters
-        yield car.wheelbase / car.steering_limit
 
 
 # ---- Warnings of recorded drives: changes while reading, smoothing, holes, replayed vehicles
@@ -250,11 +219,8 @@ CUT_RATIO = 0.5
 FAR_FROM_POINTS = 0.5
 """Distance (m) between path and recorded points above which a warning is due."""
 
-MOST_HOLES = 5
-"""Number of holes in a drive with their own warning."""
-
-MOST_PAUSES = 5
-"""The same for pauses."""
+LISTED_MAX = 5
+"""Number of holes, and of pauses, in a drive with their own warning."""
 
 USUAL_SMOOTHING = SmoothedPathTable().smoothing_m
 """Half width (m) of the smoothing unless the noise of the points requires more."""
@@ -333,21 +299,21 @@ def _pause_warnings(table: PointsPath, *, is_replay: bool) -> Iterator[str]:
     else:
         result = 'the lead waits there, path.pauses = "cut" leaves the time out'
     rows = list(zip(table.pause_points, table.pause_lasts_s, strict=True))
-    for point, lasts in rows[:MOST_PAUSES]:
+    for point, lasts in rows[:LISTED_MAX]:
         place = place_of(table, point)
         yield f"{source}: a pause of {lasts:.1f} s after {place}: {result}"
-    if len(rows) > MOST_PAUSES:
-        rest = sum(lasts for _, lasts in rows[MOST_PAUSES:])
-        yield f"{source}: {len(rows) - MOST_PAUSES} more pauses, {rest:.0f} s in total"
+    if len(rows) > LISTED_MAX:
+        rest = sum(lasts for _, lasts in rows[LISTED_MAX:])
+        yield f"{source}: {len(rows) - LISTED_MAX} more pauses, {rest:.0f} s in total"
 
 
 def _hole_warnings(table: PointsPath, smoothed: SmoothedPath) -> Iterator[str]:
-    for hole in smoothed.holes[:MOST_HOLES]:
+    for hole in smoothed.holes[:LISTED_MAX]:
         yield (
             f"{table.source or 'path'}: a hole of {hole.length:.1f} m after "
             f"{place_of(table, hole.point)} is bridged by a smooth curve: the road there is a guess"
         )
-    if len(smoothed.holes) > MOST_HOLES:
-        rest = smoothed.holes[MOST_HOLES:]
+    if len(smoothed.holes) > LISTED_MAX:
+        rest = smoothed.holes[LISTED_MAX:]
         longest = max(hole.length for hole in rest)
         yield f"{table.source or 'path'}: {len(rest)} more holes, up to {longest:.1f} m long"

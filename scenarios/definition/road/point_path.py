@@ -1,20 +1,11 @@
 """The path through recorded points."""
 
-from collections.abc import Iterable
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from scenarios.definition.errors import SettingError
 from scenarios.definition.schema.path_tables import PointsPath, SegmentsPath
-from scenarios.definition.traces.recorded_drive import MOST_BREAKS as MOST_LISTED
-from scenarios.definition.traces.recorded_drive import (
-    PATH_KEYS,
-    DrivePiece,
-    piece_between,
-    pieces_in_words,
-)
+from scenarios.definition.traces.drive import PATH_KEYS, bounds, listed_parts
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.geometry.bridges import distances_along, find_holes, step_lengths
 from vehicles.geometry.sampled_path import FloatArray
@@ -33,32 +24,21 @@ from vehicles.geometry.smoothing import (
 def place_of(table: PointsPath, point: int) -> str:
     """Return the place of a point (from 0) in its file, and its time in the recorded drive."""
     number = table.source_numbers[point] if point < len(table.source_numbers) else point + 1
-    at = f" ({_recorded_time(table, point):.1f} s)" if table.time_s else ""
+    at = f" ({recorded_times(table, [point])[0]:.1f} s)" if table.time_s else ""
     return f"{table.source_unit} {number}{at}"
 
 
-def _recorded_time(table: PointsPath, point: int) -> float:
-    time = table.begin_s + table.time_s[point]
-    if table.pauses == "cut":
-        time += float(time_lost([point], table.pause_points, table.pause_lost_s)[0])
-    return time
+def recorded_times(table: PointsPath, points: ArrayLike | None = None) -> FloatArray:
+    """Return the times (s) of points since the start of the recorded drive, pauses included.
 
-
-def recorded_times(table: PointsPath) -> FloatArray:
-    """Return the times (s) of points since the start of the recorded drive, pauses included."""
-    times = table.begin_s + np.asarray(table.time_s)
-    if table.pauses == "cut":
-        times += time_lost(np.arange(times.size), table.pause_points, table.pause_lost_s)
-    return times
-
-
-def time_lost(points: ArrayLike, pause_points: ArrayLike, lost_s: ArrayLike) -> FloatArray:
-    """Return the time (s) lost in pauses before each of `points`, given by their indices.
-
-    A pause follows the point of the same place in `pause_points`, which increase.
+    By default of all points. A pause follows the point of the same place in `pause_points`.
     """
-    lost = np.concatenate((np.zeros(1), np.cumsum(lost_s)))
-    return np.asarray(lost[np.searchsorted(pause_points, points)])
+    places = np.arange(len(table.time_s)) if points is None else np.asarray(points)
+    times = table.begin_s + np.asarray(table.time_s)[places]
+    if table.pauses == "cut":
+        lost = np.concatenate((np.zeros(1), np.cumsum(table.pause_lost_s)))
+        times = times + lost[np.searchsorted(table.pause_points, places)]
+    return np.asarray(times)
 
 
 # ---- The half width at which recorded points are smoothed: the first that a car can drive
@@ -125,50 +105,50 @@ def _sharpest_turn(noise: float) -> float:
     return 1.0 / max(TIGHTEST - MISSED * noise, LEAST_RADIUS)
 
 
-# ---- The pieces of a recorded drive that a car can drive forwards
+# ---- The parts of a recorded drive that a car can drive forwards
 
 
 SHORTEST = 30.0
-"""Shortest piece (m): what is shorter may be driven in reverse, such as in a three-point turn."""
+"""Shortest part (m): what is shorter may be driven in reverse, such as in a three-point turn."""
 
 MARGIN = 1.0
 """Distance (m) along the points that is left out on either side of a section without a path."""
 
-MOST_TRIED = 20
-"""Number of pieces that are tried, unless they have more points than the drive."""
+TRIED_MAX = 20
+"""Number of parts that are tried, unless they have more points than the drive."""
 
 
-def drivable_pieces(table: PointsPath, sections: Sections, lead_in: float) -> list[DrivePiece]:
-    """Find the pieces of a drive between `sections` without a path, each confirmed by smoothing."""
+def drivable_parts(table: PointsPath, sections: Sections, lead_in: float, keys: str) -> str:
+    """List the parts of a drive between `sections` without a path, each confirmed by smoothing.
+
+    Returns "" without any; the names of the keys that select a part begin with `keys`.
+    """
     points = np.array((table.east_m, table.north_m))
-    along = distances_along(points)
+    along, unit = distances_along(points), "s" if table.time_s else "m"
     axis = recorded_times(table) if table.time_s else table.begin_m + along
-    waiting, pieces = _between(sections, 0, along.size - 1, along), list[DrivePiece]()
-    tried = 0
-    for _ in range(MOST_TRIED):
+    waiting, parts, tried = _between(sections, 0, along.size - 1, along), [], 0
+    for _ in range(TRIED_MAX):
         if not waiting or tried > along.size:
             break
-        longest = max(waiting, key=lambda ends: float(along[ends[1]] - along[ends[0]]))
+        longest = max(waiting, key=lambda ends: along[ends[1]] - along[ends[0]])
         waiting.remove(longest)
-        piece = piece_between(*longest, axis, along)
-        first, last = piece.first, piece.last
+        begin, end = bounds(*longest, axis)
+        first = int(np.searchsorted(axis, begin - 1e-6))
+        last = int(np.searchsorted(axis, end + 1e-6, side="right")) - 1
         tried += last - first
         try:
-            road = road_through(points[:, first : last + 1], table, lead_in)
+            road_through(points[:, first : last + 1], table, lead_in)
+            parts.append((first, last))
         except UndrivableError as error:
-            inner = [(first + begun, first + ended) for begun, ended in error.sections]
+            inner = tuple((first + begun, first + ended) for begun, ended in error.sections)
             waiting += _between(inner, first, last, along)
         except ValueError:
             continue
-        else:
-            pieces.append(replace(piece, length=road.lap_length))
-    return sorted(pieces, key=lambda piece: piece.first)
+    return listed_parts(parts, axis, along, unit, keys) if parts else ""
 
 
-def _between(
-    sections: Iterable[tuple[int, int]], first: int, last: int, along: FloatArray
-) -> list[tuple[int, int]]:
-    """Return the first and last point of each long piece between sections and both ends."""
+def _between(sections: Sections, first: int, last: int, along: FloatArray) -> list[tuple[int, int]]:
+    """Return the first and last point of each long part between sections and both ends."""
     result, begin = [], first
     for left, right in (*sections, (along.size, last)):
         end = last
@@ -209,12 +189,8 @@ def smoothed_points(table: PointsPath, lead_in: float, keys: str = PATH_KEYS) ->
 
 def _remedy(table: PointsPath, error: UndrivableError, lead_in: float, keys: str) -> str:
     can_cut = table.source and not table.closed
-    pieces = drivable_pieces(table, error.sections, lead_in) if can_cut else []
-    if pieces:
-        longest = sorted(pieces, key=lambda piece: -piece.length)[:MOST_LISTED]
-        unit, last = "s" if table.time_s else "m", len(table.east_m) - 1
-        words = pieces_in_words(longest, len(pieces), unit, keys, last)
-        return f"these parts can be driven: {words}"
+    if can_cut and (parts := drivable_parts(table, error.sections, lead_in, keys)):
+        return f"these parts can be driven: {parts}"
     remedy = "end the drive before it, or start after it"
     if keys == PATH_KEYS:
         remedy += ", or lower path.smoothing_m if a car can drive it"

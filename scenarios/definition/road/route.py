@@ -19,7 +19,7 @@ from scenarios.definition.schema.path_tables import (
     SegmentTable,
 )
 from scenarios.definition.schema.scenario_tables import ScenarioTables, SpeedTable
-from scenarios.definition.traces.recorded_drive import NO_TIMES
+from scenarios.definition.traces.drive import NO_TIMES
 from scenarios.definition.vehicle_setup import VehicleSetup, empty_car
 from transport.links.link import keyed_draw
 from vehicles.car.parameters import least_spacing

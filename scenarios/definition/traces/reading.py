@@ -1,170 +1,38 @@
-"""A recorded drive: read from any format, checked, and projected into the plane."""
+"""Recorded drives of a scenario, the lead's and those of replayed vehicles, as points."""
 
-from collections.abc import Callable, Container, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+import math
+from collections.abc import Callable, Container, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from scenarios.definition.traces.cleaning import Cleaned, Stand, cleaned
-from scenarios.definition.traces.formats.registry import read_recorded
-from scenarios.definition.traces.positions import (
-    FAR,
-    Pause,
-    PauseRule,
-    are_vertices,
-    between_vertices,
-    pauses_in,
-    usable_positions,
-    without_pauses,
-    without_repeats,
-)
-from scenarios.definition.traces.recorded_drive import (
-    ALTITUDES_M,
-    FASTEST,
+from scenarios.definition.errors import SettingError
+from scenarios.definition.library import TRACES, exists
+from scenarios.definition.road.point_path import recorded_times
+from scenarios.definition.schema.path_tables import PointsPath, TracePath
+from scenarios.definition.schema.scenario_tables import OriginTable, ScenarioTables, VehicleTable
+from scenarios.definition.traces.cleaning import Cleaned, cleaned, pauses_in, without_repeats
+from scenarios.definition.traces.drawn_line import are_vertices, between_vertices
+from scenarios.definition.traces.drive import (
     JUMP,
     NO_TIMES,
-    Clock,
+    Drive,
     DrivenPart,
     Floats,
     LeftOutRecords,
-    Mask,
-    RecordedDrive,
+    PartError,
     TraceError,
-    piece_between,
-    pieces_in_words,
-    points_within,
+    bounds,
+    listed_parts,
 )
-from scenarios.definition.traces.recorded_drive import MOST_BREAKS as MOST_LISTED
+from scenarios.definition.traces.formats.registry import read_recorded
+from scenarios.definition.traces.positions import FAR, usable_positions
+from scenarios.definition.traces.recorded_speeds import usable_speeds
 from scenarios.definition.traces.time_order import in_time_order
 from vehicles.geometry.bridges import distances_along, noise_deviation, step_lengths
-from vehicles.geometry.geodesy import LocalPlane, Origin
-from vehicles.geometry.smoothing import MIN_POINTS
-
-# ---- Recorded speeds of a drive that agree with its positions
-
-
-WINDOW = 2.0
-"""Time (s) over which positions give a speed."""
-
-MOST_OFF = 10.0
-"""Largest difference (m/s) of a recorded speed from its neighbours and from the positions..."""
-
-MOST_OFF_SHARE = 0.5
-"""...or this share of their speed, if that is more."""
-
-LONGEST_RUN = 5.0
-"""Longest time (s) of a single wrong value; longer ones are no slips."""
-
-MOVING = 2.0
-"""Speed (m/s) from which on the ratio of speeds counts."""
-
-RATIOS = (0.8, 1.25)
-"""Recorded speed over that of the positions; outside of it speeds are not in m/s."""
-
-UNITS = {3.6: "km/h", 1.9438: "knots", 2.2369: "mph"}
-"""Units by their number in 1 m/s."""
-
-SAME_UNIT = 0.05
-"""Largest relative difference of a ratio from that of its unit."""
-
-
-def usable_speeds(
-    speed_mps: Floats, time_s: Floats, points: Floats
-) -> tuple[Floats | None, tuple[str, ...]]:
-    """Return a speed (m/s) per point of `points` (2, n), None without usable ones, and remarks.
-
-    `time_s` is empty if times are unknown. Points without a speed take that of the previous one.
-    Single absurd speeds are interpolated.
-    """
-    known = np.flatnonzero(np.isfinite(speed_mps))
-    if 2 * known.size <= points.shape[1]:
-        return None, ()
-    last = np.maximum(np.searchsorted(known, np.arange(points.shape[1]), side="right") - 1, 0)
-    speeds = np.abs(speed_mps[known[last]])
-    instead = "speeds follow from the times" if time_s.size else "speeds are ignored"
-    if not speeds.any():
-        return None, (f"every recorded speed is 0 while the position changes: {instead}",)
-    derived = _derived(time_s, points) if time_s.size else np.full(speeds.size, np.nan)
-    ratio = _median_ratio(speeds, derived)
-    absurd = speeds > FASTEST
-    if RATIOS[0] <= ratio <= RATIOS[1]:
-        if 2 * np.count_nonzero(absurd) > speeds.size:
-            return None, (f"most recorded speeds are above {FASTEST:g} m/s: {instead}",)
-        absurd |= _slips(speeds, derived, time_s, absurd)
-        at = time_s if time_s.size else np.arange(float(speeds.size))
-        smooth = speeds.copy()
-        smooth[absurd] = np.interp(at[absurd], at[~absurd], speeds[~absurd])
-        ratio = _total_ratio(smooth, derived, time_s)
-        if RATIOS[0] <= ratio <= RATIOS[1]:
-            return smooth, _interpolated(absurd, speeds)
-    unit = next((f" ({u}?)" for n, u in UNITS.items() if abs(ratio / n - 1.0) < SAME_UNIT), "")
-    off = f"{ratio:.2f} times what the positions need{unit}"
-    return None, (f"recorded speeds are {off}: {instead}",)
-
-
-def _interpolated(absurd: Mask, speeds: Floats) -> tuple[str, ...]:
-    count = int(np.count_nonzero(absurd))
-    if not count:
-        return ()
-    worst = float(np.max(speeds[absurd]))
-    if count == 1:
-        return (f"1 recorded speed, {worst:.4g} m/s, does not fit the others: interpolated",)
-    most = f"{count} recorded speeds, up to {worst:.4g} m/s, do not fit"
-    return (f"{most} the others: interpolated",)
-
-
-def _derived(at: Floats, points: Floats) -> Floats:
-    """Return the speed (m/s) between points half a WINDOW before and after; NaN in silences."""
-    k = np.arange(at.size)
-    first = np.minimum(np.searchsorted(at, at - 0.5 * WINDOW), np.maximum(k - 1, 0))
-    last = np.searchsorted(at, at + 0.5 * WINDOW, side="right") - 1
-    last = np.maximum(last, np.minimum(k + 1, at.size - 1))
-    span = at[last] - at[first]
-    usual = float(np.median(np.diff(at))) if at.size > 1 else 0.0
-    valid = (span > 0.0) & (span <= max(2.0 * WINDOW, 4.0 * usual))
-    gone = np.hypot(*(points[:, last] - points[:, first]))
-    return np.where(valid, gone / np.where(valid, span, 1.0), np.nan)
-
-
-def _median_ratio(speeds: Floats, derived: Floats) -> float:
-    """Return the median ratio of recorded speeds to those of the positions, 1 if unknown."""
-    moving = derived >= MOVING
-    if np.count_nonzero(moving) < 3:
-        return 1.0
-    return float(np.median(speeds[moving] / derived[moving]))
-
-
-def _total_ratio(speeds: Floats, derived: Floats, at: Floats) -> float:
-    """Return the ratio of distances by recorded speeds and by positions, 1 if unknown."""
-    valid = np.isfinite(derived) & (derived < FASTEST)
-    if np.count_nonzero(valid & (derived >= MOVING)) < 3:
-        return 1.0
-    gone = np.gradient(at)[valid]
-    return float(np.sum(gone * speeds[valid]) / np.sum(gone * derived[valid]))
-
-
-def _slips(speeds: Floats, derived: Floats, at: Floats, absurd: Mask) -> Mask:
-    """Mark short runs of speeds that fit neither the positions nor the speeds around the run."""
-    off = absurd | _differs(speeds, derived)
-    edges = np.diff(np.concatenate(([False], off, [False])).astype(np.int8))
-    begin, end = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
-    if off.all() or not begin.size or not at.size:
-        return absurd
-    short = at[end] - at[begin] <= LONGEST_RUN
-    marks = np.zeros(off.size + 1, dtype=np.int64)
-    np.add.at(marks, begin[short], 1)
-    np.add.at(marks, end[short] + 1, -1)
-    in_short = np.cumsum(marks)[:-1] > 0
-    around = np.interp(at, at[~off], speeds[~off])
-    return np.asarray(in_short & _differs(speeds, around))
-
-
-def _differs(speeds: Floats, others: Floats) -> Mask:
-    limit = np.maximum(MOST_OFF, MOST_OFF_SHARE * others)
-    return np.asarray(np.abs(speeds - others) > limit)  # False for NaN
-
+from vehicles.geometry.geodesy import REACH, LocalPlane, Origin
+from vehicles.geometry.smoothing import MERGED_NOISE, MIN_POINTS
 
 # ---- Reading
 
@@ -172,50 +40,27 @@ def _differs(speeds: Floats, others: Floats) -> Mask:
 LEAST_EXTENT = 1.0
 """Smallest extent (m) of a path."""
 
-Ints = NDArray[np.int64]
-
-NO_VALUES = np.zeros(0)
+ALTITUDES_M = (-500.0, 10_000.0)
+"""Range of usable altitudes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DriveInPlane:
-    """A recorded drive in the east-north plane of `origin` (None: the file has plane coordinates).
+    """The points of a recorded drive that are driven, and its record.
 
-    Arrays of one value per point, except where stated. `time_s` (from the first point on,
-    nondecreasing) and `speed_mps` are empty unless the file has them. `source_numbers` are the
-    places of the points in the file, counted in `source_unit`s. Times count from `epoch_s` on the
-    `clock`, or without one on that of the file.
-
-    The points are a part of the drive, which begins `begin_s` and `begin_m` after its first point.
-    `pauses` are those of the part; with `pauses_cut` the times do without them.
-    `record_count` points were recorded, at `record_m` (2, n): all with a usable place. `left_out`
-    lists the others, and jumps.
+    The plane is that of `origin` (None: the file has plane coordinates). `record_m` (2, n) are the
+    positions (m) of all records with a usable place; `left_out` lists the others, and jumps.
     """
 
-    source: str
+    table: PointsPath
     format_name: str
-    clock: Clock | None
-    epoch_s: float
-    source_unit: str
-    source_numbers: Ints
-    noise_m: float
-    skipped_lines: int
-    jumping_points: int
-    standing_points: int
-    remarks: tuple[str, ...]
-    origin: Origin | None = None
-    east_m: Floats
-    north_m: Floats
-    time_s: Floats
-    speed_mps: Floats
-    begin_s: float = 0.0
-    begin_m: float = 0.0
-    pauses: tuple[Pause, ...] = ()
-    pauses_cut: bool = False
-    left_out: LeftOutRecords = field(default_factory=LeftOutRecords)
-    left_out_lines: tuple[str, ...] = ()
+    origin: Origin | None
     record_m: Floats
-    record_count: int
+    left_out: LeftOutRecords
+
+    @property
+    def points(self) -> Floats:
+        return np.array((self.table.east_m, self.table.north_m))
 
 
 OnDrive = Callable[[DriveInPlane], None]
@@ -223,146 +68,137 @@ OnDrive = Callable[[DriveInPlane], None]
 
 def read_trace(
     path: Path,
+    table: TracePath | None = None,
     *,
     origin: Origin | None = None,
-    vehicle: str | None = None,
-    topic: str | None = None,
-    part: DrivenPart | None = None,
-    pauses: PauseRule = "keep",
+    keys: str = "path.",
     needs_times: bool = False,
     on_drive: OnDrive = lambda _: None,
 ) -> DriveInPlane:
     """Read the recorded drive at `path` into the plane of `origin`, by default its first point.
 
-    Name and content of the file determine the format. `vehicle` selects one of a log, `topic` the
-    positions of another MCAP file. Unusable records are left out and listed. Raises TraceError with
-    a line that starts with the file, also for a drive without times if it `needs_times`; `on_drive`
-    receives also a drive that has no path.
+    `table` selects vehicle, topic and part; the names of the keys of the part begin with `keys`.
+    Unusable records are left out and listed. Raises TraceError with a line that starts with the
+    file, also for a drive without times if it `needs_times`; `on_drive` receives also a drive that
+    has no path.
     """
-    part = part or DrivenPart()
+    table = table or TracePath(kind="trace", file=path.name)
+    part = DrivenPart(table.from_s, table.to_s, table.from_m, table.to_m, keys)
     try:
-        drive = usable_positions(read_recorded(path, vehicle=vehicle, topic=topic))
-        drive, time_error_s = without_repeats(_ordered(drive, needs_times=needs_times))
+        drive = usable_positions(read_recorded(path, vehicle=table.vehicle, topic=table.topic))
+        drive = in_time_order(drive)
+        if needs_times:
+            _require_times(drive)
+        drive, time_error_s = without_repeats(drive)
         plane = origin or _first_point(drive) if drive.geodetic else None
         points = _in_plane(drive, plane) if plane else drive.position
-        clean = cleaned(points, _times(drive), time_error_s)
-        _list_jumps(drive, clean)
-        trace = _driven(path.name, replace(drive, position=points), clean, part)
-        recorded = trace = replace(trace, origin=plane)
-        if pauses == "cut":
-            times = without_pauses(trace.time_s, trace.pauses)
-            trace = replace(trace, time_s=times, pauses_cut=True)
-        on_drive(trace)
-        _check_shape(recorded, part.keys)
+        clean = cleaned(points, drive.times, time_error_s)
+        for jump in clean.jumps:
+            for k in range(jump.first, jump.last + 1):
+                drive.list_fault(k, JUMP, f"jumps by {jump.size:.1f} m")
+        read = DriveInPlane(
+            table=_points_path(table, replace(drive, position=points), clean, part),
+            format_name=drive.format_name,
+            origin=plane,
+            record_m=points,
+            left_out=drive.left_out,
+        )
+        on_drive(read)
+        _check_shape(read, keys)
     except TraceError as error:
         error.args = (f"{path}: {error}",)
         raise
-    return trace
+    return read
 
 
-def _ordered(drive: RecordedDrive, *, needs_times: bool) -> RecordedDrive:
-    ordered = in_time_order(drive)
-    if needs_times and not _times(ordered).size:
-        reasons = [f", {text}" for text in ordered.remarks if text.endswith(NO_TIMES)]
+def _require_times(drive: Drive) -> None:
+    if not drive.times.size:
+        reasons = [f", {text}" for text in drive.remarks if text.endswith(NO_TIMES)]
         raise TraceError("given without times, allowed only with them" + "".join(reasons[:1]))
-    return ordered
 
 
-def _times(drive: RecordedDrive) -> Floats:
-    """Return the times (s) of all points, or of none."""
-    return NO_VALUES if bool(np.isnan(drive.time_s).any()) else drive.time_s
-
-
-def _driven(source: str, drive: RecordedDrive, clean: Cleaned, part: DrivenPart) -> DriveInPlane:
-    """Put the kept points of `part` together; positions of `drive` are in the plane (m)."""
-    times, kept = _times(drive), np.asarray(clean.kept)
-    jumping = sum(jump.last - jump.first + 1 for jump in clean.jumps)
-    since_start = times[kept] - times[kept[0]] if times.size else NO_VALUES
-    along = distances_along(clean.points)
+def _points_path(table: TracePath, drive: Drive, clean: Cleaned, part: DrivenPart) -> PointsPath:
+    """Return the kept points of `part`; positions of `drive` are in the plane (m)."""
+    times, kept = drive.times, clean.kept
     zero = float(times[kept[0]]) if times.size else 0.0
-    chosen = points_within(part, since_start, along)
-    speeds, about_speeds = _speeds(drive, times, clean)
-    kept, points = kept[chosen], clean.points[:, chosen]
-    is_drawn = not times.size and are_vertices(points)
-    noise_m = clean.noise if part.is_whole else _noise(clean, kept, points)
-    if is_drawn:
-        about_line = f"a smooth line through {kept.size} points without times, far apart"
-        points, before = between_vertices(points)
-        kept, noise_m, about_speeds = kept[before], 0.0, (*about_speeds, about_line)
-    since_part = since_start[chosen] - since_start[chosen][:1]
-    pauses = pauses_in(points, since_part)
-    paused = {int(kept[pause.point]) for pause in pauses}
-    remarks = _stand_remarks(clean.stands, drive, times - zero, paused)
-    return DriveInPlane(
-        source=source,
-        format_name=drive.format_name,
-        clock=drive.clock if times.size else None,
-        epoch_s=drive.zero_s + float(times[kept[0]]) if times.size else 0.0,
-        source_unit=drive.unit,
-        source_numbers=drive.numbers[kept],
-        noise_m=noise_m,
-        skipped_lines=drive.left_out.total - jumping,
-        jumping_points=jumping,
-        standing_points=sum(stand.last - stand.first + 1 for stand in clean.stands),
-        remarks=(*drive.remarks, *remarks, *about_speeds),
-        east_m=points[0],
-        north_m=points[1],
-        time_s=since_part,
-        speed_mps=NO_VALUES if speeds is None else _speeds_at(kept, speeds, clean),
-        begin_s=float(since_start[chosen][0]) if times.size else 0.0,
-        begin_m=float(along[chosen][0]),
-        pauses=pauses,
-        left_out=drive.left_out,
-        left_out_lines=drive.left_out.lines(drive.unit, zero),
-        record_m=drive.position,
-        record_count=drive.count,
-    )
-
-
-def _speeds(
-    drive: RecordedDrive, times: Floats, clean: Cleaned
-) -> tuple[Floats | None, tuple[str, ...]]:
-    """Return a usable speed per point, NaN at jumps, None without any, and remarks."""
+    since_start, along = times[kept] - zero if times.size else times, distances_along(clean.points)
+    chosen = part.points(since_start, along)
     sound = np.ones(drive.count, dtype=bool)
     for jump in clean.jumps:
         sound[jump.first : jump.last + 1] = False
     at = times[sound] if times.size else times
-    speeds, remarks = usable_speeds(drive.speed_mps[sound], at, drive.position[:, sound])
-    if speeds is None:
-        return None, remarks
-    column = np.full(drive.count, np.nan)
-    column[sound] = speeds
-    return column, remarks
-
-
-def _speeds_at(kept: Ints, speeds: Floats, clean: Cleaned) -> Floats:
-    """Return the speeds of kept points, 0 at standstill."""
-    still = [k for stand in clean.stands for k in stand.core]
-    return np.where(np.isin(kept, still), 0.0, speeds[kept])
-
-
-def _noise(clean: Cleaned, kept: Ints, points: Floats) -> float:
-    """Return the noise (m) of a part: of its points, and of the standstills in it."""
+    usable, remarks = usable_speeds(drive.speed_mps[sound], at, drive.position[:, sound])
+    kept, points = kept[chosen], clean.points[:, chosen]
     within = [s.wander for s in clean.stands if kept[0] <= s.core[0] and s.core[1] <= kept[-1]]
-    return max([noise_deviation(points), *within])
-
-
-def _list_jumps(drive: RecordedDrive, clean: Cleaned) -> None:
-    for jump in clean.jumps:
-        for k in range(jump.first, jump.last + 1):
-            drive.list_fault(k, JUMP, f"jumps by {jump.size:.1f} m")
+    noise = clean.noise
+    if part != DrivenPart(keys=part.keys):
+        noise = max([noise_deviation(points), *within])
+    if not times.size and are_vertices(points):
+        remarks += (f"a smooth line through {kept.size} points without times, far apart",)
+        points, before = between_vertices(points)
+        kept, noise = kept[before], 0.0
+    speeds = np.zeros(0)
+    if usable is not None:  # 0 at standstill
+        column = np.full(drive.count, np.nan)
+        column[sound] = usable
+        column[[k for stand in clean.stands for k in stand.core]] = 0.0
+        speeds = column[kept]
+    since_part = since_start[chosen] - since_start[chosen][:1]
+    pauses = pauses_in(points, since_part)
+    stands = _stand_remarks(clean, drive, zero, {int(kept[pause.point]) for pause in pauses})
+    if table.pauses == "cut" and pauses:
+        lost = np.zeros(since_part.size)
+        lost[[pause.point + 1 for pause in pauses]] = [pause.lost_s for pause in pauses]
+        driven = since_part - np.cumsum(lost)
+    else:
+        driven = since_part
+    smoothing, narrower = table.smoothing_m, tuple[float, ...]()
+    if "smoothing_m" not in table.model_fields_set:
+        smoothing = max(smoothing, _needed_smoothing(points, noise, driven))
+        narrower = tuple(width for width in NARROWER if width < smoothing)
+    jumping = sum(jump.last - jump.first + 1 for jump in clean.jumps)
+    return PointsPath(
+        kind="points",
+        source=table.file,
+        geodetic=drive.geodetic,
+        clock=drive.clock if times.size else None,
+        epoch_s=drive.zero_s + float(times[kept[0]]) if times.size else 0.0,
+        source_unit=drive.unit,
+        source_numbers=tuple(drive.numbers[kept].tolist()),
+        begin_s=float(since_start[chosen][0]) if times.size else 0.0,
+        begin_m=float(along[chosen][0]),
+        pause_points=tuple(pause.point for pause in pauses),
+        pause_lasts_s=tuple(pause.lasts_s for pause in pauses),
+        pause_lost_s=tuple(pause.lost_s for pause in pauses),
+        pauses=table.pauses,
+        noise_m=noise,
+        jumping_points=jumping,
+        standing_points=sum(stand.last - stand.first + 1 for stand in clean.stands),
+        remarks=(*drive.remarks, *stands, *remarks),
+        skipped_lines=drive.left_out.counts.total() - jumping,
+        left_out=drive.left_out.lines(drive.unit, zero),
+        smoothing_m=smoothing,
+        narrower_m=narrower,
+        east_m=tuple(points[0].tolist()),
+        north_m=tuple(points[1].tolist()),
+        time_s=tuple(driven.tolist()),
+        speed_mps=tuple(speeds.tolist()),
+        closed=table.closed,
+        laps=table.laps,
+    )
 
 
 def _stand_remarks(
-    stands: Iterable[Stand], drive: RecordedDrive, times: Floats, paused: Container[int]
+    clean: Cleaned, drive: Drive, zero: float, paused: Container[int]
 ) -> Iterator[str]:
-    """Describe standstills, except pauses, after `paused` points; `times` (s) are of all points."""
+    """Describe standstills, except pauses, after `paused` points; times count from `zero` (s)."""
+    times = drive.times - zero
 
     def where(k: int) -> str:
         place = f"{drive.unit} {drive.numbers[k]}"
         return f"{place} ({times[k]:.1f} s)" if times.size else place
 
-    for stand in stands:
+    for stand in clean.stands:
         first, last = stand.core
         span = f" for {times[last] - times[first]:.0f} s" if times.size else ""
         count = stand.last - stand.first + 1
@@ -375,24 +211,22 @@ def _stand_remarks(
             yield f"the car stands{span} from {where(first)} on: {count} points become one place"
 
 
-def _first_point(drive: RecordedDrive) -> Origin:
+def _first_point(drive: Drive) -> Origin:
     latitude, longitude = drive.position[:, 0].tolist()
-    least, most = ALTITUDES_M
-    usable = drive.altitude_m[(drive.altitude_m >= least) & (drive.altitude_m <= most)]
-    altitude = float(usable[0]) if usable.size else 0.0
+    altitudes = drive.altitude_m
+    usable = altitudes[(altitudes >= ALTITUDES_M[0]) & (altitudes <= ALTITUDES_M[1])]
     if not abs(latitude) <= 89.0:
         place = f"{drive.unit} {drive.numbers[0]}"
         raise TraceError(f"{place}: latitude {latitude:g} deg, allowed -89 to 89")
+    altitude = float(usable[0]) if usable.size else 0.0
     return Origin(latitude, (longitude + 180.0) % 360.0 - 180.0, altitude)
 
 
-def _in_plane(drive: RecordedDrive, origin: Origin) -> Floats:
+def _in_plane(drive: Drive, origin: Origin) -> Floats:
     """Project points into the plane at the origin's height, to ignore noise in height."""
     plane = LocalPlane(origin)
     points = plane.to_plane_all(drive.position[0], drive.position[1], origin.altitude_m)
-    beyond = np.flatnonzero(np.isnan(points[0]))
-    if beyond.size:
-        k = int(beyond[0])
+    for k in np.flatnonzero(np.isnan(points[0]))[:1].tolist():
         latitude, longitude = drive.position[:, k].tolist()
         try:
             plane.to_plane(latitude, longitude, origin.altitude_m)
@@ -401,45 +235,203 @@ def _in_plane(drive: RecordedDrive, origin: Origin) -> Floats:
     return points
 
 
-def _check_shape(trace: DriveInPlane, keys: str) -> None:
-    points = np.array((trace.east_m, trace.north_m))
-    numbers = trace.source_numbers
-    if numbers.size == 1:
-        raise TraceError(_one_point(trace))
-    steps = step_lengths(points)
-    if (steps >= FAR).any():
-        raise TraceError(_apart(trace, steps, keys))
+def _check_shape(read: DriveInPlane, keys: str) -> None:
+    """Raise TraceError for points without extent or with steps of at least FAR."""
+    table, points, numbers = read.table, read.points, read.table.source_numbers
+    steps, count = step_lengths(points), len(numbers)
+    if count == 1 and table.standing_points:
+        radius = float(np.max(np.hypot(*(read.record_m - points))))
+        all_points = f"{read.record_m.shape[1]} points within {radius:.2g} m"
+        raise TraceError(f"the car stands all the time: {all_points}")
+    if count == 1:
+        raise TraceError(f"only one valid point, {table.source_unit} {numbers[0]}")
     extent = float(np.max(np.hypot(*(points - points[:, :1]))))
     if extent < LEAST_EXTENT:
-        raise TraceError(
-            f"all {numbers.size} points lie within {extent:.2f} m, so there is no path"
-        )
-
-
-def _one_point(trace: DriveInPlane) -> str:
-    if not trace.standing_points:
-        return f"only one valid point, {trace.source_unit} {trace.source_numbers[0]}"
-    place = np.array(((trace.east_m[0],), (trace.north_m[0],)))
-    radius = float(np.max(np.hypot(*(trace.record_m - place))))
-    return f"the car stands all the time: {trace.record_count} points within {radius:.2g} m"
-
-
-def _apart(trace: DriveInPlane, steps: Floats, keys: str) -> str:
-    """Explain `steps` of at least FAR, and name the largest parts without any."""
+        raise TraceError(f"all {count} points lie within {extent:.2f} m, so there is no path")
     long = np.flatnonzero(steps >= FAR)
-    place = f"{trace.source_unit} {trace.source_numbers[long[0] + 1]}"
-    fact = f"{place}: {steps[long[0]] / 1000:.1f} km from the point before"
+    if not long.size:
+        return
+    fact = (
+        f"{table.source_unit} {numbers[long[0] + 1]}: {steps[long[0]] / 1000:.1f} km from the "
+        "point before"
+    )
     if long.size > 1:
         fact += f", the first of {long.size} such steps"
-    along = trace.begin_m + np.concatenate((np.zeros(1), np.cumsum(steps)))
-    axis, unit = (trace.begin_s + trace.time_s, "s") if trace.time_s.size else (along, "m")
-    begins, ends = np.append(0, long + 1), np.append(long, steps.size)
-    usable = (ends - begins >= MIN_POINTS - 1) & (along[ends] - along[begins] >= LEAST_EXTENT)
-    begins, ends = begins[usable], ends[usable]
-    largest = np.argsort(begins - ends, kind="stable")[:MOST_LISTED]
-    pieces = [piece_between(int(begins[k]), int(ends[k]), axis, along) for k in largest]
-    pieces = [piece for piece in pieces if piece.last > piece.first]
-    if not pieces:
-        return f"{fact}: no {MIN_POINTS} points in succession hold together: check the coordinates"
-    words = pieces_in_words(pieces, begins.size, unit, keys, steps.size)
-    return f"{fact}: these parts hold together: {words}"
+    along = table.begin_m + distances_along(points)
+    axis, unit = (recorded_times(table), "s") if table.time_s else (along, "m")
+    runs = []
+    for run in zip([0, *(long + 1).tolist()], [*long.tolist(), steps.size], strict=True):
+        first, last = np.searchsorted(axis, bounds(*run, axis), side="left").tolist()
+        if last - first >= MIN_POINTS - 1 and along[run[1]] - along[run[0]] >= LEAST_EXTENT:
+            runs.append(run)
+    if not runs:
+        remedy = "hold together: check the coordinates"
+        raise TraceError(f"{fact}: no {MIN_POINTS} points in succession {remedy}")
+    parts = listed_parts(runs, axis, along, unit, keys)
+    raise TraceError(f"{fact}: these parts hold together: {parts}")
+
+
+# ---- The half width of the smoothing that the noise of points requires
+
+
+CURVATURE_NOISE = 0.004
+"""Largest noise of curvature (1/m) after smoothing: 0.4 m/s² of lateral acceleration at 10 m/s."""
+
+LATERAL_NOISE = 0.1
+"""Largest noise of lateral acceleration (m/s²) in a drive that is fast throughout."""
+
+HARD_BEND = 4.0
+"""Lateral acceleration (m/s²) of a drive in its tightest bends."""
+
+SLOW_RATIO, SPEED_SPAN_S = 0.05, 2.0
+"""Share of the points that are slower than a drive is throughout, and time (s) of their speeds."""
+
+WIDEST = 500.0
+"""Largest half width (m) of the smoothing."""
+
+NARROWER = (32.0, 16.0, 8.0, 5.0, 3.0)
+"""Half widths of the smoothing (m) tried where a car cannot drive the path at the automatic one."""
+
+
+def _needed_smoothing(points: Floats, noise: float, times: Floats) -> float:
+    """Return the half width (m) that reduces noise to CURVATURE_NOISE; see `smooth_path`.
+
+    A fast drive has wide bends only. There it also reduces noise to LATERAL_NOISE, up to half the
+    smallest radius.
+    """
+    steps = step_lengths(points)
+    moved = steps[steps > 0.0]
+    spacing = max(float(np.median(moved)) if moved.size else 0.0, MERGED_NOISE * noise)
+    kept = 20.0 * noise * math.sqrt(spacing)
+    slow = 0.0  # speed (m/s) that a drive nearly always exceeds
+    first = np.arange(np.searchsorted(times, times[-1:] - SPEED_SPAN_S).sum())
+    if first.size:
+        last = np.searchsorted(times, times[first] + SPEED_SPAN_S)
+        speeds = np.hypot(*(points[:, last] - points[:, first])) / (times[last] - times[first])
+        slow = float(np.quantile(speeds, SLOW_RATIO))
+    fast = min(math.pow(kept * slow**2 / LATERAL_NOISE, 0.4), 0.5 * slow**2 / HARD_BEND)
+    return min(float(math.ceil(max(math.pow(kept / CURVATURE_NOISE, 0.4), fast))), WIDEST)
+
+
+# ---- Drives of a scenario
+
+
+FAR_OUT = 10_000.0
+"""Distance (m) from the origin beyond which coordinates are those of a map, such as UTM, and are
+shifted to the origin. With an origin in the scenario it is the reach of the plane."""
+
+ELSEWHERE = 5_000.0
+"""Largest distance (m) of a second drive from the start of the lead's."""
+
+
+def with_points(
+    tables: ScenarioTables, folder: Path, on_drive: OnDrive = lambda _: None
+) -> ScenarioTables:
+    """Replace a trace by its points, and fill in the origin; raises SettingError.
+
+    A trace is searched in `folder`, then among the shipped ones. Without an origin in the scenario
+    the plane touches the earth at the first point.
+    """
+    table = tables.path
+    origin = Origin(**tables.origin.model_dump()) if tables.origin else None
+    if isinstance(table, TracePath):
+        try:
+            read = read_trace(_file(table, folder), table, origin=origin, on_drive=on_drive)
+        except TraceError as error:
+            key = error.key if isinstance(error, PartError) else "path.file"
+            raise SettingError(key, str(error)) from error
+        origin, table = read.origin or origin, read.table
+    if isinstance(table, PointsPath) and table.east_m and table.north_m:
+        east, north = table.east_m[0], table.north_m[0]
+        if math.hypot(east, north) > (REACH if tables.origin else FAR_OUT):
+            table = _moved(table, float(round(east)), float(round(north)))
+            east, north = table.east_offset_m, table.north_offset_m
+            remark = (
+                f"the coordinates begin {math.hypot(east, north) / 1000.0:.0f} km from their "
+                f"origin: {east:.0f} m are subtracted from all eastings, {north:.0f} m from all "
+                "northings"
+            )
+            table = table.model_copy(update={"remarks": (*table.remarks, remark)})
+    placed = OriginTable()
+    if origin is not None:
+        place = origin.latitude_deg, origin.longitude_deg, origin.altitude_m
+        placed = OriginTable(latitude_deg=place[0], longitude_deg=place[1], altitude_m=place[2])
+    return tables.model_copy(update={"origin": placed, "path": table})
+
+
+def at_recorded_speed(tables: ScenarioTables) -> ScenarioTables:
+    """Set the recorded speed if the drive has times, unless another speed is configured."""
+    table, speed = tables.path, tables.speed
+    is_configured = speed.model_fields_set & {"lead", "set_mps", "profile"}
+    if not isinstance(table, PointsPath) or not len(table.time_s) or table.closed or is_configured:
+        return tables
+    return tables.model_copy(update={"speed": speed.model_copy(update={"lead": "recorded"})})
+
+
+def with_replays(tables: ScenarioTables, folder_of: Callable[[str], Path]) -> ScenarioTables:
+    """Read the drives of replayed vehicles into the lead's plane; raises SettingError.
+
+    `folder_of` returns the folder in which the file of a key is searched.
+    """
+    read = {
+        name: own.model_copy(update={"drive": _second(tables, name, own, folder_of)})
+        for name, own in tables.vehicle.items()
+        if own.replay is not None and own.drive is None
+    }
+    return tables.model_copy(update={"vehicle": {**tables.vehicle, **read}}) if read else tables
+
+
+def _second(
+    tables: ScenarioTables, name: str, own: VehicleTable, folder_of: Callable[[str], Path]
+) -> PointsPath:
+    key, lead = f"vehicle.{name}.replay", tables.path
+    origin = Origin(**(tables.origin or OriginTable()).model_dump())
+    table = TracePath(
+        kind="trace",
+        file=own.replay or "",
+        vehicle=own.replay_vehicle,
+        topic=own.replay_topic,
+        from_s=own.replay_from_s,
+        to_s=own.replay_to_s,
+    )
+    try:
+        path = _file(table, folder_of(key))
+        read = read_trace(path, table, origin=origin, keys=f"{key}_", needs_times=True)
+    except TraceError as error:
+        at = error.key if isinstance(error, PartError) else key
+        raise SettingError(at, str(error)) from error
+    points = read.table
+    if not isinstance(lead, PointsPath):
+        return points
+    if lead.source and lead.geodetic != points.geodetic:
+        kinds = "latitudes" if lead.geodetic else "plane coordinates"
+        raise SettingError(
+            key, f"{table.file}: given in another plane, allowed {kinds} as {lead.source} has"
+        )
+    if not points.geodetic:
+        points = _moved(points, lead.east_offset_m, lead.north_offset_m)
+    apart = np.array((points.east_m, points.north_m)).T - (lead.east_m[0], lead.north_m[0])
+    away = float(np.min(np.hypot(*apart.T)))
+    if away > ELSEWHERE:
+        raise SettingError(
+            key,
+            f"{table.file}: its closest point is {away / 1000.0:.1f} km from the start of the "
+            f"lead's path, allowed at most {ELSEWHERE / 1000.0:g} km: is it the same road?",
+        )
+    return points
+
+
+def _moved(table: PointsPath, east: float, north: float) -> PointsPath:
+    return table.model_copy(
+        update={
+            "east_m": tuple(x - east for x in table.east_m),
+            "north_m": tuple(y - north for y in table.north_m),
+            "east_offset_m": table.east_offset_m + east,
+            "north_offset_m": table.north_offset_m + north,
+        }
+    )
+
+
+def _file(table: TracePath, folder: Path) -> Path:
+    own, shipped = folder / table.file, TRACES / table.file
+    return shipped if exists(shipped) and not exists(own) else own

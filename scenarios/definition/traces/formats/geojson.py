@@ -3,56 +3,74 @@
 import json
 from collections.abc import Iterator, Mapping
 from itertools import zip_longest
-from typing import Any, Final
+from typing import Any
 
-from scenarios.definition.traces.formats.cells import PointColumns
-from scenarios.definition.traces.recorded_drive import RecordedDrive, TraceError
+from scenarios.definition.traces.drive import Drive, TraceError
+from scenarios.definition.traces.formats.cells import Point, drive_of
 
-LINE_TIMES: Final = ("coordTimes", "times", "coordinateTimes")
+LINE_TIMES = ("coordtimes", "times", "coordinatetimes")
 """Properties of a line with the times of its positions, also within coordinateProperties."""
 
-TIMES: Final = ("time", "timestamp", "datetime", "utc", "t_s")
-SPEEDS: Final = ("speed", "speed_mps", "velocity")
+TIMES = ("time", "timestamp", "datetime", "utc", "t_s")
+SPEEDS = ("speed", "speed_mps", "velocity")
 """Properties of a point."""
 
 Json = Mapping[str, Any]
 
 
-def read_geojson(text: str) -> RecordedDrive:
+def read_geojson(text: str) -> Drive:
     """Read the line strings of a GeoJSON file, or else its points.
 
     Lines may have times in the property coordTimes, points in time or timestamp.
     """
-    lines, points = PointColumns(), PointColumns()
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise TraceError(f"not valid JSON, perhaps truncated: {error}") from error
+        first = text.lstrip().partition("\n")[0]
+        try:  # an object a line
+            keys = _keys(json.loads(first))
+        except (ValueError, RecursionError):
+            raise TraceError(f"not valid JSON, perhaps truncated: {error}") from error
+        raise TraceError(f"JSON lines, but not GeoJSON; {keys}") from error
+    lines, points = list[Point](), list[Point]()
     for geometry, properties in _geometries(content, {}):
-        _add_geometry(geometry, properties, lines, points)
-    chosen = lines if lines.times else points
-    if not chosen.times:
-        raise TraceError("no LineString, MultiLineString or Point with coordinates")
-    return chosen.drive()
+        kind, places = geometry.get("type"), geometry.get("coordinates")
+        inner = properties.get("coordinateProperties")
+        times = _first(properties, LINE_TIMES) or _first(inner, LINE_TIMES) or []
+        if kind == "Point":
+            time = _first(properties, TIMES)
+            points.append(_point(places, time)._replace(speed=_first(properties, SPEEDS)))
+        elif kind == "MultiLineString" and isinstance(places, list):
+            nested = times if times and isinstance(times[0], list) else []
+            for part, own in zip_longest(places, nested[: len(places)]):
+                lines += _line(part, own)
+        elif kind in ("LineString", "MultiPoint"):
+            (lines if kind == "LineString" else points).extend(_line(places, times))
+    if not lines and not points:
+        raise TraceError(f"JSON, but no LineString or Point of GeoJSON; {_keys(content)}")
+    return drive_of(lines or points)
 
 
-def _add_geometry(
-    geometry: Json, properties: Json, lines: PointColumns, points: PointColumns
-) -> None:
-    kind, places = geometry.get("type"), geometry.get("coordinates")
-    if kind == "LineString":
-        _add_line(lines, places, _line_times(properties))
-    elif kind == "MultiLineString":
-        times = _line_times(properties)
-        parts = places if isinstance(places, list) else []
-        own = times if times and isinstance(times[0], list) else []
-        for k, part in enumerate(parts):
-            _add_line(lines, part, own[k] if k < len(own) else [])
-    elif kind == "Point":
-        time, speed = _first(properties, TIMES), _first(properties, SPEEDS)
-        _add(points, places, _text(time), speed)
-    elif kind == "MultiPoint":
-        _add_line(points, places, _line_times(properties))
+def _keys(content: object) -> str:
+    content = content[0] if isinstance(content, list) and content else content
+    return (
+        f"keys: {', '.join(list(content)[:8]) or 'none'}"
+        if isinstance(content, dict)
+        else "no keys"
+    )
+
+
+def _line(places: object, times: object) -> Iterator[Point]:
+    if isinstance(places, list):
+        known = times[: len(places)] if isinstance(times, list) else []
+        yield from (_point(place, time) for place, time in zip_longest(places, known))
+
+
+def _point(place: object, time: Any) -> Point:
+    """Return a point of longitude, latitude and perhaps altitude."""
+    numbers = [*place] if isinstance(place, list) else []
+    longitude, latitude, altitude, *_ = *numbers, None, None, None
+    return Point(latitude, longitude, altitude, "" if time is None else str(time))
 
 
 def _geometries(content: object, properties: Json) -> Iterator[tuple[Json, Json]]:
@@ -70,34 +88,8 @@ def _geometries(content: object, properties: Json) -> Iterator[tuple[Json, Json]
             yield content, properties
 
 
-def _line_times(properties: Json) -> list[Any]:
-    inner = properties.get("coordinateProperties")
-    for source in (properties, inner if isinstance(inner, dict) else {}):
-        times = _first(source, LINE_TIMES)
-        if isinstance(times, list):
-            return times
-    return []
-
-
-def _first(properties: Json, names: tuple[str, ...]) -> Any:
+def _first(properties: object, names: tuple[str, ...]) -> Any:
     """Return the first property of these names in any case."""
-    lower = {str(name).lower(): value for name, value in properties.items()}
-    return next((lower[name.lower()] for name in names if name.lower() in lower), None)
-
-
-def _add_line(columns: PointColumns, places: object, times: list[Any]) -> None:
-    if not isinstance(places, list):
-        return
-    for place, time in zip_longest(places, times[: len(places)]):
-        _add(columns, place, _text(time), None)
-
-
-def _add(columns: PointColumns, place: object, time: str, speed: Any) -> None:
-    """Add a position of longitude, latitude and perhaps altitude."""
-    numbers = [*place] if isinstance(place, list) else []
-    longitude, latitude, altitude, *_ = *numbers, None, None, None
-    columns.add(latitude, longitude, altitude, time, speed)
-
-
-def _text(value: object) -> str:
-    return "" if value is None else str(value)
+    known = properties if isinstance(properties, dict) else {}
+    lower = {str(name).lower(): value for name, value in known.items()}
+    return next((lower[name] for name in names if name in lower), None)

@@ -1,20 +1,23 @@
 """MCAP: the log of an earlier run, and positions in files of other programs."""
 
 import contextlib
+import json
 import math
+import struct
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from scenarios.definition.library import ATTACHED_AS
-from scenarios.definition.traces.recorded_drive import (
+from scenarios.definition.traces.drive import (
     DAMAGE,
     NOT_A_POSITION,
+    Drive,
     LeftOut,
     LeftOutRecords,
-    RecordedDrive,
     TraceError,
 )
 from vehicles.messages import GpsPose
@@ -23,10 +26,23 @@ from vehicles.schedule import SECOND
 if TYPE_CHECKING:
     from transport.log.reader import LogReader
 
-MCAP_MAGIC: Final = b"\x89MCAP0\r\n"
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+GEODETIC = ("LocationFix", "LocationFixes", "NavSatFix")
+PLANE = ("Odometry", "PoseStamped", "PoseInFrame")
+"""Messages with latitude, longitude and altitude (deg, m), and with x, y and z (m)."""
 
 
-def read_mcap(path: Path, vehicle: str | None, topic: str | None) -> RecordedDrive:
+class Position(NamedTuple):
+    """A position at an instant (ns of Unix time), NaN if it cannot be read."""
+
+    at_ns: int
+    first: float
+    second: float
+    height: float
+    speed: float = math.nan
+
+
+def read_mcap(path: Path, vehicle: str | None, topic: str | None) -> Drive:
     """Read the GPS poses of a vehicle in the log of a run, or the positions of another file.
 
     `vehicle` is by default the lead. `topic` may be missing if only one has positions.
@@ -36,11 +52,11 @@ def read_mcap(path: Path, vehicle: str | None, topic: str | None) -> RecordedDri
 
     try:
         if topic is not None:
-            return _read_fixes(path, topic, "")
+            return _read_topic(path, topic, "")
         try:
             log = LogReader(path)
         except LogError as error:
-            return _read_fixes(path, None, str(error).removeprefix(f"{path}: "))
+            return _read_topic(path, None, str(error).removeprefix(f"{path}: "))
         return _read_run(log, vehicle)
     except LogError as error:
         raise TraceError(str(error).removeprefix(f"{path}: ")) from error
@@ -50,9 +66,12 @@ def read_mcap(path: Path, vehicle: str | None, topic: str | None) -> RecordedDri
         raise TraceError("damaged log") from error
 
 
-def _read_run(log: "LogReader", vehicle: str | None) -> RecordedDrive:
+def _read_run(log: "LogReader", vehicle: str | None) -> Drive:
     senders = [name for name in log.vehicles if log.counts.get((name, "gps"))]
-    name = vehicle or _lead(log.attachments().get(ATTACHED_AS, b""), senders)
+    convoy: dict[str, Any] = {}
+    with contextlib.suppress(ValueError):  # a damaged text
+        convoy = tomllib.loads(log.attachments().get(ATTACHED_AS, b"").decode()).get("convoy", {})
+    name = vehicle or str((convoy.get("names") or senders or ["v1"])[0])
     if name not in senders:
         raise TraceError(f"given vehicle {name}, allowed {', '.join(senders) or 'none'}")
     poses = [m for _, _, m in log.messages(("gps",), (name,)) if isinstance(m, GpsPose)]
@@ -64,78 +83,142 @@ def _read_run(log: "LogReader", vehicle: str | None) -> RecordedDrive:
         holes = f"{missing} of {total} poses of {name} are missing" if missing else ""
         reason = "; ".join(filter(None, (damage, holes)))
         left_out.add(LeftOut(poses[0].seq if poses else 0, DAMAGE, reason))
-    rows = [(pose.latitude_deg, pose.longitude_deg, pose.altitude_m) for pose in poses]
-    return _drive(
-        [pose.seq for pose in poses],
-        [pose.measured_at_ns for pose in poses],
-        rows,
-        [pose.speed_mps for pose in poses],
-        left_out,
-    )
+    positions = [
+        Position(m.measured_at_ns, m.latitude_deg, m.longitude_deg, m.altitude_m, m.speed_mps)
+        for m in poses
+    ]
+    return _drive([pose.seq for pose in poses], positions, left_out, geodetic=True)
 
 
-def _lead(scenario: bytes, senders: list[str]) -> str:
-    """Return the name of the lead of a logged run; without it the first vehicle."""
-    convoy: dict[str, Any] = {}
-    with contextlib.suppress(ValueError):  # a damaged text
-        convoy = tomllib.loads(scenario.decode()).get("convoy", {})
-    names = convoy.get("names") or senders[:1] or ["v1"]
-    return str(names[0])
-
-
-def _read_fixes(path: Path, topic: str | None, otherwise: str) -> RecordedDrive:
+def _read_topic(path: Path, topic: str | None, otherwise: str) -> Drive:
     """Read the positions of a topic; `otherwise` is the reason if there are none in the file."""
-    from transport.log.location_fixes import fixes_by_topic  # noqa: PLC0415
+    from transport.log.errors import LogError  # noqa: PLC0415
+    from transport.log.raw_messages import raw_messages  # noqa: PLC0415
 
-    by_topic, damage = fixes_by_topic(path)
-    names = ", ".join(sorted(by_topic)) or "none"
-    if topic is None and len(by_topic) > 1:
-        raise TraceError(
-            f"{len(by_topic)} topics have positions: {names}. Set path.topic to one, or "
-            "replay_topic of a replayed vehicle"
-        )
+    by_topic: dict[tuple[bool, str], list[Position]] = {}
+    damage = ""
+    try:
+        for message in raw_messages(path):
+            kind = message.schema.replace("/", ".").rpartition(".")[2]
+            if kind in GEODETIC + PLANE:
+                positions = _positions(kind, message.encoding, message.data)
+                timed = [
+                    one if one.at_ns else one._replace(at_ns=message.logged_at_ns)
+                    for one in positions
+                ]
+                by_topic.setdefault((kind in GEODETIC, message.topic), []).extend(timed)
+    except LogError as error:
+        damage = str(error)
+    names = ", ".join(sorted(name for _, name in by_topic)) or "none"
     if not by_topic and otherwise:
-        raise TraceError(f"{otherwise}; and no LocationFix or NavSatFix")
-    chosen = next(iter(by_topic)) if topic is None else topic
-    if chosen not in by_topic:
-        raise TraceError(f"given topic {chosen}, allowed {names}")
-    fixes, left_out = by_topic[chosen], LeftOutRecords()
-    usable = []
-    for number, fix in enumerate(fixes, 1):
-        if fix is None or not math.isfinite(fix.latitude + fix.longitude):
-            left_out.add(LeftOut(number, NOT_A_POSITION, "no position"))
-        else:
-            usable.append((number, fix))
+        raise TraceError(f"{otherwise}; and no {', '.join(GEODETIC[:1] + GEODETIC[2:] + PLANE)}")
+    wanted = [key for key in by_topic if key[1] == topic]
+    if topic is None:
+        wanted = [key for key in by_topic if key[0]] or [*by_topic]
+        if len(wanted) > 1:
+            raise TraceError(
+                f"{len(by_topic)} topics have positions: {names}. Set path.topic to one, or "
+                "replay_topic of a replayed vehicle"
+            )
+    if not wanted:
+        raise TraceError(f"given topic {topic}, allowed {names}")
+    positions, left_out = by_topic[wanted[0]], LeftOutRecords()
+    usable = [k for k, one in enumerate(positions, 1) if math.isfinite(one.first + one.second)]
+    for number in sorted({*range(1, len(positions) + 1)} - {*usable}):
+        left_out.add(LeftOut(number, NOT_A_POSITION, "no position"))
     if damage:
-        left_out.add(LeftOut(len(fixes) + 1, DAMAGE, damage))
-    return _drive(
-        [number for number, _ in usable],
-        [fix.at_ns for _, fix in usable],
-        [(fix.latitude, fix.longitude, fix.altitude) for _, fix in usable],
-        [math.nan] * len(usable),
-        left_out,
-    )
+        left_out.add(LeftOut(len(positions) + 1, DAMAGE, damage))
+    kept = [positions[k - 1] for k in usable]
+    return _drive(usable, kept, left_out, geodetic=wanted[0][0])
 
 
 def _drive(
-    numbers: list[int],
-    times_ns: list[int],
-    places: list[tuple[float, float, float]],
-    speeds: list[float],
-    left_out: LeftOutRecords,
-) -> RecordedDrive:
+    numbers: list[int], positions: Sequence[Position], left_out: LeftOutRecords, *, geodetic: bool
+) -> Drive:
     """Return the drive of messages, with times from the first one."""
-    zero_ns = times_ns[0] if times_ns else 0
-    latitude, longitude, altitude = np.array(places).reshape(-1, 3).T
-    return RecordedDrive(
-        geodetic=True,
+    zero_ns = positions[0].at_ns if positions else 0
+    times = np.array([(one.at_ns - zero_ns) / SECOND for one in positions])
+    first, second, height, speed = np.array([one[1:] for one in positions]).reshape(-1, 4).T
+    return Drive(
+        geodetic=geodetic,
         unit="message",
         numbers=np.array(numbers, dtype=np.int64),
-        position=np.array((latitude, longitude)),
-        altitude_m=np.where(np.isfinite(altitude), altitude, math.nan),
-        time_s=np.array([(at - zero_ns) / SECOND for at in times_ns]),
-        speed_mps=np.array(speeds),
+        position=np.array((first, second)),
+        altitude_m=np.where(np.isfinite(height), height, math.nan),
+        time_s=times,
+        speed_mps=speed,
         clock="unix",
         zero_s=zero_ns / SECOND,
         left_out=left_out,
     )
+
+
+def _positions(kind: str, encoding: str, data: bytes) -> list[Position]:
+    """Decode the positions of a message; unreadable ones are NaN."""
+    try:
+        if encoding == "json":
+            content = json.loads(data)
+            return [_of_json(one) for one in content.get("fixes", [content])]
+        if encoding == "protobuf":
+            return _of_protobuf(kind, data)
+        return [_of_ros(kind, data, is_cdr=encoding == "cdr")]
+    except Exception:  # noqa: BLE001 - decoders raise their own
+        return [Position(1, *[math.nan] * 3)]
+
+
+def _of_json(message: dict[str, Any]) -> Position:
+    stamp = message.get("timestamp") or message.get("header", {}).get("stamp") or {}
+    at = int(stamp.get("sec", 0)) * SECOND + int(stamp.get("nsec", stamp.get("nanosec", 0)))
+    if "latitude" in message:
+        place = [message[name] for name in ("latitude", "longitude")]
+        height = message.get("altitude")
+    else:
+        pose = message["pose"].get("pose", message["pose"])
+        place = [pose["position"][axis] for axis in "xy"]
+        height = pose["position"].get("z")
+    first, second = map(float, place)
+    return Position(at, first, second, math.nan if height is None else float(height))
+
+
+def _of_protobuf(kind: str, data: bytes) -> list[Position]:
+    from importlib import import_module  # noqa: PLC0415
+
+    import foxglove_schemas_protobuf as schemas  # noqa: PLC0415
+
+    module = import_module(f"{schemas.__name__}.{kind}_pb2")
+    message = getattr(module, kind).FromString(data)
+    if kind == "PoseInFrame":
+        at = message.pose.position
+        return [Position(message.timestamp.ToNanoseconds(), at.x, at.y, at.z)]
+    fixes = message.fixes if kind == "LocationFixes" else [message]
+    return [
+        Position(fix.timestamp.ToNanoseconds(), fix.latitude, fix.longitude, fix.altitude)
+        for fix in fixes
+    ]
+
+
+def _of_ros(kind: str, data: bytes, *, is_cdr: bool) -> Position:
+    """Decode header, the name of a frame or two, the status of a fix, and the position.
+
+    The values of ROS 2 (CDR) are aligned to their size behind four bytes with their order.
+    """
+    order = "<" if not is_cdr or data[1] & 1 else ">"
+    at = 4 if is_cdr else 0
+
+    def take(form: str, size: int) -> tuple[Any, ...]:
+        nonlocal at
+        at += (4 - at) % size if is_cdr else 0
+        values = struct.unpack_from(f"{order}{form}", data, at)
+        at += struct.calcsize(f"{order}{form}")
+        return values
+
+    if not is_cdr:
+        take("I", 4)
+    sec, nsec = take("iI", 4)
+    for _ in range(2 if kind == "Odometry" else 1):
+        (length,) = take("I", 4)
+        at += length
+    if kind == "NavSatFix":
+        take("b", 1)
+        take("H", 2)
+    return Position(sec * SECOND + nsec, *take("ddd", 8))

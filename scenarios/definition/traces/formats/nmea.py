@@ -7,44 +7,36 @@ import re
 from collections import Counter
 from dataclasses import dataclass
 from datetime import date
-from typing import Final
 
 import numpy as np
 
-from scenarios.definition.traces.formats.cells import as_number
-from scenarios.definition.traces.recorded_drive import (
+from scenarios.definition.traces.drive import (
     NO_FIX,
     NOT_A_POSITION,
     Clock,
+    Drive,
     Floats,
     LeftOut,
     LeftOutRecords,
-    RecordedDrive,
     TraceError,
 )
+from scenarios.definition.traces.formats.cells import DAY, as_number
 
-DAY: Final = 86_400.0
-
-KNOT: Final = 1852.0 / 3600.0
+KNOT = 1852.0 / 3600.0
 """Knot (m/s)."""
 
-CONTINUOUS_S: Final = 600.0
+CONTINUOUS_S = 600.0
 """Largest step of the time between points that have one date in common."""
 
-SENTENCE: Final = re.compile(
+SENTENCE = re.compile(
     r"\$([A-OQ-Z][A-Z](?:GGA|GNS|RMC|GLL|ZDA|VTG)),([^$*]*)(?:\*([0-9A-Fa-f]{2})?)?"
 )
-BEGIN: Final = re.compile(r"\$[A-Z]")
-NO_CHECKSUM: Final = "wrong or missing checksum"
-NOT_A_SENTENCE: Final = "not a sentence"
 
-POSITION_KINDS: Final = {
-    "GGA": (1, 2, 6), "GNS": (1, 2, 6), "RMC": (1, 3, 2), "GLL": (5, 1, 6)
-}  # fmt: skip
+POSITIONS = {"GGA": (1, 2, 6), "GNS": (1, 2, 6), "RMC": (1, 3, 2), "GLL": (5, 1, 6)}
 """Fields of time, latitude and status by kind; the position of the first kind counts."""
 
-RANKS: Final = {kind: rank for rank, kind in enumerate(POSITION_KINDS)}
-UNFIT: Final = re.compile(r"[0V]|N{1,2}")
+RANKS = [*POSITIONS]
+UNFIT = re.compile(r"[0V]|N{1,2}")
 """Status of a position without a valid fix."""
 
 
@@ -63,7 +55,7 @@ class _NmeaPoint:
     unfit: bool = False
 
 
-def read_nmea(text: str) -> RecordedDrive:
+def read_nmea(text: str) -> Drive:
     """Read the positions of GGA, GNS, RMC and GLL, with the speeds of RMC or VTG.
 
     Sentences of the same time become one point, in the order of their first one. Dates of RMC or
@@ -71,63 +63,63 @@ def read_nmea(text: str) -> RecordedDrive:
     missing if all sentences lack them. Raises TraceError without a position.
     """
     left_out = LeftOutRecords()
-    checked = bool(re.search(r"\$[A-Z]{2}(?:GGA|GNS|RMC|GLL),[^\r\n$*]*\*[0-9A-Fa-f]{2}", text))
+    checked = bool(re.search(r"\$[A-Z]{2}(?:GGA|RMC|GNS|GLL),[^\r\n$*]*\*[0-9A-Fa-f]{2}", text))
     instants: dict[tuple[float, int], _NmeaPoint] = {}
     seen: Counter[tuple[float, str]] = Counter()
     latest: _NmeaPoint | None = None
     for number, line in enumerate(re.split(r"\r\n|\n|\r", text), 1):
-        if line.strip() and not BEGIN.search(line) and not line.startswith("!"):
-            left_out.add(LeftOut(number, NOT_A_SENTENCE, NOT_A_SENTENCE))
+        if line.strip() and not re.search(r"\$[A-Z]", line) and not line.startswith("!"):
+            left_out.add(LeftOut(number, "not a sentence", "not a sentence"))
         for name, body, checksum in SENTENCE.findall(line):
-            if checked and not _is_sound(f"{name},{body}", checksum):
-                left_out.add(LeftOut(number, NO_CHECKSUM, NO_CHECKSUM))
+            code = functools.reduce(operator.xor, f"{name},{body}".encode("ascii", "replace"), 0)
+            if checked and not (checksum and code == int(checksum, 16)):
+                left_out.add(LeftOut(number, "wrong checksum", "wrong or missing checksum"))
                 continue
             fields, kind = [name, *body.split(","), *[""] * 12], name[2:]
             if kind == "VTG":
                 if latest and math.isnan(latest.speed):
                     latest.speed = as_number(fields[5]) * KNOT
                 continue
-            day_s = _day_seconds(fields[1 if kind == "ZDA" else POSITION_KINDS[kind][0]])
+            day_s = _day_seconds(fields[1 if kind == "ZDA" else POSITIONS[kind][0]])
             count = -len(instants) if math.isnan(day_s) else seen[day_s, name]
             seen[day_s, name] += 1
             latest = instants.setdefault((day_s, count), _NmeaPoint(number, day_s))
-            _add(latest, kind, fields, number, left_out)
+            if reason := _add(latest, kind, fields, number):
+                left_out.add(LeftOut(number, NOT_A_POSITION, reason))
     return _drive(list(instants.values()), left_out, checked=checked)
 
 
-def _is_sound(body: str, checksum: str) -> bool:
-    return bool(checksum) and functools.reduce(
-        operator.xor, body.encode("ascii", "replace"), 0
-    ) == int(checksum, 16)
+def _add(point: _NmeaPoint, kind: str, fields: list[str], number: int) -> str:
+    """Add the values of a sentence, whose position counts if its kind is the first.
 
-
-def _add(
-    point: _NmeaPoint, kind: str, fields: list[str], number: int, left_out: LeftOutRecords
-) -> None:
-    """Add the values of a sentence, whose position counts if its kind is the first."""
+    Returns what is wrong with its position.
+    """
     if kind == "ZDA":
         point.date = _days(fields[2:5])
-        return
+        return ""
     if kind == "RMC":
         point.speed = as_number(fields[7]) * KNOT
         point.date = _days([fields[9][:2], fields[9][2:4], fields[9][4:]])
-    elif kind in {"GGA", "GNS"}:
+    elif kind != "GLL":
         geoid = as_number(fields[11 if kind == "GGA" else 10])
         point.altitude = as_number(fields[9]) + (0.0 if math.isnan(geoid) else geoid)
-    _, first, status = POSITION_KINDS[kind]
+    _, first, status = POSITIONS[kind]
     cells = fields[first : first + 4]
     latitude, longitude = _angle(cells[0], cells[1], "NS"), _angle(cells[2], cells[3], "EW")
-    if math.isfinite(latitude + longitude):
-        if RANKS[kind] < point.rank:
-            point.rank, point.number = RANKS[kind], number
-            point.latitude, point.longitude = latitude, longitude
-            point.unfit = bool(UNFIT.fullmatch(fields[status]))
-    elif cells[0] and cells[2]:
-        left_out.add(LeftOut(number, NOT_A_POSITION, f"position is {','.join(cells)!r:.40}"))
+    if not math.isfinite(latitude + longitude):
+        return f"position is {','.join(cells)!r:.40}" if cells[0] and cells[2] else ""
+    if RANKS.index(kind) < point.rank:
+        point.rank, point.number = RANKS.index(kind), number
+        point.latitude, point.longitude = latitude, longitude
+        point.unfit = bool(UNFIT.fullmatch(fields[status]))
+    return ""
 
 
-def _drive(points: list[_NmeaPoint], left_out: LeftOutRecords, *, checked: bool) -> RecordedDrive:
-    times = _continued(np.array([point.day_s for point in points]))
+def _drive(points: list[_NmeaPoint], left_out: LeftOutRecords, *, checked: bool) -> Drive:
+    times = np.array([point.day_s for point in points])
+    known = np.flatnonzero(np.isfinite(times))
+    if known.size:  # continued over midnight
+        times[known] += DAY * np.cumsum(np.diff(times[known], prepend=times[known[0]]) < -DAY / 2)
     clock, zero_s, times = _dated(times, np.array([point.date for point in points]))
     listed = {record.number for record in left_out.records}
     located = np.array([math.isfinite(point.latitude) for point in points], dtype=bool)
@@ -142,7 +134,7 @@ def _drive(points: list[_NmeaPoint], left_out: LeftOutRecords, *, checked: bool)
     if unfit := sum(point.unfit for point in kept):
         have = "position has" if unfit == 1 else "positions have"
         remarks.append(f"{unfit} {have} quality 0 or status V: used like the others")
-    return RecordedDrive(
+    return Drive(
         geodetic=True,
         unit="line",
         numbers=np.array([point.number for point in kept]),
@@ -157,14 +149,6 @@ def _drive(points: list[_NmeaPoint], left_out: LeftOutRecords, *, checked: bool)
     )
 
 
-def _continued(times: Floats) -> Floats:
-    """Return the times of day, continued over midnight."""
-    known = np.flatnonzero(np.isfinite(times))
-    if known.size:
-        times[known] += DAY * np.cumsum(np.diff(times[known], prepend=times[known[0]]) < -DAY / 2)
-    return times
-
-
 def _dated(times: Floats, dates: Floats) -> tuple[Clock, float, Floats]:
     """Return the clock, its zero and the times on it.
 
@@ -175,15 +159,16 @@ def _dated(times: Floats, dates: Floats) -> tuple[Clock, float, Floats]:
     dated = np.isfinite(dates[known])
     if not dated.any():
         return "day", 0.0, times
-    piece = np.cumsum(np.abs(np.diff(times[known], prepend=times[known[0]])) > CONTINUOUS_S)
     begins = DAY * (dates[known] - np.floor(times[known] / DAY))
-    order = np.lexsort((begins[dated], piece[dated]))
-    pieces, first, count = np.unique(piece[dated], return_index=True, return_counts=True)
-    middle = begins[dated][order][first + (count - 1) // 2]
-    begin = middle[np.maximum(np.searchsorted(pieces, piece, side="right") - 1, 0)]
-    result = times.copy()
-    result[known] += begin - begin[0]
-    return "unix", float(begin[0]), result
+    breaks = np.flatnonzero(np.abs(np.diff(times[known])) > CONTINUOUS_S) + 1
+    result, zero = times.copy(), math.nan
+    begin = float(np.median(begins[dated]))
+    for piece in np.split(np.arange(known.size), breaks):
+        usable = np.sort(begins[piece][dated[piece]])
+        begin = float(usable[(usable.size - 1) // 2]) if usable.size else begin
+        zero = begin if math.isnan(zero) else zero
+        result[known[piece]] += begin - zero
+    return "unix", zero, result
 
 
 def _angle(cell: str, hemisphere: str, signs: str) -> float:

@@ -1,22 +1,33 @@
-"""Recorded drives as tables: CSV and its relatives, RTKLIB's .pos, exports of ROS topics."""
+"""Recorded drives as tables: CSV and its relatives, RTKLIB's .pos, exports of ROS and SUMO."""
 
 import csv
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 from itertools import zip_longest
-from typing import Final
+from typing import NamedTuple
 
 import numpy as np
 
+from scenarios.definition.traces.drive import (
+    FASTEST,
+    METRES_PER_DEGREE,
+    NO_TIMES,
+    Drive,
+    Floats,
+    Ints,
+    LeftOut,
+    LeftOutRecords,
+    TraceError,
+)
 from scenarios.definition.traces.formats.cells import (
+    GPS_AHEAD_S,
     UNITS,
     UNIX_RANGE,
     TimeColumn,
     as_numbers,
+    chosen_vehicle,
     first_usual,
     read_times,
-    utc_from_gps,
 )
 from scenarios.definition.traces.formats.column_names import (
     ANGLES,
@@ -26,174 +37,49 @@ from scenarios.definition.traces.formats.column_names import (
     NamedColumn,
     TableColumns,
     TimeSource,
+    numbered,
     usable_columns,
 )
-from scenarios.definition.traces.recorded_drive import (
-    ALTITUDES_M,
-    FASTEST,
-    METRES_PER_DEGREE,
-    Floats,
-    LeftOut,
-    LeftOutRecords,
-    RecordedDrive,
-    TraceError,
-)
 
-# ---- Times of a table: which columns hold them, and their likely unit
-
-
-USUAL_SPEEDS: Final = (0.5, 70.0)
-"""Median speeds (m/s) of a car that confirm a unit of time."""
-
-DOUBTFUL_SPEEDS: Final = (0.1, 150.0)
-"""Median speeds (m/s) beyond which another unit of time is considered."""
-
-LEAST_INTERVAL: Final = 0.005
-"""Shortest median interval (s) between points in the unit considered."""
-
-
-def preferred_source(
-    sources: Sequence[TimeSource], rows: Sequence[Sequence[str]]
-) -> TimeSource | None:
-    """Return the first source whose cells fit and change in a sample of rows."""
-    fitting = [source for source in sources if _fits(source, rows)]
-    for source in fitting:
-        places = [column.place for column in source.columns]
-        values = {tuple(row[k].strip() for k in places) for row in rows}
-        if len({value for value in values if any(value)}) > 1:
-            return source
-    return fitting[0] if fitting else None
-
-
-def _fits(source: TimeSource, rows: Sequence[Sequence[str]]) -> bool:
-    """Whether most dates are dates without a time, where the time is in another column."""
-    if source.kind != "date":
-        return True
-    date, time = (column.place for column in source.columns)
-    fitting = [
-        bool(re.search(r"\d", row[date]))
-        and ":" not in row[date]
-        and ":" in row[time]
-        and not re.search(r"[-/]", row[time].strip(" -"))
-        for row in rows
-    ]
-    return 2 * sum(fitting) > len(fitting)
-
-
-def times_of(source: TimeSource, columns: Sequence[Sequence[str]]) -> TimeColumn:
-    """Read the times of a source from the cells of its columns."""
-    if source.kind == "stamp":
-        return _stamped(*map(as_numbers, columns))
-    if source.kind == "date":
-        column = read_times([f"{a.strip()} {b}" for a, b in zip(*columns, strict=True)])
-    else:
-        column = read_times(columns[0], source.unit)
-    return _in_utc(column) if source.gps and column.clock == "unix" else column
-
-
-def _stamped(seconds: Floats, nanos: Floats) -> TimeColumn:
-    known = seconds[np.isfinite(seconds)]
-    unix = known.size > 0 and UNIX_RANGE[0] <= np.median(known) <= UNIX_RANGE[1]
-    zero = first_usual(known) if unix else 0.0
-    return TimeColumn(seconds - zero + nanos / 1e9, "unix" if unix else None, zero, ())
-
-
-def _in_utc(column: TimeColumn) -> TimeColumn:
-    zero = float(utc_from_gps(np.array(column.zero_s)))
-    ahead = f"times of GPS are converted to UTC: {column.zero_s - zero:.0f} s less"
-    remarks = [remark for remark in column.remarks if "zone" not in remark]
-    return replace(column, zero_s=zero, remarks=(*remarks, ahead))
-
-
-def in_likely_unit(
-    column: TimeColumn, source: TimeSource, position: Floats, *, geodetic: bool
-) -> TimeColumn:
-    """Change the unit of the times if the drive would be absurdly slow or fast in it.
-
-    Times whose column names the unit keep it, with a remark. `position` is that of the rows.
-    """
-    named = source.unit
-    if source.kind != "single" or column.clock == "day" or column.remarks:
-        return column
-    speed, interval = _median_speed(column.seconds, position, geodetic=geodetic)
-    if DOUBTFUL_SPEEDS[0] <= speed <= DOUBTFUL_SPEEDS[1] or not speed > 0.0:
-        return column
-    factors = {unit: UNITS[named or "s"] / per for unit, per in UNITS.items()}
-    likely = [
-        unit
-        for unit, factor in factors.items()
-        if USUAL_SPEEDS[0] <= speed / factor <= USUAL_SPEEDS[1]
-        and interval * factor >= LEAST_INTERVAL
-    ]
-    name = source.columns[-1].name
-    if not likely:
-        doubt = (
-            f"the median speed by {name} is {speed:.2g} m/s: check the units of times and positions"
-        )
-        return replace(column, remarks=(doubt,) if speed > DOUBTFUL_SPEEDS[1] else ())
-    if named:
-        advice = (
-            f"the median speed by {name} is {speed:.2g} m/s: its times are probably in "
-            f"{likely[0]}. Rename the column to t_{likely[0]} if they are"
-        )
-        return replace(column, remarks=(advice,))
-    seconds = (column.seconds + column.zero_s) * factors[likely[0]]
-    reason = f"{name} is read in {likely[0]}: in s the median speed would be {speed:.2g} m/s"
-    return TimeColumn(seconds, None, 0.0, (reason,))
-
-
-def _median_speed(seconds: Floats, position: Floats, *, geodetic: bool) -> tuple[float, float]:
-    """Return the median speed between different points and the median interval; 0 if unknown."""
-    known = np.isfinite(seconds) & np.isfinite(position).all(axis=0)
-    first, second = position[:, known]
-    if geodetic:
-        north = first * METRES_PER_DEGREE
-        east = second * METRES_PER_DEGREE * np.cos(np.radians(first))
-    else:
-        east, north = first, second
-    moved = np.flatnonzero(np.hypot(np.diff(east), np.diff(north)) > 0.0)
-    places = np.append(moved[:1], moved + 1)
-    lengths = np.hypot(np.diff(east[places]), np.diff(north[places]))
-    spans = np.diff(seconds[known][places])
-    usable = spans > 0.0
-    if not usable.any():
-        return 0.0, 0.0
-    speed = float(np.median(lengths[usable] / spans[usable]))
-    return speed, float(np.median(spans[usable]))
-
-
-# ---- Separator, header and used columns of a table
-
-
-SEPARATORS: Final = (",", ";", "\t", "|", None)
+SEPARATORS = (",", ";", "\t", "|", None)
 """Separators of cells; None is any number of spaces."""
 
-SEPARATOR: Final = re.compile(r"\W*sep=.?\W*")
-"""A line with which Excel names the separator."""
+COMMENTS = ("#", "%")
+BLANK = " ,;\t|"
 
-COMMENTS: Final = ("#", "%")
-BLANK: Final = " ,;\t|"
-UNUSUAL: Final = f"{BLANK}#%"
-"""First characters of lines that may be no rows."""
+HEADER_MAX, LINES_BEFORE_MAX = 100_000, 200
+"""Largest number of characters of a header, and of lines in which it is searched."""
 
-LONGEST_HEADER: Final = 100_000
-"""Number of characters above which a line is no header."""
-
-MOST_BEFORE: Final = 200
-"""Number of lines in which the column names are searched."""
-
-SAMPLE: Final = 2000
+SAMPLE = 2000
 """Number of lines from which the form of the cells is guessed."""
 
-READ: Final = "latitude and longitude, x and y, or east and north"
-EXAMPLE: Final = "t_s,latitude_deg,longitude_deg or t_s,x_m,y_m"
+BLOCK = 4_000
+"""Number of lines that are split at a time, to bound the memory."""
+
+USUAL_SPEEDS, DOUBTFUL_SPEEDS = (0.5, 70.0), (0.1, 150.0)
+"""Median speeds (m/s) of a car that confirm a unit of time, and that make it doubtful."""
+
+SHORTEST_INTERVAL = 0.005
+"""Shortest median interval (s) between points in a unit considered."""
+
+NO_ALTITUDES, ALTITUDES_M = (9999.0, -9999.0), (-500.0, 10_000.0)
+"""Numbers for an unknown altitude, and the range of usable ones."""
+
+DEGREES_STEP, SCALED = 1e-3, 1e5
+"""Median step between points below which x and y may be degrees, and median size of latitudes
+from which they are integers of 1e-7 deg."""
+
+EARTH_M = (6.33e6, 6.40e6)
+"""Distance (m) of the earth's surface from its centre: such x, y, z are no plane coordinates."""
+
+EXAMPLE = "t_s,latitude_deg,longitude_deg or t_s,x_m,y_m"
 
 
-@dataclass(frozen=True, slots=True)
-class TableLayout:
+class TableLayout(NamedTuple):
     """How the rows of a table are read, from line index `first` on.
 
-    Rows of more than `most` cells are spoiled.
+    Rows of more than `most` cells are spoiled. `vehicle` is to be selected by rows.
+    `unused` are the names of columns whose numbers increase like times, if there is no `source`.
     """
 
     separator: str | None
@@ -201,18 +87,67 @@ class TableLayout:
     source: TimeSource | None
     most: int
     first: int
-
-    @property
-    def time_places(self) -> list[int]:
-        return [column.place for column in self.source.columns] if self.source else []
+    vehicle: str | None
+    unused: list[str]
 
 
-def layout_of(lines: Sequence[str]) -> TableLayout:
-    """Find the header and the form of the rows. Raises TraceError without usable names."""
-    columns, separator, first = _header(lines)
-    sample = [cells_of(line, separator) for line in lines[first : first + SAMPLE] if is_row(line)]
+def read_table(text: str, vehicle: str | None = None) -> Drive:
+    """Read a table of positions with a line of column names, which may be behind # or %.
+
+    The separator is the one with which the names are usable. A row without a readable position
+    is left out; other unreadable cells are NaN. Raises TraceError without usable names.
+    """
+    lines = text.splitlines()
+    layout = _layout(lines, vehicle)
+    columns = layout.columns
+    used = [*columns.position, columns.altitude, columns.speed, columns.vehicle, columns.height]
+    used += layout.source.columns if layout.source else ()
+    places = [column.place for column in used if column]
+    cells: dict[int, list[str]] = {place: [] for place in places}
+    numbers: list[int] = []
+    bad: dict[int, tuple[str, str]] = {}
+    for start in range(layout.first, len(lines), BLOCK):
+        rows = [
+            (number, _cells(line, layout.separator))
+            for number, line in enumerate(lines[start : start + BLOCK], start + 1)
+            if _is_row(line)
+        ]
+        for k, (_, row) in enumerate(rows, len(numbers)):
+            if len(row) < len(columns.names):
+                row.extend([""] * (len(columns.names) - len(row)))
+            elif len(row) > layout.most and any(cell.strip() for cell in row[layout.most :]):
+                bad[k] = "too many cells", f"{len(row)} cells, {layout.most} expected"
+        numbers += [number for number, _ in rows]
+        for place, column in cells.items():
+            column.extend([row[place] for _, row in rows])
+    last = len(_cells(lines[-1], layout.separator)) if numbers else 0
+    is_cut = last < len(columns.names) and not text.endswith(("\n", "\r"))
+    if is_cut and last - 1 in {column.place for column in columns.position}:
+        bad[len(numbers) - 1] = "cut row", "the file ends within the position"
+    del lines
+    return _drive(cells, np.array(numbers, dtype=np.int64), bad, layout)
+
+
+# ---- Separator, header and used columns
+
+
+def _layout(lines: Sequence[str], vehicle: str | None) -> TableLayout:
+    names, separator, first = _header(lines)
+    sample = [_cells(line, separator) for line in lines[first : first + SAMPLE] if _is_row(line)]
+    columns = usable_columns(names)
+    if cars := numbered(names):
+        columns = cars[chosen_vehicle([*cars], vehicle) or ""]
+        vehicle = None
+    if columns is None:
+        raise TraceError("no usable columns")
     if sample:
-        separator, sample = _separator_of_rows(lines, first, separator, columns, sample)
+        needed = max(column.place for column in columns.position)
+        if 2 * sum(len(row) > needed for row in sample) < len(sample):  # another than of the names
+            rows = [line for line in lines[first : first + SAMPLE] if _is_row(line)]
+            splits = [(other, [_cells(row, other) for row in rows]) for other in SEPARATORS]
+            full = [sum(len(row) == len(names) for row in split) for _, split in splits]
+            if 2 * max(full) > len(rows):
+                separator, sample = splits[full.index(max(full))]
         columns = _with_divided_time(columns, sample)
         if units := _units(columns, sample[0]):
             columns, first, sample = units, first + 1, sample[1:]
@@ -228,16 +163,21 @@ def layout_of(lines: Sequence[str]) -> TableLayout:
             f"the rows have {usual} cells, but the header names {width}: "
             "separate the cells of decimal commas by ; instead"
         )
-    source = preferred_source(columns.times, [padded(row, width) for row in sample])
-    return TableLayout(separator, columns, source, max(width, usual), first)
+    padded = [[*row, *([""] * (width - len(row)))] for row in sample]
+    source = _preferred_source(columns.times, padded)
+    numbers = {name: as_numbers([row[k] for row in padded]) for k, name in columns.unused}
+    rising = [name for name, cells in numbers.items() if (np.diff(cells) > 0.0).all()]
+    unused = [] if source or len(padded) < 2 else rising
+    most = max(width, usual)
+    return TableLayout(separator, columns, source, most, first, vehicle, unused)
 
 
-def is_row(line: str) -> bool:
+def _is_row(line: str) -> bool:
     text = line.strip(BLANK)
     return bool(text) and not text.startswith(COMMENTS)
 
 
-def cells_of(line: str, separator: str | None) -> list[str]:
+def _cells(line: str, separator: str | None) -> list[str]:
     """Split a single line, so that an open quote affects no other line."""
     if '"' not in line or separator is None:
         return line.split(separator)
@@ -247,18 +187,14 @@ def cells_of(line: str, separator: str | None) -> list[str]:
         return []
 
 
-def padded(row: list[str], width: int) -> list[str]:
-    return row if len(row) >= width else [*row, *[""] * (width - len(row))]
-
-
-def _header(lines: Sequence[str]) -> tuple[TableColumns, str | None, int]:
-    """Return the usable columns, the separator of their names, and the first line of rows.
+def _header(lines: Sequence[str]) -> tuple[list[str], str | None, int]:
+    """Return the names of the columns, their separator, and the first line of rows.
 
     Of several comment lines with usable names, the last one counts.
     """
-    header: tuple[TableColumns, str | None, int] | None = None
-    given = ""
-    for number, line in enumerate(lines[:MOST_BEFORE], 1):
+    header: tuple[list[str], str | None, int] | None = None
+    given: list[str] = []
+    for number, line in enumerate(lines[:LINES_BEFORE_MAX], 1):
         text = line.strip()
         if not text.strip(BLANK):
             continue
@@ -267,56 +203,31 @@ def _header(lines: Sequence[str]) -> tuple[TableColumns, str | None, int]:
             header = (*named, number)
         if header and not comment:
             return header if named else (header[0], header[1], number - 1)
-        given = given or ("" if comment or SEPARATOR.fullmatch(text) else text)
-    if header is None:
-        raise TraceError(_without_names(given or (lines[0] if lines else "")))
-    return header
+        if not comment and not re.fullmatch(r"\W*sep=.?\W*", text):
+            given.append(text)
+    if header is not None:
+        return header
+    line = max(given[:20] or [*lines[:1], ""], key=lambda one: len(re.findall("[,;\t]", one)))
+    shown = ", ".join(cell.strip() for cell in _cells(line, max(",;\t", key=line.count)))
+    shown = shown[:60].encode("unicode_escape").decode() or "none"
+    remedy = f"name them in the first line, such as {EXAMPLE}"
+    if any(map(str.isalpha, line)):
+        remedy = f"allowed latitude and longitude, x and y, or east and north, such as {EXAMPLE}"
+    raise TraceError(f"no usable columns: given {shown}; {remedy}")
 
 
-def _named(line: str) -> tuple[TableColumns, str | None] | None:
-    """Return the usable columns that the line names, with the separator that finds most."""
-    best: tuple[TableColumns, str | None] | None = None
-    if len(line) > LONGEST_HEADER:
-        return None
-    for separator in SEPARATORS:
-        names = cells_of(line, separator)
+def _named(line: str) -> tuple[list[str], str | None] | None:
+    """Return the names in a line if they are usable, with the separator that finds most."""
+    best: tuple[int, list[str], str | None] = (0, [], None)
+    for separator in SEPARATORS if len(line) <= HEADER_MAX else ():
+        names = _cells(line, separator)
         if separator is None:
             names = line.replace(" (", "(").replace(" [", "[").split()
         columns = usable_columns(names)
-        if columns and (best is None or columns.rank > best[0].rank):
-            best = columns, separator
-    return best
-
-
-def _without_names(line: str) -> str:
-    shown = ", ".join(cell.strip() for cell in cells_of(line, _most_frequent(line)))
-    given = shown[:60].encode("unicode_escape").decode() or "none"
-    numeric = not any(letter.isalpha() for letter in line)
-    remedy = f"name them in the first line, such as {EXAMPLE}" if numeric else f"allowed {READ}, "
-    return f"no usable columns: given {given}; {remedy}" + ("" if numeric else f"such as {EXAMPLE}")
-
-
-def _most_frequent(line: str) -> str:
-    return max(",;\t", key=line.count)
-
-
-def _separator_of_rows(
-    lines: Sequence[str],
-    first: int,
-    separator: str | None,
-    columns: TableColumns,
-    sample: list[list[str]],
-) -> tuple[str | None, list[list[str]]]:
-    """Return the separator of the rows, which may be another than that of the names."""
-    needed = max(column.place for column in columns.position)
-    if 2 * sum(len(row) > needed for row in sample) >= len(sample):
-        return separator, sample
-    rows = [line for line in lines[first : first + SAMPLE] if is_row(line)]
-    for other in SEPARATORS:
-        split = [cells_of(line, other) for line in rows]
-        if 2 * sum(len(row) == len(columns.names) for row in split) > len(split):
-            return other, split
-    return separator, sample
+        rank = columns.rank if columns else 1 if len(names) > 3 and numbered(names) else 0
+        if rank > best[0]:
+            best = rank, names, separator
+    return best[1:] if best[0] else None
 
 
 def _units(columns: TableColumns, row: list[str]) -> TableColumns | None:
@@ -333,146 +244,150 @@ def _with_divided_time(columns: TableColumns, sample: list[list[str]]) -> TableC
     longer = [row for row in sample if len(row) == len(columns.names) + 1]
     if not columns.times or 2 * len(longer) <= len(sample):
         return columns
-    source = columns.times[0]
-    place = source.columns[-1].place
-    row = longer[len(longer) // 2]
+    place = columns.times[0].columns[-1].place
     names = list(columns.names)
-    if sum(row[place].count(sign) for sign in "-/.") == 2:
+    if sum(longer[len(longer) // 2][place].count(sign) for sign in "-/.") == 2:
         names.insert(place, "date")
     return usable_columns(names) or columns
 
 
-# ---- Table
+# ---- Times: which columns hold them, and their likely unit
 
 
-BLOCK: Final = 4_000
-"""Number of lines that are split at a time, to bound the memory."""
-
-NO_ALTITUDE: Final = 9999.0
-
-DEGREES_STEP: Final = 1e-3
-"""Median step (deg) between points below which x and y may be degrees."""
-
-LEAST_SCALED: Final = 1e5
-"""Median size of latitudes from which they are integers of 1e-7 deg."""
-
-
-@dataclass(slots=True)
-class _Rows:
-    """Columns of all rows of a table; `bad` has the index, kind and reason of left out ones."""
-
-    numbers: list[int] = field(default_factory=list)
-    position: list[Floats] = field(default_factory=list)
-    altitude: list[Floats] = field(default_factory=list)
-    speed: list[Floats] = field(default_factory=list)
-    times: list[list[str]] = field(default_factory=list)
-    bad: list[tuple[int, str, str]] = field(default_factory=list)
+def _preferred_source(
+    sources: Sequence[TimeSource], rows: Sequence[Sequence[str]]
+) -> TimeSource | None:
+    """Return the first source with usable times that change in a sample of rows, or else one."""
+    usable = []
+    for source in sources:
+        cells = [[row[column.place] for row in rows] for column in source.columns]
+        times = _times_of(source, cells).seconds
+        known = times[np.isfinite(times)]
+        if 2 * known.size > len(rows):
+            usable.append((not np.ptp(known), source))
+    return min(usable, key=lambda one: one[0])[1] if usable else None
 
 
-def read_table(text: str) -> RecordedDrive:
-    """Read a table of positions with a line of column names, which may be behind # or %.
+def _times_of(source: TimeSource, columns: Sequence[Sequence[str]]) -> TimeColumn:
+    """Read the times of a source from the cells of its columns."""
+    if source.kind == "stamp":
+        seconds, nanos = map(as_numbers, columns)
+        known = seconds[np.isfinite(seconds)]
+        unix = known.size > 0 and UNIX_RANGE[0] <= np.median(known) <= UNIX_RANGE[1]
+        zero = first_usual(known) if unix else 0.0
+        return TimeColumn(seconds - zero + nanos / 1e9, "unix" if unix else None, zero)
+    if source.kind == "date":
+        column = read_times([f"{a.strip()} {b}" for a, b in zip(*columns, strict=True)])
+    else:
+        column = read_times(columns[0], source.unit)
+    if source.columns[-1].base != "gpst" or column.clock != "unix":
+        return column
+    ahead = f"times of GPS are converted to UTC: {GPS_AHEAD_S:.0f} s less"
+    remarks = [remark for remark in column.remarks if "zone" not in remark]
+    return column._replace(zero_s=column.zero_s - GPS_AHEAD_S, remarks=(*remarks, ahead))
 
-    The separator is the one with which the names are usable. A row without a readable position
-    is left out; other unreadable cells are NaN. Raises TraceError without usable names.
+
+def _in_likely_unit(column: TimeColumn, source: TimeSource, position: Floats) -> TimeColumn:
+    """Change the unit of the times if the drive would be absurdly slow or fast in it.
+
+    Times whose column names the unit keep it, with a remark. `position` (m) is that of the rows.
     """
-    lines = text.splitlines()
-    layout = layout_of(lines)
-    rows = _Rows(times=[[] for _ in layout.time_places])
-    for start in range(layout.first, len(lines), BLOCK):
-        _add_block(rows, lines, start, layout)
-    if rows.numbers and _ends_within_position(text, lines[-1], layout):
-        rows.bad.append((len(rows.numbers) - 1, "cut row", "the file ends within the position"))
-    del lines
-    return _drive(rows, layout)
-
-
-def _ends_within_position(text: str, last: str, layout: TableLayout) -> bool:
-    """Whether the last row lacks its end from a cell of the position on: digits may be missing."""
-    cells = len(cells_of(last, layout.separator))
-    is_cut = not text.endswith(("\n", "\r")) and cells < len(layout.columns.names)
-    return is_cut and any(column.place == cells - 1 for column in layout.columns.position)
-
-
-def _add_block(rows: _Rows, lines: Sequence[str], start: int, layout: TableLayout) -> None:
-    """Add the rows from line `start` on."""
-    columns, before = layout.columns, len(rows.numbers)
-    stop = min(start + BLOCK, len(lines))
-    places = [
-        place
-        for place, line in enumerate(lines[start:stop], start)
-        if (line and line[0] not in UNUSUAL) or is_row(line)
+    if source.kind != "single" or column.clock == "day" or column.remarks:
+        return column
+    speed, interval = _median_speed(column.seconds, position)
+    if DOUBTFUL_SPEEDS[0] <= speed <= DOUBTFUL_SPEEDS[1] or not speed > 0.0:
+        return column
+    factors = {unit: UNITS[source.unit or "s"] / per for unit, per in UNITS.items()}
+    likely = [
+        unit
+        for unit, factor in factors.items()
+        if USUAL_SPEEDS[0] <= speed / factor <= USUAL_SPEEDS[1]
+        and interval * factor >= SHORTEST_INTERVAL
     ]
-    if not places:
-        return
-    split = [cells_of(lines[place], layout.separator) for place in places]
-    counts = [len(row) for row in split]
-    if min(counts) < len(columns.names):
-        split = [padded(row, len(columns.names)) for row in split]
-    position = np.array(
-        [as_numbers([row[column.place] for row in split]) for column in columns.position]
-    )
-    longer = [k for k, count in enumerate(counts) if count > layout.most]
-    spoiled = {k for k in longer if any(cell.strip() for cell in split[k][layout.most :])}
-    position[:, list(spoiled)] = np.nan
-    unknown = ~np.isfinite(position)
-    marked = np.flatnonzero(unknown.any(axis=0))
-    for k, axis in zip(marked.tolist(), unknown[:, marked].argmax(axis=0).tolist(), strict=True):
-        if k in spoiled:
-            reason = "too many cells", f"{counts[k]} cells, {layout.most} expected"
-        else:
-            reason = _reason(columns.position[axis], split[k])
-        rows.bad.append((before + k, *reason))
-    rows.numbers.extend(place + 1 for place in places)
-    rows.position.append(position)
-    for values, column in ((rows.altitude, columns.altitude), (rows.speed, columns.speed)):
-        if column:
-            values.append(as_numbers([row[column.place] for row in split]))
-    for cells, place in zip(rows.times, layout.time_places, strict=True):
-        cells.extend([row[place] for row in split])
+    name = source.columns[-1].name
+    fact = f"the median speed by {name} is {speed:.2g} m/s"
+    if not likely:
+        doubt = f"{fact}: check the units of times and positions"
+        return column._replace(remarks=(doubt,) if speed > DOUBTFUL_SPEEDS[1] else ())
+    if source.unit:
+        advice = f"its times are probably in {likely[0]}. Rename the column to t_{likely[0]} if so"
+        return column._replace(remarks=(f"{fact}: {advice}",))
+    seconds = (column.seconds + column.zero_s) * factors[likely[0]]
+    reason = f"{name} is read in {likely[0]}: in s the median speed would be {speed:.2g} m/s"
+    return TimeColumn(seconds, remarks=(reason,))
 
 
-def _reason(column: NamedColumn, row: list[str]) -> tuple[str, str]:
-    """Return kind and reason of a row with an unreadable position in a column."""
-    cell = row[column.place].strip()
-    if not cell:
-        return "no position", f"{column.name} is empty"
-    return "not a number", f"{column.name} is {cell[:20]!r}"
+def _median_speed(seconds: Floats, position: Floats) -> tuple[float, float]:
+    """Return the median speed between different points and the median interval; 0 if unknown."""
+    known = np.isfinite(seconds) & np.isfinite(position).all(axis=0)
+    points = position[:, known]
+    moved = np.flatnonzero(np.diff(points).any(axis=0))
+    places = np.append(moved[:1], moved + 1)
+    lengths = np.hypot(*np.diff(points[:, places]))
+    spans = np.diff(seconds[known][places])
+    usable = spans > 0.0
+    if not usable.any():
+        return 0.0, 0.0
+    return float(np.median(lengths[usable] / spans[usable])), float(np.median(spans[usable]))
 
 
-def _drive(rows: _Rows, layout: TableLayout) -> RecordedDrive:
-    columns, source = layout.columns, layout.source
-    remarks: list[str] = []
-    count = len(rows.numbers)
-    position = (
-        np.concatenate(rows.position, axis=1)
-        if rows.position
-        else np.empty((len(columns.position), 0))
-    )
-    position = _scaled_position(position, columns, remarks)
-    altitude = _scaled(rows.altitude, columns.altitude, LENGTHS, count, remarks)
+# ---- The drive
+
+
+def _drive(
+    cells: dict[int, list[str]],
+    numbers: Ints,
+    bad: dict[int, tuple[str, str]],
+    layout: TableLayout,
+) -> Drive:
+    """Return the drive of the cells by place of their column; `bad` rows have kind and reason."""
+    columns, source, remarks = layout.columns, layout.source, list[str]()
+    names = [cell.strip() for cell in cells[columns.vehicle.place]] if columns.vehicle else []
+    distinct = [name for name in dict.fromkeys(names) if name]
+    if 2 * len(distinct) > len(names):  # numbers of records
+        distinct = []
+    chosen = chosen_vehicle(distinct, layout.vehicle)
+    mine = np.array([not distinct or name in (chosen, "") for name in names or numbers], dtype=bool)
+    raw = np.array([as_numbers(cells[column.place]) for column in columns.position])
+    raw[:, list(bad)] = np.nan
+    for k in np.flatnonzero(~np.isfinite(raw).all(axis=0)).tolist():
+        column = columns.position[int((~np.isfinite(raw[:, k])).argmax())]
+        cell = cells[column.place][k].strip()
+        reason = ("not a number", f"{column.name} is {cell[:20]!r}")
+        bad.setdefault(k, reason if cell else ("no position", f"{column.name} is empty"))
+    position = _scaled_position(raw, columns, remarks)
     geodetic = columns.geodetic
+    if columns.height and not geodetic:
+        _refuse_ecef(position, as_numbers(cells[columns.height.place]))
     if not geodetic and columns.position[0].unit is None and _in_degrees(position):
         position, geodetic = position[::-1], True
         x, y = (column.name for column in columns.position)
         remarks.append(f"{x} and {y} are read as longitude and latitude: in m all are one place")
-    times = TimeColumn(np.full(count, np.nan), None, 0.0, ())
+    times = TimeColumn(np.full(numbers.size, np.nan))
     if source:
-        times = in_likely_unit(times_of(source, rows.times), source, position, geodetic=geodetic)
-    rows.times.clear()
-    unusable = ~((altitude >= ALTITUDES_M[0]) & (altitude <= ALTITUDES_M[1]))
-    altitude[unusable | (altitude == NO_ALTITUDE)] = np.nan
-    speed = np.abs(_scaled(rows.speed, columns.speed, SPEEDS, count, remarks))
+        plane = position
+        if geodetic:
+            east = position[1] * np.cos(np.radians(position[0]))
+            plane = METRES_PER_DEGREE * np.array((east, position[0]))
+        times = _times_of(source, [cells[column.place] for column in source.columns])
+        times = _in_likely_unit(times, source, plane)
+    elif layout.unused:
+        remarks.append(f"columns not used: {', '.join(layout.unused)[:120]}; {NO_TIMES}")
+    altitude = _scaled(cells, columns.altitude, LENGTHS, numbers.size, remarks)
+    usable = (altitude >= ALTITUDES_M[0]) & (altitude <= ALTITUDES_M[1])
+    altitude[~usable | np.isin(altitude, NO_ALTITUDES)] = np.nan
+    speed = np.abs(_scaled(cells, columns.speed, SPEEDS, numbers.size, remarks))
     speed[speed > FASTEST] = np.nan
     left_out = LeftOutRecords()
-    good = np.ones(count, dtype=bool)
-    for k, kind, reason in rows.bad:
-        if good[k]:
-            left_out.add(LeftOut(rows.numbers[k], kind, reason, float(times.seconds[k])))
+    good = mine.copy()
+    for k in sorted(bad):
+        if mine[k]:
+            left_out.add(LeftOut(int(numbers[k]), *bad[k], float(times.seconds[k])))
         good[k] = False
-    return RecordedDrive(
+    return Drive(
         geodetic=geodetic,
         unit="line",
-        numbers=np.array(rows.numbers, dtype=np.int64)[good],
+        numbers=numbers[good],
         position=position[:, good],
         altitude_m=altitude[good],
         time_s=times.seconds[good],
@@ -485,29 +400,28 @@ def _drive(rows: _Rows, layout: TableLayout) -> RecordedDrive:
 
 
 def _scaled(
-    parts: list[Floats],
+    cells: dict[int, list[str]],
     column: NamedColumn | None,
     units: dict[str, float],
     count: int,
     remarks: list[str],
 ) -> Floats:
     """Return the values of a column in the first of the units, NaN without a column."""
-    if column is None or not parts:
+    if column is None:
         return np.full(count, np.nan)
     own = next(iter(units))
     factor = units.get(column.unit or own, 1.0)
     if factor != 1.0:
         remarks.append(f"{column.name} is converted from {column.unit} to {own}")
-    return np.concatenate(parts) * factor
+    return as_numbers(cells[column.place]) * factor
 
 
 def _scaled_position(position: Floats, columns: TableColumns, remarks: list[str]) -> Floats:
     units, own = (ANGLES, "deg") if columns.geodetic else (LENGTHS, "m")
     unit = columns.position[0].unit
     latitudes = position[0][np.isfinite(position[0])]
-    if unit is None and own == "deg" and latitudes.size:
-        scaled = "semicircles" if "position_lat" in columns.position[0].name.lower() else "e7"
-        unit = scaled if np.median(np.abs(latitudes)) > LEAST_SCALED else None
+    if unit is None and own == "deg" and latitudes.size and np.median(np.abs(latitudes)) > SCALED:
+        unit = "semicircles" if "position_lat" in columns.position[0].name.lower() else "e7"
     factor = units.get(unit or own, 1.0)
     if factor == 1.0:
         return position
@@ -517,16 +431,20 @@ def _scaled_position(position: Floats, columns: TableColumns, remarks: list[str]
     return position * factor
 
 
+def _refuse_ecef(position: Floats, height: Floats) -> None:
+    norm = np.sqrt(np.sum(position**2, axis=0) + height**2)
+    if norm.size and EARTH_M[0] < np.median(norm) < EARTH_M[1]:
+        raise TraceError(
+            "x, y and z count from the centre of the earth (ECEF): convert them to latitude and "
+            "longitude"
+        )
+
+
 def _in_degrees(position: Floats) -> bool:
-    """Whether positions x, y are a drive in degrees, and within a metre if they are in metres."""
-    known = position[:, np.isfinite(position).all(axis=0)]
-    known = known[:, (np.abs(known[0]) <= 180.0) & (np.abs(known[1]) <= 90.0) & known.all(axis=0)]
-    if 2 * known.shape[1] <= position.shape[1] or known.shape[1] < 2:
+    """Whether positions x, y are a drive in degrees: in metres all would be within one."""
+    known = position[:, np.isfinite(position).all(axis=0) & position.all(axis=0)]
+    if 2 * known.shape[1] <= position.shape[1] or (np.abs(known).T > (180.0, 90.0)).any():
         return False
-    middle = np.median(known, axis=1)
-    near = known[:, np.hypot(*(known - middle[:, None])) < 1.0]
-    steps = np.hypot(*np.diff(near))
-    step = float(np.median(steps[steps > 0.0])) if steps.any() else 0.0
-    extent = float(np.max(np.ptp(near, axis=1)))
-    is_drive = 0.0 < step < DEGREES_STEP and extent > 5.0 * step
-    return is_drive and extent < 1.0 and 2 * near.shape[1] > position.shape[1]
+    steps = np.hypot(*np.diff(known))
+    extent = float(np.max(np.ptp(known, axis=1)))
+    return 5.0 * float(np.median(steps)) < extent < 1.0 and 0.0 < np.median(steps) < DEGREES_STEP

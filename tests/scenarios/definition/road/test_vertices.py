@@ -8,7 +8,7 @@ import pytest
 
 from scenarios.definition.check.findings import report_of
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.definition.traces.positions import between_vertices
+from scenarios.definition.traces.drawn_line import between_vertices
 
 
 def arc(radius: float, apart: float, turn: float = 0.5 * math.pi) -> np.ndarray:

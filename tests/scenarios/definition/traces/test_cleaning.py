@@ -15,7 +15,7 @@ from tests.made.scenarios.rough_drives import LEFT, STRAIGHT, SWEEP, Rough
 
 def of(rough: Rough, *, timed: bool = True) -> Cleaned:
     rows = np.array(rough.points())
-    return cleaned(rows[:, 1:3].T.copy(), rows[:, 0].tolist() if timed else ())
+    return cleaned(rows[:, 1:3].T.copy(), rows[:, 0] if timed else np.zeros(0))
 
 
 @examples(13, 80)
@@ -141,7 +141,7 @@ def test_the_first_and_the_last_point_may_jump() -> None:
     rows = np.array(Rough(course=STRAIGHT).points())
     rows[0, 2] += 5.0
     rows[-1, 2] -= 5.0
-    found = cleaned(rows[:, 1:3].T.copy(), rows[:, 0].tolist())
+    found = cleaned(rows[:, 1:3].T.copy(), rows[:, 0])
     assert found.kept.tolist() == list(range(1, len(rows) - 1))
 
 
@@ -150,7 +150,7 @@ def test_a_lane_change_and_a_hard_stop_are_no_jumps() -> None:
     aside = 3.5 / (1.0 + np.exp(-(t - 10.0) / 0.3))  # within a second
     along = np.where(t < 10.0, 30.0 * t, 300.0 + np.minimum(30.0 * (t - 10.0), 45.0))
     points = np.stack((along, aside))
-    assert cleaned(points, t.tolist()).jumps == []
+    assert cleaned(points, t).jumps == []
 
 
 def test_a_stand_becomes_one_place_from_its_beginning_to_its_end() -> None:
@@ -171,7 +171,7 @@ def test_a_crawl_is_no_stand() -> None:
     t = np.arange(0.0, 200.0, 0.2)
     points = np.stack((0.4 * t, np.zeros(t.size)))
     points += np.random.default_rng(1).normal(0.0, 0.02, points.shape)
-    assert cleaned(points, t.tolist()).stands == []
+    assert cleaned(points, t).stands == []
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -198,6 +198,6 @@ def test_many_jumps_are_no_noise(share: float) -> None:
     jumping = np.flatnonzero(random.random(s.size) < share)
     course = random.uniform(0.0, 2.0 * np.pi, jumping.size)
     points[:, jumping] += 30.0 * np.array([np.cos(course), np.sin(course)])
-    left = cleaned(points, (0.05 * np.arange(s.size)).tolist())
+    left = cleaned(points, 0.05 * np.arange(float(s.size)))
     assert np.max(np.hypot(*(left.points - truth[:, left.kept]))) < 0.1
     assert s.size - left.kept.size == pytest.approx(jumping.size, rel=0.15)

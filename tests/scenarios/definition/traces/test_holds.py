@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from scenarios.definition.traces.positions import without_repeats
-from scenarios.definition.traces.recorded_drive import RecordedDrive
+from scenarios.definition.traces.cleaning import without_repeats
+from scenarios.definition.traces.drive import Drive
 
 SPAN = 60.0
 Floats = NDArray[np.floating[Any]]
@@ -18,10 +18,10 @@ def course(times: Floats) -> Floats:
     return np.array((along, 40.0 * np.sin(along / 150.0)))
 
 
-def recorded(position: Floats, times: Floats | None) -> RecordedDrive:
+def recorded(position: Floats, times: Floats | None) -> Drive:
     count = position.shape[1]
     numbers = np.arange(count)
-    return RecordedDrive(
+    return Drive(
         geodetic=False,
         unit="line",
         numbers=numbers,
@@ -62,7 +62,7 @@ def test_repeated_positions_are_thinned(hold: float, rate: float, *, timed: bool
         assert (drive.time_s < appeared + uncertainty).all()
         repeats = times.size - drive.count
         assert drive.remarks == (
-            f"positions repeat: {1.0 / hold:.0f} Hz in records of {rate:.0f} Hz, "
+            f"positions repeat: {1.0 / hold:.0f} Hz in records of {rate:.0f} Hz: "
             f"{repeats} repeats are ignored",
         )
 

@@ -8,8 +8,9 @@ import pytest
 from scenarios.definition.check.findings import warnings
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.road.lead_speed import recorded
+from scenarios.definition.schema.path_tables import TracePath
+from scenarios.definition.traces.drive import TraceError
 from scenarios.definition.traces.reading import read_trace
-from scenarios.definition.traces.recorded_drive import TraceError
 from tests.made.scenarios.recorded_drives import (
     CSV,
     ORIGIN,
@@ -23,18 +24,22 @@ from tests.made.scenarios.recorded_drives import (
 )
 
 
+def table_of(vehicle: str) -> TracePath:
+    return TracePath(kind="trace", file="run.mcap", vehicle=vehicle)
+
+
 @pytest.mark.parametrize("name", WRITERS)
 def test_the_same_drive_comes_from_every_format(tmp_path: Path, name: str) -> None:
     path = tmp_path / name
     path.write_bytes(WRITERS[name](drive()))
     trace = read_trace(path, origin=ORIGIN)
     times, east, north, speeds = (np.array(column) for column in zip(*drive(), strict=True))
-    assert trace.left_out_lines == ()
-    assert np.allclose(trace.east_m, east, atol=1e-3)
-    assert np.allclose(trace.north_m, north, atol=1e-3)
-    assert np.allclose(trace.time_s, times, atol=1e-5)
+    assert trace.table.left_out == ()
+    assert np.allclose(trace.table.east_m, east, atol=1e-3)
+    assert np.allclose(trace.table.north_m, north, atol=1e-3)
+    assert np.allclose(trace.table.time_s, times, atol=1e-5)
     if "gpx" not in name:  # GPX 1.1 has no speeds
-        assert np.allclose(trace.speed_mps, speeds, atol=1e-5)
+        assert np.allclose(trace.table.speed_mps, speeds, atol=1e-5)
 
 
 def test_the_log_of_a_run_is_a_recorded_drive(tmp_path: Path) -> None:
@@ -42,13 +47,13 @@ def test_the_log_of_a_run_is_a_recorded_drive(tmp_path: Path) -> None:
     write_log(path, drive())
     east, north = ([row[k] for row in drive()] for k in (1, 2))
     lead = read_trace(path, origin=ORIGIN)
-    assert np.allclose(lead.east_m, east, atol=1e-6)
-    assert np.allclose(lead.speed_mps, 12.0)
-    assert lead.time_s[-1] == pytest.approx(20.0)
-    second = read_trace(path, origin=ORIGIN, vehicle="v2")
-    assert np.allclose(second.north_m, np.add(north, 50.0), atol=1e-6)
+    assert np.allclose(lead.table.east_m, east, atol=1e-6)
+    assert np.allclose(lead.table.speed_mps, 12.0)
+    assert lead.table.time_s[-1] == pytest.approx(20.0)
+    second = read_trace(path, table_of("v2"), origin=ORIGIN)
+    assert np.allclose(second.table.north_m, np.add(north, 50.0), atol=1e-6)
     with pytest.raises(TraceError, match=r"run\.mcap: given vehicle v9, allowed v1, v2"):
-        read_trace(path, vehicle="v9")
+        read_trace(path, table_of("v9"))
 
 
 def test_without_an_origin_the_plane_touches_at_the_first_point(tmp_path: Path) -> None:
@@ -58,7 +63,7 @@ def test_without_an_origin_the_plane_touches_at_the_first_point(tmp_path: Path) 
     assert trace.origin is not None
     assert (trace.origin.latitude_deg, trace.origin.longitude_deg) == pytest.approx((48.1, 11.5))
     assert trace.origin.altitude_m == pytest.approx(500.0)  # above the ellipsoid: 455 m + 45 m
-    assert (trace.east_m[0], trace.north_m[0]) == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert (trace.table.east_m[0], trace.table.north_m[0]) == pytest.approx((0.0, 0.0), abs=1e-6)
 
 
 # --- A few bad lines
@@ -80,7 +85,9 @@ def test_bad_lines_are_skipped_and_counted_in_one_warning(tmp_path: Path) -> Non
         121,
         151,
     ]
-    assert len(trace.east_m) == 200  # RMC stands in for three of the lost, line 91's is lost too
+    assert (
+        len(trace.table.east_m) == 200
+    )  # RMC stands in for three of the lost, line 91's is lost too
     (warning,) = warnings(driven(path, "closed = false"))
     assert "4 records are left out" in warning
     assert all(f"line {number}" in warning for number in (31, 91, 121, 151))

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import scenario_from_text
+from scenarios.definition.traces.drive import TraceError
 from scenarios.definition.traces.reading import read_trace
-from scenarios.definition.traces.recorded_drive import TraceError
 from tests.made.examples import examples
 from tests.made.scenarios.recorded_drives import (
     CSV,
@@ -58,13 +58,13 @@ BROKEN: dict[str, tuple[str, bytes | None, str]] = {
     "nowhere on earth": (
         "a.csv",
         b"latitude_deg,longitude_deg\n95,1\n96,1\n",
-        "line 2: off the earth: latitude 95, longitude 1",
+        "line 2: off the earth: 95, 1",
     ),
     "binary without zeros": ("a.csv", bytes(range(128, 256)) * 9, "no usable columns"),
     "broken log": ("a.mcap", b"\x89MCAP0\r\n" + b"\xff" * 40, "a.mcap: "),
     "cut GPX": ("a.gpx", GPX.encode()[:-3], "damaged XML at line 1"),
     "GPX without points": ("a.gpx", GPX.format("<trk></trk>").encode(), "no points in its tracks"),
-    "GPX that is something else": ("a.gpx", b"<html></html>", "no points"),
+    "GPX that is something else": ("a.gpx", b"<html></html>", "XML with root html"),
     "NMEA without a sentence": (
         "a.nmea",
         b"hello\nworld\n",

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from scenarios.definition.traces.reading import usable_speeds
-from scenarios.definition.traces.recorded_drive import Floats
+from scenarios.definition.traces.drive import Floats
+from scenarios.definition.traces.recorded_speeds import usable_speeds
 
 TIMES = 0.1 * np.arange(600.0)
 SPEEDS = 15.0 + 5.0 * np.sin(0.2 * TIMES)

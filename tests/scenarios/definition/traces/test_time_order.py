@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from scenarios.definition.traces.recorded_drive import RecordedDrive
+from scenarios.definition.traces.drive import Drive
 from scenarios.definition.traces.time_order import in_time_order
 from tests.made.examples import examples
 
@@ -22,12 +22,12 @@ Floats = NDArray[np.floating[Any]]
 Order = list[int] | NDArray[np.signedinteger[Any]]
 
 
-def recorded(times: Floats, order: Order | None = None) -> RecordedDrive:
+def recorded(times: Floats, order: Order | None = None) -> Drive:
     """A winding drive at constant speed with these times, its records in this order."""
     places = np.arange(len(times)) if order is None else np.asarray(order)
     along = np.arange(len(times)) * INTERVAL * SPEED
     unknown = np.full(len(places), np.nan)
-    return RecordedDrive(
+    return Drive(
         geodetic=False,
         unit="line",
         numbers=places.astype(np.int64),
@@ -44,7 +44,7 @@ def changed(first: int, last: int, by: float) -> Floats:
     return times
 
 
-def assert_true_times(drive: RecordedDrive, tolerance: float = 1e-6) -> None:
+def assert_true_times(drive: Drive, tolerance: float = 1e-6) -> None:
     """All positions are there in their order, with the true times but for the clock's zero."""
     assert drive.numbers.tolist() == list(range(COUNT))
     off = drive.time_s - TRUE
@@ -78,14 +78,14 @@ def test_times_after_a_leap_of_the_clock_are_shifted(by: float, place: int) -> N
     assert_true_times(drive, 1e-3)
     kept = slice(place, None) if place == 30 else slice(place)
     assert drive.time_s[kept] == pytest.approx(changed(place, COUNT, by)[kept], abs=1e-9)
-    assert (drive.left_out.total, len(drive.remarks)) == (0, 1)
+    assert (drive.left_out.counts.total(), len(drive.remarks)) == (0, 1)
 
 
 @pytest.mark.parametrize("by", [60.0, 3600.0])
 def test_a_pause_keeps_its_times(by: float) -> None:
     drive = in_time_order(recorded(changed(250, COUNT, by)))
     assert drive.time_s.tolist() == changed(250, COUNT, by).tolist()
-    assert (drive.left_out.total, drive.remarks) == (0, ())
+    assert (drive.left_out.counts.total(), drive.remarks) == (0, ())
 
 
 def test_a_drive_of_several_days_keeps_its_times() -> None:
@@ -120,7 +120,7 @@ def test_records_out_of_order_are_sorted(order: Order, repeated: int) -> None:
     drive = in_time_order(recorded(TRUE, order))
     assert_true_times(drive)
     assert drive.time_s.tolist() == TRUE.tolist()
-    assert drive.left_out.total == 0
+    assert drive.left_out.counts.total() == 0
     assert len(drive.remarks) == 1
     assert drive.remarks[0].startswith(f"{repeated} records") == (repeated > 0)
 
@@ -137,7 +137,7 @@ def test_missing_and_absurd_times_are_interpolated() -> None:
     times[150:250] = np.nan
     drive = in_time_order(recorded(times))
     assert_true_times(drive)
-    assert drive.left_out.total == 0
+    assert drive.left_out.counts.total() == 0
     assert drive.remarks[0].startswith("106 records have no usable time")
 
 
@@ -161,7 +161,7 @@ def test_missing_times_follow_the_distance_where_the_rate_changes() -> None:
 )
 def test_drives_without_usable_times_have_none(times: Floats, remark: str) -> None:
     drive = in_time_order(recorded(times))
-    assert (drive.count, drive.left_out.total) == (24, 0)
+    assert (drive.count, drive.left_out.counts.total()) == (24, 0)
     assert np.isnan(drive.time_s).all()
     assert drive.remarks[-1].startswith(remark)
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scenarios.definition.traces.drive import TraceError
 from scenarios.definition.traces.formats.geojson import read_geojson
-from scenarios.definition.traces.recorded_drive import TraceError
 
 PLACES = [[13.1, 52.1, 1], [13.2, 52.2, 2], [13.3, 52.3, 3]]
 STAMPS = [f"2026-03-29T12:00:0{k}Z" for k in range(3)]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from scenarios.definition.traces.drive import Drive, TraceError
 from scenarios.definition.traces.formats.markup import read_gpx, read_kml
-from scenarios.definition.traces.recorded_drive import RecordedDrive, TraceError
 
 NAN = float("nan")
 
@@ -19,7 +19,7 @@ def gpx(points: str, head: str = '<?xml version="1.0"?>') -> str:
     return f"{head}<gpx><trk><name>a</name><trkseg>\n{points}</trkseg></trk></gpx>"
 
 
-def points_of(drive: RecordedDrive) -> list[int]:
+def points_of(drive: Drive) -> list[int]:
     """The k of the points, after a comparison of all their values."""
     ks = np.rint((drive.position[0] - 52.0) * 10).astype(int)
     assert np.allclose(drive.position, [52.0 + ks / 10, 13.0 + ks / 10], rtol=0, atol=1e-12)
@@ -29,7 +29,7 @@ def points_of(drive: RecordedDrive) -> list[int]:
     return [int(k) for k in ks]
 
 
-def left_out(drive: RecordedDrive) -> list[tuple[int, str]]:
+def left_out(drive: Drive) -> list[tuple[int, str]]:
     return sorted((record.number, record.reason) for record in drive.left_out.records)
 
 
@@ -101,7 +101,7 @@ def test_other_values_never_remove_a_point() -> None:
     assert np.allclose(drive.speed_mps, [1.5, 2.5, NAN, NAN], equal_nan=True)
     assert np.allclose(drive.altitude_m, [1, 2, NAN, 4], equal_nan=True)
     assert np.allclose(drive.time_s, [0, 1, 2, NAN], equal_nan=True)
-    assert drive.left_out.total == 0
+    assert drive.left_out.counts.total() == 0
 
 
 @pytest.mark.parametrize("text", ["<gpx></gpx>", "<gpx", "<kml/>", gpx("")])

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.definition.traces.formats.markup import decoded
+from scenarios.definition.traces.drive import Drive, TraceError
 from scenarios.definition.traces.formats.nmea import read_nmea
-from scenarios.definition.traces.recorded_drive import RecordedDrive, TraceError
+from scenarios.definition.traces.formats.registry import decoded
 from tests.made.scenarios.recorded_drives import sentence
 
 NOON = 43_200
@@ -36,11 +36,11 @@ def clock(k: int) -> str:
     return f"1200{k:02d}.00"
 
 
-def read(*lines: str, end: str = "\r\n") -> RecordedDrive:
+def read(*lines: str, end: str = "\r\n") -> Drive:
     return read_nmea(decoded(end.join(lines).encode()))
 
 
-def ks_of(drive: RecordedDrive) -> list[int]:
+def ks_of(drive: Drive) -> list[int]:
     """The k of the points, after a comparison of both coordinates."""
     ks = np.rint((drive.position[0] - 52.5) * 600_000).astype(int)
     assert np.allclose(drive.position[1], 13.4 + ks / 600_000, rtol=0, atol=1e-12)
@@ -68,7 +68,7 @@ def test_sentences_of_one_time_become_one_point_with_speed(lines: list[str]) -> 
     assert (drive.clock, drive.zero_s) == ("unix", DAY_2026)
     assert drive.time_s.tolist() == [NOON + k for k in KS]
     assert {140.0} <= set(drive.altitude_m.tolist())
-    assert drive.left_out.total == 0
+    assert drive.left_out.counts.total() == 0
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_sentences_are_found_anywhere_in_a_line(text: str, numbers: list[int]) -
     drive = read_nmea(decoded(text.encode()))
     assert ks_of(drive) == [0, 1, 2, 3, 4]
     assert drive.numbers.tolist() == numbers
-    assert drive.left_out.total == 0
+    assert drive.left_out.counts.total() == 0
     assert (drive.clock, drive.zero_s) == ("day", 0.0)
 
 

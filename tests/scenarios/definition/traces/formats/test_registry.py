@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.definition.traces.formats.registry import MAX_BYTES, read_recorded
-from scenarios.definition.traces.recorded_drive import TraceError
+from scenarios.definition.traces.drive import TraceError
+from scenarios.definition.traces.formats.registry import BYTES_MAX, read_recorded
 from tests.made.scenarios.recorded_drives import as_nmea, drive, write_log
 
 CSV = b"latitude_deg,longitude_deg\n52.1,13.1\n52.2,13.2\n"
@@ -52,7 +52,7 @@ def test_sentences_are_read_from_any_file(tmp_path: Path, suffix: str) -> None:
             b"some words\nwithout a drive\n",
             "^unknown content, allowed CSV, GPX, KML, GeoJSON, NMEA",
         ),
-        (b"<!DOCTYPE html><html><p>1, 2</p>", "^unknown content, allowed CSV"),
+        (b"<!DOCTYPE html><html><p>1, 2</p>", "^XML with root html"),
         (b"PK\x03\x04", "unpack it first"),
         (b"\x89PNG\r\n\x1a\n\0\0", "^binary data, allowed CSV"),
     ],
@@ -76,14 +76,14 @@ def test_files_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
     with pytest.raises(TraceError, match="null"):
         read_recorded(Path("a\0b"))
     with (tmp_path / "large").open("wb") as file:
-        file.truncate(MAX_BYTES + 1)
+        file.truncate(BYTES_MAX + 1)
     with pytest.raises(TraceError, match=r"^larger than 200 MB"):
         read_recorded(tmp_path / "large")
 
 
 def test_vehicle_and_topic_select_in_logs_only(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(CSV)
-    with pytest.raises(TraceError, match="given vehicle v2, allowed only for an MCAP file"):
+    with pytest.raises(TraceError, match="given vehicle v2, allowed only for"):
         read_recorded(tmp_path / "a.csv", vehicle="v2")
     with pytest.raises(TraceError, match="given topic /gps, allowed only for an MCAP file"):
         read_recorded(tmp_path / "a.csv", topic="/gps")

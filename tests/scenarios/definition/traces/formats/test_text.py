@@ -6,8 +6,8 @@ import re
 
 import pytest
 
-from scenarios.definition.traces.formats.markup import decoded
-from scenarios.definition.traces.recorded_drive import TraceError
+from scenarios.definition.traces.drive import TraceError
+from scenarios.definition.traces.formats.registry import decoded
 
 LINES = "höhe;lat\r\n1,5;52\r\n" * 4
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from scenarios.definition.traces.formats.cells import read_times, utc_from_gps
+from scenarios.definition.traces.formats.cells import read_times
 
 NOON = 1_774_785_600.0
 """29 March 2026, 12:00 UTC."""
@@ -100,9 +100,3 @@ def test_columns_keep_their_kind_in_spite_of_single_cells(
     assert column.clock == clock
     assert column.zero_s == (NOON if clock == "unix" else 0.0)
     np.testing.assert_allclose(column.seconds, seconds, atol=1e-6)
-
-
-def test_gps_time_is_ahead_of_utc_by_the_leap_seconds() -> None:
-    gps = np.array([NOON + 18.0, 1_483_228_817.0, 1_483_228_818.0, 1_230_768_000.0])
-    utc = [NOON, 1_483_228_800.0, 1_483_228_800.0, 1_230_767_986.0]
-    assert utc_from_gps(gps).tolist() == utc
