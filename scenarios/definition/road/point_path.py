@@ -1,11 +1,15 @@
 """The path through recorded points."""
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from scenarios.definition.errors import SettingError
 from scenarios.definition.schema.path_tables import PointsPath, SegmentsPath
-from scenarios.definition.traces.drive import PATH_KEYS, bounds, listed_parts
+from scenarios.definition.traces.drive import (
+    PATH_KEYS,
+    bounds,
+    listed_parts,
+    recorded_times,
+)
 from vehicles.car.parameters import LINCOLN_MKZ
 from vehicles.geometry.bridges import distances_along, find_holes, step_lengths
 from vehicles.geometry.sampled_path import FloatArray
@@ -26,19 +30,6 @@ def place_of(table: PointsPath, point: int) -> str:
     number = table.source_numbers[point] if point < len(table.source_numbers) else point + 1
     at = f" ({recorded_times(table, [point])[0]:.1f} s)" if table.time_s else ""
     return f"{table.source_unit} {number}{at}"
-
-
-def recorded_times(table: PointsPath, points: ArrayLike | None = None) -> FloatArray:
-    """Return the times (s) of points since the start of the recorded drive, pauses included.
-
-    By default of all points. A pause follows the point of the same place in `pause_points`.
-    """
-    places = np.arange(len(table.time_s)) if points is None else np.asarray(points)
-    times = table.begin_s + np.asarray(table.time_s)[places]
-    if table.pauses == "cut":
-        lost = np.concatenate((np.zeros(1), np.cumsum(table.pause_lost_s)))
-        times = times + lost[np.searchsorted(table.pause_points, places)]
-    return np.asarray(times)
 
 
 # ---- The half width at which recorded points are smoothed: the first that a car can drive

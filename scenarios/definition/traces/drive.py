@@ -7,7 +7,9 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from scenarios.definition.schema.path_tables import PointsPath
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -250,3 +252,16 @@ def bounds(first: int, last: int, axis: Floats) -> tuple[float, float]:
     begin, end = float(axis[first]), float(axis[last])
     begin = math.ceil(10.0 * begin - TOUCH) / 10.0 if first > 0 else begin
     return begin, math.floor(10.0 * end + TOUCH) / 10.0 if last < axis.size - 1 else end
+
+
+def recorded_times(table: PointsPath, points: ArrayLike | None = None) -> Floats:
+    """Return the times (s) of points since the start of the recorded drive, pauses included.
+
+    By default of all points. A pause follows the point of the same place in `pause_points`.
+    """
+    places = np.arange(len(table.time_s)) if points is None else np.asarray(points)
+    times = table.begin_s + np.asarray(table.time_s)[places]
+    if table.pauses == "cut":
+        lost = np.concatenate((np.zeros(1), np.cumsum(table.pause_lost_s)))
+        times = times + lost[np.searchsorted(table.pause_points, places)]
+    return np.asarray(times)

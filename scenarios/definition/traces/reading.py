@@ -9,7 +9,6 @@ import numpy as np
 
 from scenarios.definition.errors import SettingError
 from scenarios.definition.library import TRACES, exists
-from scenarios.definition.road.point_path import recorded_times
 from scenarios.definition.schema.path_tables import PointsPath, TracePath
 from scenarios.definition.schema.scenario_tables import OriginTable, ScenarioTables, VehicleTable
 from scenarios.definition.traces.cleaning import Cleaned, cleaned, pauses_in, without_repeats
@@ -25,6 +24,7 @@ from scenarios.definition.traces.drive import (
     TraceError,
     bounds,
     listed_parts,
+    recorded_times,
 )
 from scenarios.definition.traces.formats.registry import read_recorded
 from scenarios.definition.traces.positions import FAR, usable_positions
