@@ -4,11 +4,13 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
+from math import nan
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
-from scenarios.definition.traces.drive import Drive, Floats, Ints, Mask
+from scenarios.definition.traces.drive import DriveTable, Floats, Ints, Mask
 from scenarios.definition.traces.time_order import runs_of
 from vehicles.geometry.bridges import NEARBY, noise_deviation, step_lengths
 
@@ -34,7 +36,7 @@ SINGLE_STEPS_MAX = 0.8
 """Share of changes by the last digit of the file above which its numbers are rounded motion."""
 
 
-def without_repeats(drive: Drive) -> tuple[Drive, float]:
+def without_repeats(drive: DriveTable) -> tuple[DriveTable, float]:
     """Return the distinct points of a drive whose recorder repeats positions.
 
     Each keeps the time at which it appeared, a standstill also that of its last record. The second
@@ -148,12 +150,10 @@ class _Track:
         self.x, self.y = points
         self.late = time_error_s if timed else 0.0
         self.least = max(LEAST_JUMP, UNLIKELY * noise_deviation(points))
-        if not timed:
-            from scipy.ndimage import median_filter  # noqa: PLC0415 - takes 0.1 s
-
-            steps = np.append(step_lengths(points), 0.0)
-            steps[-1:] = steps[-2:-1]
-            self.usual: Floats = median_filter(steps, 2 * NEARBY, mode="nearest")
+        steps = np.zeros(0) if timed else np.pad(step_lengths(points), NEARBY, constant_values=nan)
+        windows = sliding_window_view(steps, 2 * NEARBY) if not timed else np.zeros((0, 1))
+        blocks = [windows[k : k + 50_000] for k in range(0, len(windows), 50_000)]
+        self.usual = np.concatenate([np.zeros(0), *(np.nanmedian(b, axis=1) for b in blocks)])
 
     def jumps(self) -> list[Jump]:
         """Return jumps that do not touch each other, those of few points first."""

@@ -45,7 +45,7 @@ class TraceError(ValueError):
 class LeftOut:
     """A record left out of the drive: its number in the file, kind of fault and reason.
 
-    `time_s` and `position` are those of Drive, NaN if unknown.
+    `time_s` and `position` are those of DriveTable, NaN if unknown.
     """
 
     number: int
@@ -89,7 +89,7 @@ class LeftOutRecords:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drive:
+class DriveTable:
     """Points of a file in its order, by columns of the same length n.
 
     `position` (2, n) is east and north (m), or latitude and longitude (deg) if `geodetic`. It is
@@ -132,7 +132,7 @@ class Drive:
         shrunk = np.cos(np.radians(np.median(latitude))) if latitude.size else 1.0
         return METRES_PER_DEGREE * np.array((east * shrunk, latitude))
 
-    def selected(self, places: Ints | Mask) -> "Drive":
+    def selected(self, places: Ints | Mask) -> "DriveTable":
         """Return the points at these places, in their order, or those that a mask marks."""
         return replace(
             self,
@@ -143,7 +143,7 @@ class Drive:
             speed_mps=self.speed_mps[places],
         )
 
-    def without(self, marked: Mask, kind: str, reason: Callable[[int], str]) -> "Drive":
+    def without(self, marked: Mask, kind: str, reason: Callable[[int], str]) -> "DriveTable":
         """Leave out the `marked` points; `reason` returns that of a point by its index."""
         places = np.flatnonzero(marked)
         listed = places[: max(1, KEPT_MAX - len(self.left_out.records))].tolist()
@@ -159,7 +159,7 @@ class Drive:
         place = first, second
         self.left_out.add(LeftOut(int(self.numbers[k]), kind, reason, float(self.time_s[k]), place))
 
-    def with_remarks(self, *remarks: str) -> "Drive":
+    def with_remarks(self, *remarks: str) -> "DriveTable":
         return replace(self, remarks=(*self.remarks, *remarks))
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from scenarios.definition.traces.drive import (
     METRES_PER_DEGREE,
     NO_FIX,
-    Drive,
+    DriveTable,
     Floats,
     Mask,
     TraceError,
@@ -25,7 +25,7 @@ FAR_SHARE_MAX = 0.25
 """Largest share of points that is left out as far away; with more the drive has several parts."""
 
 
-def usable_positions(drive: Drive) -> Drive:
+def usable_positions(drive: DriveTable) -> DriveTable:
     """Leave out positions off the earth, without a fix, and far from the others, and list them.
 
     Raises TraceError if none remains.
@@ -67,7 +67,7 @@ def _far_from_longest(points: Floats, pieces: list[tuple[int, int]]) -> Mask:
     return far
 
 
-def _without_absurd(drive: Drive) -> Drive:
+def _without_absurd(drive: DriveTable) -> DriveTable:
     first, second = drive.position
     limits = (90.0, 360.0) if drive.geodetic else (ABSURD, ABSURD)
     beyond = np.any(limits < np.abs(drive.position).T, axis=1)
@@ -75,7 +75,7 @@ def _without_absurd(drive: Drive) -> Drive:
     return drive.without(beyond, kind, lambda k: f"{kind}: {first[k]:.9g}, {second[k]:.9g}")
 
 
-def _without_unfixed(drive: Drive) -> Drive:
+def _without_unfixed(drive: DriveTable) -> DriveTable:
     """Leave out positions of zeros, unless the drive passes there."""
     zero = np.all(np.abs(drive.position) <= (LARGEST_ZERO if drive.geodetic else 0.0), axis=0)
     near = FAR / METRES_PER_DEGREE if drive.geodetic else FAR

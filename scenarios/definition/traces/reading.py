@@ -16,8 +16,8 @@ from scenarios.definition.traces.drawn_line import are_vertices, between_vertice
 from scenarios.definition.traces.drive import (
     JUMP,
     NO_TIMES,
-    Drive,
     DrivenPart,
+    DriveTable,
     Floats,
     LeftOutRecords,
     PartError,
@@ -111,13 +111,15 @@ def read_trace(
     return read
 
 
-def _require_times(drive: Drive) -> None:
+def _require_times(drive: DriveTable) -> None:
     if not drive.times.size:
         reasons = [f", {text}" for text in drive.remarks if text.endswith(NO_TIMES)]
         raise TraceError("given without times, allowed only with them" + "".join(reasons[:1]))
 
 
-def _points_path(table: TracePath, drive: Drive, clean: Cleaned, part: DrivenPart) -> PointsPath:
+def _points_path(
+    table: TracePath, drive: DriveTable, clean: Cleaned, part: DrivenPart
+) -> PointsPath:
     """Return the kept points of `part`; positions of `drive` are in the plane (m)."""
     times, kept = drive.times, clean.kept
     zero = float(times[kept[0]]) if times.size else 0.0
@@ -189,7 +191,7 @@ def _points_path(table: TracePath, drive: Drive, clean: Cleaned, part: DrivenPar
 
 
 def _stand_remarks(
-    clean: Cleaned, drive: Drive, zero: float, paused: Container[int]
+    clean: Cleaned, drive: DriveTable, zero: float, paused: Container[int]
 ) -> Iterator[str]:
     """Describe standstills, except pauses, after `paused` points; times count from `zero` (s)."""
     times = drive.times - zero
@@ -211,7 +213,7 @@ def _stand_remarks(
             yield f"the car stands{span} from {where(first)} on: {count} points become one place"
 
 
-def _first_point(drive: Drive) -> Origin:
+def _first_point(drive: DriveTable) -> Origin:
     latitude, longitude = drive.position[:, 0].tolist()
     altitudes = drive.altitude_m
     usable = altitudes[(altitudes >= ALTITUDES_M[0]) & (altitudes <= ALTITUDES_M[1])]
@@ -222,7 +224,7 @@ def _first_point(drive: Drive) -> Origin:
     return Origin(latitude, (longitude + 180.0) % 360.0 - 180.0, altitude)
 
 
-def _in_plane(drive: Drive, origin: Origin) -> Floats:
+def _in_plane(drive: DriveTable, origin: Origin) -> Floats:
     """Project points into the plane at the origin's height, to ignore noise in height."""
     plane = LocalPlane(origin)
     points = plane.to_plane_all(drive.position[0], drive.position[1], origin.altitude_m)

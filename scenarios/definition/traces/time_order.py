@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from scenarios.definition.traces.drive import NO_TIMES, WRONG_TIME, Drive, Floats, Ints, Mask
+from scenarios.definition.traces.drive import NO_TIMES, WRONG_TIME, DriveTable, Floats, Ints, Mask
 from vehicles.geometry.bridges import step_lengths
 
 LARGEST = 1e15
@@ -35,7 +35,7 @@ SOURCES = 3
 """Largest number of sources that alternate in a file."""
 
 
-def in_time_order(drive: Drive) -> Drive:
+def in_time_order(drive: DriveTable) -> DriveTable:
     """Return the drive with times that never decrease along its points, or without times.
 
     Records are sorted by time where that shortens the path. Wrong and missing times are
@@ -76,7 +76,7 @@ def _unusable(times: Floats) -> str:
     return ""
 
 
-def _untimed(drive: Drive, reason: str) -> Drive:
+def _untimed(drive: DriveTable, reason: str) -> DriveTable:
     untimed = replace(drive, time_s=np.full(drive.count, np.nan), clock=None, zero_s=0.0)
     return untimed.with_remarks(f"{reason}: {NO_TIMES}")
 
@@ -91,7 +91,7 @@ def _usual_interval(times: Floats) -> float:
     return min(intervals, default=1.0)
 
 
-def _without_duplicates(drive: Drive) -> Drive:
+def _without_duplicates(drive: DriveTable) -> DriveTable:
     """Ignore records of the same time and position as an earlier one, or without time as it."""
     columns = np.vstack((np.nan_to_num(drive.time_s, nan=np.inf), drive.position))
     order = np.lexsort(columns[::-1])
@@ -105,7 +105,7 @@ def _without_duplicates(drive: Drive) -> Drive:
     return drive.selected(~repeated).with_remarks(remark)
 
 
-def _sorted(drive: Drive) -> Drive:
+def _sorted(drive: DriveTable) -> DriveTable:
     """Sort records by time if the path becomes no longer and keeps the usual interval.
 
     Laps on a clock that starts again are shorter, too, but have records at shorter intervals.
@@ -160,7 +160,7 @@ def runs_of(marked: Mask) -> Iterator[tuple[int, int]]:
     yield from ((begin, end - 1) for begin, end in zip(edges[::2], edges[1::2], strict=True))
 
 
-def _without_wrong(drive: Drive, wrong: Ints) -> Drive:
+def _without_wrong(drive: DriveTable, wrong: Ints) -> DriveTable:
     if wrong.size > WRONG_MAX * drive.count:
         return _untimed(drive, f"time runs back at {wrong.size} of {drive.count} points")
     for k in wrong.tolist():
@@ -170,7 +170,7 @@ def _without_wrong(drive: Drive, wrong: Ints) -> Drive:
     return replace(drive, time_s=times)
 
 
-def _with_one_clock(drive: Drive) -> Drive:
+def _with_one_clock(drive: DriveTable) -> DriveTable:
     """Shift the times after leaps of the clock; the longest part keeps its times."""
     timed = np.flatnonzero(np.isfinite(drive.time_s))
     times = drive.time_s[timed]
@@ -193,7 +193,7 @@ def _with_one_clock(drive: Drive) -> Drive:
     return replace(drive, time_s=column).with_remarks(*remarks)
 
 
-def _filled(drive: Drive) -> Drive:
+def _filled(drive: DriveTable) -> DriveTable:
     """Interpolate missing times: by number if the records keep the usual rate, or by distance."""
     timed = np.flatnonzero(np.isfinite(drive.time_s))
     times, every = drive.time_s[timed], np.arange(drive.count)
@@ -209,7 +209,7 @@ def _filled(drive: Drive) -> Drive:
     return replace(drive, time_s=np.where(np.isfinite(drive.time_s), drive.time_s, column))
 
 
-def _spread(drive: Drive) -> Drive:
+def _spread(drive: DriveTable) -> DriveTable:
     """Spread points of the same time evenly up to the next time."""
     times = drive.time_s
     starts = np.flatnonzero(np.diff(times, prepend=-np.inf) > 0.0)

@@ -11,7 +11,7 @@ import numpy as np
 from scenarios.definition.traces.drive import (
     NOT_A_POSITION,
     Clock,
-    Drive,
+    DriveTable,
     Floats,
     LeftOutRecords,
     TraceError,
@@ -260,14 +260,14 @@ def drive_of(
     *,
     unit: str = "point",
     geodetic: bool = True,
-) -> Drive:
+) -> DriveTable:
     """Return the drive of the points that have a position, in degrees or as x and y (m)."""
     columns: list[Any] = list(zip(*points, strict=True)) or [()] * 5
     times = TimeColumn(np.full(len(points), math.nan))
     if any(columns[3]):
         times = read_times(columns[3])
     numbers = [as_numbers(columns[k]) for k in (0, 1, 2, 4)]
-    drive = Drive(
+    drive = DriveTable(
         geodetic=geodetic,
         unit=unit,
         numbers=np.arange(1, len(points) + 1),

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from itertools import zip_longest
 from typing import Any
 
-from scenarios.definition.traces.drive import Drive, TraceError
+from scenarios.definition.traces.drive import DriveTable, TraceError
 from scenarios.definition.traces.formats.cells import Point, drive_of
 
 LINE_TIMES = ("coordtimes", "times", "coordinatetimes")
@@ -18,7 +18,7 @@ SPEEDS = ("speed", "speed_mps", "velocity")
 Json = Mapping[str, Any]
 
 
-def read_geojson(text: str) -> Drive:
+def read_geojson(text: str) -> DriveTable:
     """Read the line strings of a GeoJSON file, or else its points.
 
     Lines may have times in the property coordTimes, points in time or timestamp.

@@ -15,7 +15,7 @@ from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.traces.drive import (
     DAMAGE,
     NOT_A_POSITION,
-    Drive,
+    DriveTable,
     LeftOut,
     LeftOutRecords,
     TraceError,
@@ -32,7 +32,7 @@ PLANE = ("Odometry", "PoseStamped", "PoseInFrame")
 """Messages with latitude, longitude and altitude (deg, m), and with x, y and z (m)."""
 
 
-class Position(NamedTuple):
+class LoggedPosition(NamedTuple):
     """A position at an instant (ns of Unix time), NaN if it cannot be read."""
 
     at_ns: int
@@ -42,7 +42,7 @@ class Position(NamedTuple):
     speed: float = math.nan
 
 
-def read_mcap(path: Path, vehicle: str | None, topic: str | None) -> Drive:
+def read_mcap(path: Path, vehicle: str | None, topic: str | None) -> DriveTable:
     """Read the GPS poses of a vehicle in the log of a run, or the positions of another file.
 
     `vehicle` is by default the lead. `topic` may be missing if only one has positions.
@@ -66,7 +66,7 @@ def read_mcap(path: Path, vehicle: str | None, topic: str | None) -> Drive:
         raise TraceError("damaged log") from error
 
 
-def _read_run(log: "LogReader", vehicle: str | None) -> Drive:
+def _read_run(log: "LogReader", vehicle: str | None) -> DriveTable:
     senders = [name for name in log.vehicles if log.counts.get((name, "gps"))]
     convoy: dict[str, Any] = {}
     with contextlib.suppress(ValueError):  # a damaged text
@@ -84,18 +84,18 @@ def _read_run(log: "LogReader", vehicle: str | None) -> Drive:
         reason = "; ".join(filter(None, (damage, holes)))
         left_out.add(LeftOut(poses[0].seq if poses else 0, DAMAGE, reason))
     positions = [
-        Position(m.measured_at_ns, m.latitude_deg, m.longitude_deg, m.altitude_m, m.speed_mps)
+        LoggedPosition(m.measured_at_ns, m.latitude_deg, m.longitude_deg, m.altitude_m, m.speed_mps)
         for m in poses
     ]
     return _drive([pose.seq for pose in poses], positions, left_out, geodetic=True)
 
 
-def _read_topic(path: Path, topic: str | None, otherwise: str) -> Drive:
+def _read_topic(path: Path, topic: str | None, otherwise: str) -> DriveTable:
     """Read the positions of a topic; `otherwise` is the reason if there are none in the file."""
     from transport.log.errors import LogError  # noqa: PLC0415
     from transport.log.raw_messages import raw_messages  # noqa: PLC0415
 
-    by_topic: dict[tuple[bool, str], list[Position]] = {}
+    by_topic: dict[tuple[bool, str], list[LoggedPosition]] = {}
     damage = ""
     try:
         for message in raw_messages(path):
@@ -133,13 +133,17 @@ def _read_topic(path: Path, topic: str | None, otherwise: str) -> Drive:
 
 
 def _drive(
-    numbers: list[int], positions: Sequence[Position], left_out: LeftOutRecords, *, geodetic: bool
-) -> Drive:
+    numbers: list[int],
+    positions: Sequence[LoggedPosition],
+    left_out: LeftOutRecords,
+    *,
+    geodetic: bool,
+) -> DriveTable:
     """Return the drive of messages, with times from the first one."""
     zero_ns = positions[0].at_ns if positions else 0
     times = np.array([(one.at_ns - zero_ns) / SECOND for one in positions])
     first, second, height, speed = np.array([one[1:] for one in positions]).reshape(-1, 4).T
-    return Drive(
+    return DriveTable(
         geodetic=geodetic,
         unit="message",
         numbers=np.array(numbers, dtype=np.int64),
@@ -153,7 +157,7 @@ def _drive(
     )
 
 
-def _positions(kind: str, encoding: str, data: bytes) -> list[Position]:
+def _positions(kind: str, encoding: str, data: bytes) -> list[LoggedPosition]:
     """Decode the positions of a message; unreadable ones are NaN."""
     try:
         if encoding == "json":
@@ -163,10 +167,10 @@ def _positions(kind: str, encoding: str, data: bytes) -> list[Position]:
             return _of_protobuf(kind, data)
         return [_of_ros(kind, data, is_cdr=encoding == "cdr")]
     except Exception:  # noqa: BLE001 - decoders raise their own
-        return [Position(1, *[math.nan] * 3)]
+        return [LoggedPosition(1, *[math.nan] * 3)]
 
 
-def _of_json(message: dict[str, Any]) -> Position:
+def _of_json(message: dict[str, Any]) -> LoggedPosition:
     stamp = message.get("timestamp") or message.get("header", {}).get("stamp") or {}
     at = int(stamp.get("sec", 0)) * SECOND + int(stamp.get("nsec", stamp.get("nanosec", 0)))
     if "latitude" in message:
@@ -177,10 +181,10 @@ def _of_json(message: dict[str, Any]) -> Position:
         place = [pose["position"][axis] for axis in "xy"]
         height = pose["position"].get("z")
     first, second = map(float, place)
-    return Position(at, first, second, math.nan if height is None else float(height))
+    return LoggedPosition(at, first, second, math.nan if height is None else float(height))
 
 
-def _of_protobuf(kind: str, data: bytes) -> list[Position]:
+def _of_protobuf(kind: str, data: bytes) -> list[LoggedPosition]:
     from importlib import import_module  # noqa: PLC0415
 
     import foxglove_schemas_protobuf as schemas  # noqa: PLC0415
@@ -189,15 +193,15 @@ def _of_protobuf(kind: str, data: bytes) -> list[Position]:
     message = getattr(module, kind).FromString(data)
     if kind == "PoseInFrame":
         at = message.pose.position
-        return [Position(message.timestamp.ToNanoseconds(), at.x, at.y, at.z)]
+        return [LoggedPosition(message.timestamp.ToNanoseconds(), at.x, at.y, at.z)]
     fixes = message.fixes if kind == "LocationFixes" else [message]
     return [
-        Position(fix.timestamp.ToNanoseconds(), fix.latitude, fix.longitude, fix.altitude)
+        LoggedPosition(fix.timestamp.ToNanoseconds(), fix.latitude, fix.longitude, fix.altitude)
         for fix in fixes
     ]
 
 
-def _of_ros(kind: str, data: bytes, *, is_cdr: bool) -> Position:
+def _of_ros(kind: str, data: bytes, *, is_cdr: bool) -> LoggedPosition:
     """Decode header, the name of a frame or two, the status of a fix, and the position.
 
     The values of ROS 2 (CDR) are aligned to their size behind four bytes with their order.
@@ -221,4 +225,4 @@ def _of_ros(kind: str, data: bytes, *, is_cdr: bool) -> Position:
     if kind == "NavSatFix":
         take("b", 1)
         take("H", 2)
-    return Position(sec * SECOND + nsec, *take("ddd", 8))
+    return LoggedPosition(sec * SECOND + nsec, *take("ddd", 8))

@@ -6,7 +6,13 @@ from itertools import zip_longest
 from typing import Any
 from xml.etree.ElementTree import Element, ParseError, XMLPullParser
 
-from scenarios.definition.traces.drive import DAMAGE, Drive, LeftOut, LeftOutRecords, TraceError
+from scenarios.definition.traces.drive import (
+    DAMAGE,
+    DriveTable,
+    LeftOut,
+    LeftOutRecords,
+    TraceError,
+)
 from scenarios.definition.traces.formats.cells import Point, chosen_vehicle, drive_of
 
 CHUNK = 1_000_000
@@ -26,7 +32,7 @@ READ = ("trkpt", "rtept", "wpt", "when", "coord", "vehicle", "person")
 """Elements that are read at their end."""
 
 
-def read_gpx(text: str) -> Drive:
+def read_gpx(text: str) -> DriveTable:
     """Read the tracks of a GPX file, or else its routes, or else its waypoints."""
     kinds: dict[str, list[Point]] = {"trkpt": [], "rtept": [], "wpt": []}
     damage = list[str]()
@@ -38,7 +44,7 @@ def read_gpx(text: str) -> Drive:
     return _drive(kinds, damage, "no points in its tracks, routes and waypoints")
 
 
-def read_kml(text: str) -> Drive:
+def read_kml(text: str) -> DriveTable:
     """Read the tracks of a KML file, or else its lines, rings or points, in their order."""
     shapes: dict[str, list[Point]] = {name: [] for name in SHAPES}
     damage, opened = list[str](), "LineString"
@@ -68,7 +74,7 @@ def _track(coords: list[list[str]], whens: list[str]) -> Iterator[Point]:
     yield from (_point(coord or [], when or "") for coord, when in zip_longest(coords, whens))
 
 
-def read_fcd(text: str, vehicle: str | None = None) -> Drive:
+def read_fcd(text: str, vehicle: str | None = None) -> DriveTable:
     """Read a vehicle of the floating car data of SUMO; geodetic output has longitudes as x."""
     names, points, damage, time = list[str](), list[Point](), list[str](), ""
     for name, element, is_end in _elements(text, damage):
@@ -117,7 +123,7 @@ def _point(numbers: list[str], time: str = "") -> Point:
 
 def _drive(
     kinds: dict[str, list[Point]], damage: list[str], nothing: str, *, geodetic: bool = True
-) -> Drive:
+) -> DriveTable:
     """Return the drive of the first kind of points, with damage behind them."""
     points = next(filter(None, kinds.values()), None)
     if points is None:

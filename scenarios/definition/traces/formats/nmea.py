@@ -14,7 +14,7 @@ from scenarios.definition.traces.drive import (
     NO_FIX,
     NOT_A_POSITION,
     Clock,
-    Drive,
+    DriveTable,
     Floats,
     LeftOut,
     LeftOutRecords,
@@ -55,7 +55,7 @@ class _NmeaPoint:
     unfit: bool = False
 
 
-def read_nmea(text: str) -> Drive:
+def read_nmea(text: str) -> DriveTable:
     """Read the positions of GGA, GNS, RMC and GLL, with the speeds of RMC or VTG.
 
     Sentences of the same time become one point, in the order of their first one. Dates of RMC or
@@ -115,7 +115,7 @@ def _add(point: _NmeaPoint, kind: str, fields: list[str], number: int) -> str:
     return ""
 
 
-def _drive(points: list[_NmeaPoint], left_out: LeftOutRecords, *, checked: bool) -> Drive:
+def _drive(points: list[_NmeaPoint], left_out: LeftOutRecords, *, checked: bool) -> DriveTable:
     times = np.array([point.day_s for point in points])
     known = np.flatnonzero(np.isfinite(times))
     if known.size:  # continued over midnight
@@ -134,7 +134,7 @@ def _drive(points: list[_NmeaPoint], left_out: LeftOutRecords, *, checked: bool)
     if unfit := sum(point.unfit for point in kept):
         have = "position has" if unfit == 1 else "positions have"
         remarks.append(f"{unfit} {have} quality 0 or status V: used like the others")
-    return Drive(
+    return DriveTable(
         geodetic=True,
         unit="line",
         numbers=np.array([point.number for point in kept]),

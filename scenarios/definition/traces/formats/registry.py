@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from scenarios.definition.traces.drive import Drive, TraceError
+from scenarios.definition.traces.drive import DriveTable, TraceError
 from scenarios.definition.traces.formats.geojson import read_geojson
 from scenarios.definition.traces.formats.logs import MCAP_MAGIC, read_mcap
 from scenarios.definition.traces.formats.markup import read_fcd, read_gpx, read_kml
@@ -61,7 +61,7 @@ class Format(NamedTuple):
     name: str
     suffixes: tuple[str, ...]
     pattern: str
-    read: Callable[[str], Drive]
+    read: Callable[[str], DriveTable]
     has_vehicles: bool = False
 
 
@@ -78,7 +78,9 @@ TEXT_FORMATS = (
 """The first format whose pattern occurs reads a text; without any its suffix decides."""
 
 
-def read_recorded(path: Path, *, vehicle: str | None = None, topic: str | None = None) -> Drive:
+def read_recorded(
+    path: Path, *, vehicle: str | None = None, topic: str | None = None
+) -> DriveTable:
     """Read a recorded drive by the format of its content.
 
     `vehicle` selects one of a file's, `topic` the positions of an MCAP file. Raises TraceError for

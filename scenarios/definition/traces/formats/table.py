@@ -12,7 +12,7 @@ from scenarios.definition.traces.drive import (
     FASTEST,
     METRES_PER_DEGREE,
     NO_TIMES,
-    Drive,
+    DriveTable,
     Floats,
     Ints,
     LeftOut,
@@ -91,7 +91,7 @@ class TableLayout(NamedTuple):
     unused: list[str]
 
 
-def read_table(text: str, vehicle: str | None = None) -> Drive:
+def read_table(text: str, vehicle: str | None = None) -> DriveTable:
     """Read a table of positions with a line of column names, which may be behind # or %.
 
     The separator is the one with which the names are usable. A row without a readable position
@@ -339,7 +339,7 @@ def _drive(
     numbers: Ints,
     bad: dict[int, tuple[str, str]],
     layout: TableLayout,
-) -> Drive:
+) -> DriveTable:
     """Return the drive of the cells by place of their column; `bad` rows have kind and reason."""
     columns, source, remarks = layout.columns, layout.source, list[str]()
     names = [cell.strip() for cell in cells[columns.vehicle.place]] if columns.vehicle else []
@@ -384,7 +384,7 @@ def _drive(
         if mine[k]:
             left_out.add(LeftOut(int(numbers[k]), *bad[k], float(times.seconds[k])))
         good[k] = False
-    return Drive(
+    return DriveTable(
         geodetic=geodetic,
         unit="line",
         numbers=numbers[good],

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from scenarios.definition.traces.cleaning import without_repeats
-from scenarios.definition.traces.drive import Drive
+from scenarios.definition.traces.drive import DriveTable
 
 SPAN = 60.0
 Floats = NDArray[np.floating[Any]]
@@ -18,10 +18,10 @@ def course(times: Floats) -> Floats:
     return np.array((along, 40.0 * np.sin(along / 150.0)))
 
 
-def recorded(position: Floats, times: Floats | None) -> Drive:
+def recorded(position: Floats, times: Floats | None) -> DriveTable:
     count = position.shape[1]
     numbers = np.arange(count)
-    return Drive(
+    return DriveTable(
         geodetic=False,
         unit="line",
         numbers=numbers,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scenarios.definition.traces.drive import Drive, Floats, TraceError
+from scenarios.definition.traces.drive import DriveTable, Floats, TraceError
 from scenarios.definition.traces.positions import far_pieces, usable_positions
 
 STEPS = np.arange(200.0)
@@ -12,9 +12,9 @@ UTM = np.stack((391_000.0 + STEPS, 5_820_000.0 + 2.0 * STEPS))
 LOCAL = np.stack((STEPS, 0.01 * STEPS**2))
 
 
-def drive_of(position: Floats, *, geodetic: bool) -> Drive:
+def drive_of(position: Floats, *, geodetic: bool) -> DriveTable:
     count = position.shape[1]
-    return Drive(
+    return DriveTable(
         geodetic=geodetic,
         unit="line",
         numbers=np.arange(2, count + 2),

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from scenarios.definition.traces.drive import Drive
+from scenarios.definition.traces.drive import DriveTable
 from scenarios.definition.traces.time_order import in_time_order
 from tests.made.examples import examples
 
@@ -22,12 +22,12 @@ Floats = NDArray[np.floating[Any]]
 Order = list[int] | NDArray[np.signedinteger[Any]]
 
 
-def recorded(times: Floats, order: Order | None = None) -> Drive:
+def recorded(times: Floats, order: Order | None = None) -> DriveTable:
     """A winding drive at constant speed with these times, its records in this order."""
     places = np.arange(len(times)) if order is None else np.asarray(order)
     along = np.arange(len(times)) * INTERVAL * SPEED
     unknown = np.full(len(places), np.nan)
-    return Drive(
+    return DriveTable(
         geodetic=False,
         unit="line",
         numbers=places.astype(np.int64),
@@ -44,7 +44,7 @@ def changed(first: int, last: int, by: float) -> Floats:
     return times
 
 
-def assert_true_times(drive: Drive, tolerance: float = 1e-6) -> None:
+def assert_true_times(drive: DriveTable, tolerance: float = 1e-6) -> None:
     """All positions are there in their order, with the true times but for the clock's zero."""
     assert drive.numbers.tolist() == list(range(COUNT))
     off = drive.time_s - TRUE

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scenarios.definition.traces.drive import Drive, TraceError
+from scenarios.definition.traces.drive import DriveTable, TraceError
 from scenarios.definition.traces.formats.markup import read_gpx, read_kml
 
 NAN = float("nan")
@@ -19,7 +19,7 @@ def gpx(points: str, head: str = '<?xml version="1.0"?>') -> str:
     return f"{head}<gpx><trk><name>a</name><trkseg>\n{points}</trkseg></trk></gpx>"
 
 
-def points_of(drive: Drive) -> list[int]:
+def points_of(drive: DriveTable) -> list[int]:
     """The k of the points, after a comparison of all their values."""
     ks = np.rint((drive.position[0] - 52.0) * 10).astype(int)
     assert np.allclose(drive.position, [52.0 + ks / 10, 13.0 + ks / 10], rtol=0, atol=1e-12)
@@ -29,7 +29,7 @@ def points_of(drive: Drive) -> list[int]:
     return [int(k) for k in ks]
 
 
-def left_out(drive: Drive) -> list[tuple[int, str]]:
+def left_out(drive: DriveTable) -> list[tuple[int, str]]:
     return sorted((record.number, record.reason) for record in drive.left_out.records)
 
 

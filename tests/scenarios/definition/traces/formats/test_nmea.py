@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.definition.traces.drive import Drive, TraceError
+from scenarios.definition.traces.drive import DriveTable, TraceError
 from scenarios.definition.traces.formats.nmea import read_nmea
 from scenarios.definition.traces.formats.registry import decoded
 from tests.made.scenarios.recorded_drives import sentence
@@ -36,11 +36,11 @@ def clock(k: int) -> str:
     return f"1200{k:02d}.00"
 
 
-def read(*lines: str, end: str = "\r\n") -> Drive:
+def read(*lines: str, end: str = "\r\n") -> DriveTable:
     return read_nmea(decoded(end.join(lines).encode()))
 
 
-def ks_of(drive: Drive) -> list[int]:
+def ks_of(drive: DriveTable) -> list[int]:
     """The k of the points, after a comparison of both coordinates."""
     ks = np.rint((drive.position[0] - 52.5) * 600_000).astype(int)
     assert np.allclose(drive.position[1], 13.4 + ks / 600_000, rtol=0, atol=1e-12)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from scenarios.definition.traces.drive import Drive, TraceError
+from scenarios.definition.traces.drive import DriveTable, TraceError
 from scenarios.definition.traces.formats.table import read_table
 
 NOON = 1_774_785_600.0
@@ -315,7 +315,7 @@ def test_a_header_alone_is_a_drive_without_points(header: str) -> None:
     assert drive.left_out.counts.total() == 0
 
 
-def moving(name: str, step: float, first: float = 0.0) -> Drive:
+def moving(name: str, step: float, first: float = 0.0) -> DriveTable:
     """A drive with 5 m between points."""
     return read_table(
         f"{name},x,y\n" + "".join(f"{first + k * step:.9g},{5 * k},0\n" for k in range(20))
