@@ -3,10 +3,10 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import Any, Literal, NamedTuple
+from types import MappingProxyType
+from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scenarios.results.tables import QUIET_NS, RunTables, once, spans
 from scenarios.results.true_motion import (
@@ -58,7 +58,7 @@ class Event:
         return self.kind, self.vehicles, self.at_ns, self.name
 
 
-# ---- Spans of time in which a condition holds
+# ---- Times in which a condition holds
 
 
 def begins(holds: Flags) -> Flags:
@@ -67,16 +67,40 @@ def begins(holds: Flags) -> Flags:
     return first
 
 
-def seconds_between(at: Integers, first: int, last: int) -> float:
-    return int(at[last] - at[first]) / SECOND
+def lasting(
+    run: RunTables,
+    kind: EventKind,
+    vehicles: tuple[str, ...],
+    at: Integers,
+    holds: Flags,
+    *,
+    peaks: Mapping[str, Floats] = MappingProxyType({}),
+    firsts: Mapping[str, Floats] = MappingProxyType({}),
+    least_ns: int = 0,
+    quiet_ns: int = QUIET_NS,
+    since: Integers | None = None,
+) -> Iterator[Event]:
+    """Yield an event for each time in which a condition `holds` at instants `at` (ns).
 
-
-def is_one_of(texts: NDArray[Any], *words: str) -> Flags:
-    """Whether each text of a column is one of `words`."""
-    found = np.zeros(len(texts), bool)
-    for word in words:
-        found |= texts == word
-    return found
+    Times shorter than `least_ns` are none, unless they follow another within `quiet_ns`: then both
+    are one event. Its figures are the largest values of `peaks` and, where they are known, the
+    first ones of `firsts`; it began at the instant in `since`.
+    """
+    found: list[tuple[int, int]] = []
+    for first, last in spans(at, holds):
+        if found and at[first] - at[found[-1][1]] <= quiet_ns:
+            found[-1] = found[-1][0], last
+        elif at[last] - at[first] >= least_ns:
+            found.append((first, last))
+    for first, last in found:
+        begun = int(at[first] if since is None else since[first])
+        known = {name: float(values[first]) for name, values in firsts.items()}
+        figures = {name: value for name, value in known.items() if np.isfinite(value)}
+        for name, values in peaks.items():
+            figures[name] = float(np.nanmax(values[first : last + 1]))
+        figures["duration_s"] = int(at[last] - begun) / SECOND
+        place = place_at(run.table(vehicles[-1], "truth"), int(at[first]))
+        yield Event(kind, vehicles, begun, figures, place)
 
 
 def place_at(truth: Columns, at: int) -> tuple[float, float]:
@@ -85,84 +109,74 @@ def place_at(truth: Columns, at: int) -> tuple[float, float]:
     return (float(truth["east_m"][row]), float(truth["north_m"][row])) if row >= 0 else (0.0, 0.0)
 
 
+def in_time_order(events: Iterable[Event]) -> Sequence[Event]:
+    return sorted(events, key=lambda event: (event.at_ns, event.kind, event.vehicles))
+
+
 # ---- Encounters of two vehicles
 
 
 def encounters(run: RunTables) -> Iterator[Event]:
     """Yield collisions of any two vehicles, and near misses of neighbours."""
-    rules = run.scenario.tables.events
-    for first, second in combinations(run.names, 2):
-        is_pair = run.ahead(second) == first
-        if is_pair:
-            apart = gaps(run, second)
-        elif _may_meet(run, first, second):
-            apart = distances(run, first, second, _reach(run))
+    reach = max(float(np.hypot(size.length, size.width)) for size in body_sizes(run).values())
+    for first, second in _may_meet(run, reach + REACH_MARGIN_M):
+        if run.ahead(second) == first:
+            yield from _collisions(run, (first, second), gaps(run, second))
+            yield from _near_misses(run, (first, second), gaps(run, second))
         else:
-            continue
-        yield from _collisions(run, (first, second), apart)
-        if is_pair:
-            yield from _near_misses(
-                run, (first, second), apart, rules.near_miss_gap_m, rules.near_miss_time_s
-            )
+            apart = distances(run, first, second, reach + REACH_MARGIN_M)
+            yield from _collisions(run, (first, second), apart)
 
 
-@once
-def _reach(run: RunTables) -> float:
-    sizes = body_sizes(run).values()
-    return max(float(np.hypot(size.length, size.width)) for size in sizes) + REACH_MARGIN_M
-
-
-@once
-def _extent(run: RunTables, name: str) -> NDArray[np.float64] | None:
-    """Lowest and highest coordinates (2, 2) of a vehicle; None without true poses."""
-    truth = run.table(name, "truth")
-    if not len(truth):
-        return None
-    places = np.array([truth["east_m"], truth["north_m"]])
-    return np.array([places.min(axis=1), places.max(axis=1)])
-
-
-def _may_meet(run: RunTables, first: str, second: str) -> bool:
-    one, other, reach = _extent(run, first), _extent(run, second), _reach(run)
-    if one is None or other is None:
-        return False
-    return bool((one[0] < other[1] + reach).all() and (other[0] < one[1] + reach).all())
+def _may_meet(run: RunTables, reach: float) -> Iterator[tuple[str, str]]:
+    """Yield neighbours, and pairs of vehicles whose places come within a distance (m)."""
+    extents = {}
+    for name in run.names:
+        truth = run.table(name, "truth")
+        if len(truth):
+            places = np.array([truth["east_m"], truth["north_m"]])
+            extents[name] = places.min(axis=1), places.max(axis=1) + reach
+    for pair in combinations(extents, 2):
+        (low, high), (other_low, other_high) = map(extents.__getitem__, pair)
+        if run.ahead(pair[1]) == pair[0] or ((low < other_high) & (other_low < high)).all():
+            yield pair
 
 
 def _collisions(run: RunTables, pair: tuple[str, str], apart: Gaps) -> Iterator[Event]:
     """Yield contacts; a new one needs bodies that have parted."""
-    contacts = spans(apart.at_ns, apart.distance == 0.0)
     before: int | None = None
-    for first, last in contacts:
+    for first, last in spans(apart.at_ns, apart.distance == 0.0):
         if before is None or (apart.distance[before:first] > PARTED_M).any():
-            at = int(apart.at_ns[first])
             figures = {"closing_speed_mps": float(apart.closing[first])}
-            yield Event("collision", pair, at, figures, _between(run, pair, at))
+            yield _between(run, "collision", pair, int(apart.at_ns[first]), figures)
         before = last
 
 
-def _between(run: RunTables, pair: tuple[str, str], at: int) -> tuple[float, float]:
-    one, other = (place_at(run.table(name, "truth"), at) for name in pair)
-    return 0.5 * (one[0] + other[0]), 0.5 * (one[1] + other[1])
-
-
-def _near_misses(
-    run: RunTables, pair: tuple[str, str], apart: Gaps, near_m: float, near_s: float
-) -> Iterator[Event]:
+def _near_misses(run: RunTables, pair: tuple[str, str], apart: Gaps) -> Iterator[Event]:
     """Yield spans below a gap (m) or a time to collision (s) without a collision."""
-    nears = apart.closing > 0.0
+    rules, nears = run.scenario.tables.events, apart.closing > 0.0
     left = np.full(len(apart.at_ns), np.inf)
     left[nears] = apart.distance[nears] / apart.closing[nears]
-    holds = (apart.distance < near_m) | (left < near_s) | (apart.distance == 0.0)
+    holds = (apart.distance < rules.near_miss_gap_m) | (left < rules.near_miss_time_s)
+    holds |= apart.distance == 0.0
     for first, last in spans(apart.at_ns, holds, QUIET_NS):
         rows = np.arange(first, last + 1)[holds[first : last + 1]]
         if (apart.distance[rows] == 0.0).any():
             continue
-        at = int(apart.at_ns[first])
         figures = {"gap_m_min": float(apart.distance[rows].min())}
         if left[rows].min() < np.inf:
             figures["time_to_collision_s_min"] = float(left[rows].min())
-        yield Event("near_miss", pair, at, figures, _between(run, pair, at))
+        yield _between(run, "near_miss", pair, int(apart.at_ns[first]), figures)
+
+
+def _between(
+    run: RunTables, kind: EventKind, pair: tuple[str, str], at: int, figures: Mapping[str, float]
+) -> Event:
+    (east, north), (other_east, other_north) = (
+        place_at(run.table(name, "truth"), at) for name in pair
+    )
+    place = 0.5 * (east + other_east), 0.5 * (north + other_north)
+    return Event(kind, pair, at, figures, place)
 
 
 # ---- Lane, friction
@@ -170,31 +184,20 @@ def _near_misses(
 
 def lane_departures(run: RunTables, follower: str) -> Iterator[Event]:
     """Yield spans in which a corner is outside of the lane around the lead's driven path."""
-    truth, offsets = run.table(follower, "truth"), corner_offsets(run, follower)
+    at, offsets = run.table(follower, "truth").at_ns, corner_offsets(run, follower)
     excess = np.max(np.abs(offsets), axis=0) - 0.5 * run.scenario.tables.events.lane_width_m
-    at = truth.at_ns
-    for first, last in spans(at, excess > 0.0, QUIET_NS):
-        figures = {
-            "excess_m_max": float(np.nanmax(excess[first : last + 1])),
-            "duration_s": seconds_between(at, first, last),
-        }
-        place = place_at(truth, at[first])
-        yield Event("lane_departure", (follower,), int(at[first]), figures, place)
+    peaks = {"excess_m_max": excess}
+    return lasting(run, "lane_departure", (follower,), at, excess > 0.0, peaks=peaks)
 
 
 def slides(run: RunTables, name: str) -> Iterator[Event]:
     """Yield spans in which an axle uses all available friction, or more with linear tyres."""
     truth = run.table(name, "truth")
-    at, friction = truth.at_ns, truth["friction_ratio"]
+    friction = truth["friction_ratio"]
     holds = friction >= SLIDING_SHARE
     slip = np.maximum(np.abs(truth["front_slip_rad"]), np.abs(truth["rear_slip_rad"]))
-    for first, last in spans(at, holds, QUIET_NS):
-        figures = {
-            "slip_rad_max": float(slip[first : last + 1][holds[first : last + 1]].max()),
-            "friction_ratio_max": float(friction[first : last + 1].max()),
-            "duration_s": seconds_between(at, first, last),
-        }
-        yield Event("slide", (name,), int(at[first]), figures, place_at(truth, at[first]))
+    peaks = {"slip_rad_max": np.where(holds, slip, np.nan), "friction_ratio_max": friction}
+    return lasting(run, "slide", (name,), truth.at_ns, holds, peaks=peaks)
 
 
 # ---- Decisions of one vehicle
@@ -206,16 +209,11 @@ def stops(run: RunTables, name: str) -> Iterator[Event]:
     Those of a lead begin when it stands behind a member of its convoy that is silent.
     """
     tracking = run.table(name, "tracking")
-    at, mode = tracking.at_ns, tracking["mode"]
-    waits = is_one_of(mode, "path") & is_one_of(tracking["predecessor_status"], "lost")
-    for first, last in spans(at, is_one_of(mode, "stop") | waits):
-        known = {
-            "known_m": float(tracking["known_m"][first]),
-            "predicted_blind_m": float(tracking["blind_m"][first]),
-        }
-        figures = {key: value for key, value in known.items() if np.isfinite(value)}
-        figures["duration_s"] = seconds_between(at, first, last)
-        yield _of_decision(run, "stop", (name,), int(at[first]), figures)
+    mode = tracking["mode"]
+    waits = (mode == "path") & (tracking["predecessor_status"] == "lost")
+    firsts = {"known_m": tracking["known_m"], "predicted_blind_m": tracking["blind_m"]}
+    holds = (mode == "stop") | waits
+    return lasting(run, "stop", (name,), tracking.at_ns, holds, firsts=firsts, quiet_ns=0)
 
 
 def lost_paths(run: RunTables, follower: str) -> Iterator[Event]:
@@ -224,19 +222,15 @@ def lost_paths(run: RunTables, follower: str) -> Iterator[Event]:
     It had one before. A follower that continues along a known road has not lost its path.
     """
     tracking = run.table(follower, "tracking")
-    at = tracking.at_ns
-    holds = is_one_of(tracking["mode"], *LOST_MODES) & ~(tracking["known_m"] > 0.0)
-    (known,) = np.nonzero(~holds)
-    if not len(known):
-        return
-    holds[: known[0]] = False
-    after = nanoseconds(run.scenario.tables.events.path_lost_s)
-    for first, last in spans(at, holds):
-        parts = np.flatnonzero(np.diff(at[first : last + 1]) > UNRECORDED_NS) + first
-        for begin, end in zip([first, *(parts + 1)], [*parts, last], strict=True):
-            if at[end] - at[begin] > after:
-                figures = {"duration_s": seconds_between(at, begin, end)}
-                yield _of_decision(run, "path_lost", (follower,), int(at[begin]), figures)
+    least = nanoseconds(run.scenario.tables.events.path_lost_s) + 1
+    at, mode = tracking.at_ns, tracking["mode"]
+    lacks = np.isin(mode, LOST_MODES) & ~(tracking["known_m"] > 0.0)
+    holds = lacks & np.maximum.accumulate(~lacks)
+    recorded = np.split(np.arange(len(at)), np.flatnonzero(np.diff(at) > UNRECORDED_NS) + 1)
+    for rows in recorded:
+        yield from lasting(
+            run, "path_lost", (follower,), at[rows], holds[rows], least_ns=least, quiet_ns=0
+        )
 
 
 class SourceHistory(NamedTuple):
@@ -274,24 +268,5 @@ def sources(run: RunTables, follower: str) -> Mapping[str, SourceHistory]:
 def distrusts(run: RunTables, follower: str) -> Iterator[Event]:
     """Yield the spans in which a follower distrusts a source."""
     for source, (at, status, _) in sources(run, follower).items():
-        for first, last in spans(at, is_one_of(status, "distrusted")):
-            figures = {"duration_s": seconds_between(at, first, last)}
-            yield _of_decision(run, "distrust", (source, follower), int(at[first]), figures)
-
-
-def _of_decision(
-    run: RunTables,
-    kind: EventKind,
-    vehicles: tuple[str, ...],
-    at: int,
-    figures: Mapping[str, float],
-) -> Event:
-    return Event(kind, vehicles, at, figures, place_at(run.table(vehicles[-1], "truth"), at))
-
-
-def in_time_order(events: Iterable[Event]) -> Sequence[Event]:
-    return sorted(events, key=lambda event: (event.at_ns, event.kind, event.vehicles))
-
-
-def peak(values: Floats, first: int, last: int) -> float:
-    return float(np.nanmax(values[first : last + 1]))
+        pair = (source, follower)
+        yield from lasting(run, "distrust", pair, at, status == "distrusted", quiet_ns=0)

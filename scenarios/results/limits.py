@@ -3,17 +3,24 @@
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from typing import TypeVar, get_args
 
 import numpy as np
 
 from scenarios.definition.run_limits import Limit, limits_of
 from scenarios.definition.schema.limit_rows import LIMITS, LimitRow, Live, row_of
-from scenarios.definition.schema.limit_tables import LimitsTable
+from scenarios.definition.schema.limit_tables import (
+    DEADLINES,
+    DeadlineTable,
+    LimitsTable,
+    ModeLimit,
+    RecoveryLimit,
+    SourceLimit,
+)
 from scenarios.definition.schema.plug_ins.point import PlugInError
-from scenarios.results.deadlines import DeadlineFigure
-from scenarios.results.events import Event
+from scenarios.results.events import Event, sources
+from scenarios.results.reaction import is_degraded
 from scenarios.results.record import RecordKind, UnseenSpan
 from scenarios.results.run_event import RunEvent, events
 from scenarios.results.summary import LimitFigure, RunSummary
@@ -28,143 +35,26 @@ from scenarios.results.vehicle_figures import (
     true_errors,
     true_gaps,
 )
+from vehicles.schedule import SECOND, nanoseconds
 
 ROUNDING_S = 1e-9
 USUAL_LATE_S = 1.0
 """Largest delay with which a vehicle may be driven without limits.late_s_max."""
+UNRECORDED_NS = SECOND
+"""A follower without messages for this time before the end has not recovered."""
 Needed = tuple[str, RecordKind]
 """Vehicle and kind of its messages."""
 AnyEvent = TypeVar("AnyEvent", Event, RunEvent)
 
 
-def judged_by_record(
-    figures: Sequence[LimitFigure],
-    limits: LimitsTable,
-    unseen: Sequence[UnseenSpan],
-    late_s: Mapping[str, float],
-) -> tuple[LimitFigure, ...]:
-    """Mark kept limits on vehicles that lack messages, or were driven late, for too long.
-
-    `late_s` are the largest delays (s) with which each vehicle, lead first, was driven. The bounds
-    are limits.holes_s_max and limits.late_s_max; explicit ones are limits of their own.
-    """
-    names = list(late_s)
-    spans: defaultdict[Needed, list[UnseenSpan]] = defaultdict(list)
-    for span in unseen:
-        spans[span.vehicle, span.kind].append(span)
-    allowed, allowed_late = limits.holes_s_max or 0.0, limits.late_s_max
-    if allowed_late is None:
-        allowed_late = USUAL_LATE_S
-    reasons: dict[Needed, str] = {}
-    for name, late in late_s.items():
-        if late > allowed_late + ROUNDING_S:
-            line = f"{name} was driven up to {late:.2f} s late"
-            reasons |= {(name, kind): line for kind in get_args(RecordKind)}
-    reasons |= {
-        needed: _words(missed)
-        for needed, missed in spans.items()
-        if sum([span.missing_s for span in missed]) > allowed + ROUNDING_S
-    }
-    result = [_judged(figure, names, reasons) for figure in figures] if reasons else [*figures]
-    if limits.holes_s_max is not None:
-        result.append(_holes(spans, allowed))
-    if limits.late_s_max is not None:
-        result += [_late(name, late, allowed_late) for name, late in late_s.items()]
-    return tuple(result)
-
-
-def _judged(
-    figure: LimitFigure, names: Sequence[str], reasons: Mapping[Needed, str]
-) -> LimitFigure:
-    """Return a figure, marked as not judged if it is kept but messages are missing or late."""
-    if figure.broken:
-        return figure
-    for needed in _needed(figure, names):
-        if needed in reasons:
-            line = f"limits.{figure.limit} = {figure.bound:g}: not judged: {reasons[needed]}"
-            return replace(figure, judged=False, message=line)
-    return figure
-
-
-def _late(name: str, late_s: float, allowed_s: float) -> LimitFigure:
-    line = ""
-    if late_s > allowed_s + ROUNDING_S:
-        line = f"limits.late_s_max = {allowed_s:g}: {name} was driven up to {late_s:.2f} s late"
-    return LimitFigure(
-        limit="late_s_max", bound=allowed_s, value=late_s, vehicle=name, message=line
-    )
-
-
-def _words(spans: Sequence[UnseenSpan]) -> str:
-    first, more = spans[0], len(spans) - 1
-    others = f" and {more} more {'time' if more == 1 else 'times'}" if more else ""
-    return (
-        f"the log lacks {first.kind}s of {first.vehicle} from {first.from_s:.2f} to "
-        f"{first.to_s:.2f} s{others}"
-    )
-
-
-def _holes(spans: Mapping[Needed, Sequence[UnseenSpan]], allowed: float) -> LimitFigure:
-    """Return the figure of the limit on holes: the largest missing time of one vehicle."""
-    missing = {needed: sum([span.missing_s for span in missed]) for needed, missed in spans.items()}
-    worst = max(missing, key=missing.__getitem__, default=None)
-    value, line = (0.0, "") if worst is None else (missing[worst], "")
-    if worst is not None and value > allowed + ROUNDING_S:
-        line = f"limits.holes_s_max = {allowed:g}: {value:.2f} s: {_words(spans[worst])}"
-    return LimitFigure(limit="holes_s_max", bound=allowed, value=value, message=line)
-
-
-def _needed(figure: LimitFigure, names: Sequence[str]) -> Iterator[Needed]:
-    """Yield the messages that a limit judges."""
-    key = figure.limit.removeprefix(f"{figure.vehicle}.")
-    row = LIMITS["collisions_max"] if key == "after_collision" else row_of(key)
-    if row is not None:
-        for name in _own(figure, row, names):
-            if row.by_decisions:
-                yield name, "decision"
-            if row.by_truth:
-                for witness in _witnesses(row, name, names):
-                    yield witness, "true pose"
-        return
-    yield figure.vehicle, "decision"  # a deadline
-    if key.startswith("recovery"):
-        yield figure.vehicle, "true pose"
-        yield names[0], "true pose"
-
-
-def _own(figure: LimitFigure, row: LimitRow, names: Sequence[str]) -> Sequence[str]:
-    if figure.vehicle:
-        return [figure.vehicle]
-    return names if row.of_lead else names[1:]
-
-
-def _witnesses(row: LimitRow, name: str, names: Sequence[str]) -> Sequence[str]:
-    match row.witness:
-        case "all":
-            return names
-        case "lead":
-            return [name, names[0]]
-        case "predecessor" if name != names[0]:
-            return [name, names[names.index(name) - 1]]
-    return [name]
-
-
 # ---- Limits judged by the figures and events of a run: each with its figure and its instant
-
-
-def collision_ends_run(limits: LimitsTable, collisions: int) -> bool:
-    """Whether the run has to end after this number of collisions."""
-    after, most = limits.after_collision, limits.collisions_max
-    if after == "continue" or (after is None and most is None):
-        return False
-    return collisions > (most or 0)
 
 
 def limit_figures(
     limits: LimitsTable,
     events: Sequence[RunEvent],
     vehicles: Sequence[VehicleSummary],
-    deadlines: Sequence[DeadlineFigure] = (),
+    deadlines: Sequence[LimitFigure] = (),
     unseen: Sequence[UnseenSpan] = (),
     *,
     late_s: Mapping[str, float] | None = None,
@@ -176,38 +66,36 @@ def limit_figures(
     convoy for it. Limits over messages that are missing in the log, in the times `unseen`, are not
     judged, nor are those on vehicles that were driven late, by up to `late_s` (s).
     """
-    known = list(limits_of(limits))
+    known, collisions = list(limits_of(limits)), [one for one in events if one.kind == "collision"]
     counts = [_count(limit, events) for limit in known if limit.row.event]
     if limits.collisions_max is None and limits.after_collision == "end":
-        counts = [_first_collision(events), *counts]
-    incomplete = {span.vehicle for span in unseen}
+        line = f'limits.after_collision = "end": {collisions[0].line}' if collisions else ""
+        first = LimitFigure(limit="after_collision", bound=0, value=len(collisions), message=line)
+        counts = [first, *counts]
+    lacking = {span.vehicle for span in unseen}
     figures = [
-        result
+        row
         for limit in known
         if not limit.row.event
-        for result in _figures(limit, known, vehicles, incomplete)
+        for row in _figures(limit, known, vehicles, lacking)
     ]
-    every = (*counts, *figures, *map(_deadline, deadlines))
-    return judged_by_record(every, limits, unseen, late_s or {row.name: 0.0 for row in vehicles})
+    late_s = late_s or {row.name: 0.0 for row in vehicles}
+    return _judged_by_record([*counts, *figures, *deadlines], limits, unseen, late_s)
 
 
-def failure_reason(reason: str, broken: Sequence[str]) -> str:
-    """Join the reason of an early end with broken limits that it does not mention."""
-    return "; ".join([*filter(None, [reason]), *(line for line in broken if line not in reason)])
-
-
-def broken_by(limit: Limit, summary: RunSummary) -> bool:
-    """Whether a run broke a limit, of a largest figure that no vehicle has as if it were 0.
-
-    Raises PlugInError if a class of the user failed to measure the figure.
-    """
-    if limit.row.event:
-        return len(_counted(limit, summary.events)) > limit.bound
-    rows = [row for row in summary.vehicles if limit.vehicle in {"", row.name}]
-    if without := [row.name for row in rows if _is_unmeasured(limit.row, row)]:
-        raise PlugInError(f"{limit}: {unmeasured(limit.row.own_figure, without[0])}")
-    known = [value for row in rows if (value := _figure(limit.row, row)) is not None]
-    return any(map(limit.is_beyond, known or ([] if limit.row.is_least else [0.0])))
+def _figure(
+    limit: Limit, value: float | None, vehicle: str = "", line: str = "", *, judged: bool = True
+) -> LimitFigure:
+    bound = int(limit.bound) if limit.row.event else limit.bound
+    message = f"limits.{limit.name} = {bound:g}: {line}" if line else ""
+    return LimitFigure(
+        limit=limit.name,
+        bound=bound,
+        value=value,
+        vehicle=vehicle,
+        message=message,
+        judged=judged,
+    )
 
 
 def _counted(limit: Limit, events: Sequence[AnyEvent]) -> list[AnyEvent]:
@@ -221,71 +109,53 @@ def _counted(limit: Limit, events: Sequence[AnyEvent]) -> list[AnyEvent]:
 
 def _count(limit: Limit, events: Sequence[RunEvent]) -> LimitFigure:
     counted, most = _counted(limit, events), int(limit.bound)
-    line = f"limits.{limit.name} = {most}: {counted[most].line}" if len(counted) > most else ""
-    return LimitFigure(
-        limit=limit.name, bound=most, value=len(counted), vehicle=limit.vehicle, message=line
-    )
-
-
-def _first_collision(events: Sequence[RunEvent]) -> LimitFigure:
-    """Implicit limit of a run that ends at the first collision."""
-    collisions = [event for event in events if event.kind == "collision"]
-    line = f'limits.after_collision = "end": {collisions[0].line}' if collisions else ""
-    return LimitFigure(limit="after_collision", bound=0, value=len(collisions), message=line)
+    line = counted[most].line if len(counted) > most else ""
+    return _figure(limit, len(counted), limit.vehicle, line)
 
 
 def _figures(
     limit: Limit,
     limits: Sequence[Limit],
     vehicles: Sequence[VehicleSummary],
-    incomplete: Collection[str],
-) -> Iterator[LimitFigure]:
-    """Yield the figure of each vehicle that a limit applies to, or one None if none is known.
+    lacking: Collection[str],
+) -> list[LimitFigure]:
+    """Figures of the vehicles that a limit applies to, or one None if none is known.
 
-    An `incomplete` vehicle, which lacks messages, has one in any case.
+    One that is `lacking` messages has a figure in any case.
     """
     own = {other.vehicle for other in limits if other.key == limit.key and other.vehicle}
-    if limit.vehicle:
-        rows = [row for row in vehicles if row.name == limit.vehicle]
-    else:
-        rows = [row for row in vehicles if row.name not in own]
-    known = [(row, value) for row in rows if (value := _figure(limit.row, row)) is not None]
-    for row, figure in known:
-        line = _breach(limit, row, figure) if limit.is_beyond(figure) else ""
-        yield LimitFigure(
-            limit=limit.name, bound=limit.bound, value=figure, vehicle=row.name, message=line
-        )
-    judged = [row for row in rows if row.role == "follower" or limit.row.of_lead]
-    failed = [row.name for row in judged if _is_unmeasured(limit.row, row)]
-    for name in failed:
-        line = f"limits.{limit.name} = {limit.bound:g}: not judged: "
-        yield LimitFigure(
-            limit=limit.name,
-            bound=limit.bound,
-            value=None,
-            vehicle=name,
-            message=line + unmeasured(limit.row.own_figure, name),
-            judged=False,
-        )
-    names = [*(row.name for row, _ in known), *failed]
-    lacking = [row.name for row in judged if row.name in incomplete and row.name not in names]
-    for name in lacking:
-        yield LimitFigure(limit=limit.name, bound=limit.bound, value=None, vehicle=name)
-    if not names and not lacking and (judged or limit.vehicle or not own):
-        yield LimitFigure(limit=limit.name, bound=limit.bound, value=None, vehicle=limit.vehicle)
+    names = {limit.vehicle} if limit.vehicle else {row.name for row in vehicles} - own
+    rows = [row for row in vehicles if row.name in names and _applies(limit.row, row)]
+    found = []
+    for row in rows:
+        value, at = _value(limit.row, row), getattr(row, limit.row.at or "name")
+        if value is not None:
+            breach = limit.row.breach.format(figure=value, at=at or 0.0)
+            line = f"{row.name} {breach}" if limit.is_beyond(value) else ""
+            found.append(_figure(limit, value, row.name, line))
+        elif _is_unmeasured(limit.row, row):
+            line = f"not judged: {unmeasured(limit.row.own_figure, row.name)}"
+            found.append(_figure(limit, None, row.name, line, judged=False))
+        elif row.name in lacking:
+            found.append(_figure(limit, None, row.name))
+    if not found and (rows or limit.vehicle or not own):
+        found.append(_figure(limit, None, limit.vehicle))
+    return found
 
 
-def _figure(row: LimitRow, vehicle: VehicleSummary) -> float | None:
-    if vehicle.role == "lead" and not row.of_lead:
-        return None
+def _applies(row: LimitRow, vehicle: VehicleSummary) -> bool:
+    return vehicle.role == "follower" or row.of_lead
+
+
+def _value(row: LimitRow, vehicle: VehicleSummary) -> float | None:
     if row.own_figure:
         return vehicle.own_figures.get(row.own_figure)
-    figure: float | None = attrgetter(row.figure)(vehicle)
-    return figure
+    value: float | None = attrgetter(row.figure)(vehicle)
+    return value
 
 
 def _is_unmeasured(row: LimitRow, vehicle: VehicleSummary) -> bool:
-    """Whether a class of the user failed to measure its figure, or is not here."""
+    """Whether a function of the user failed to measure its figure, or is not here."""
     return bool(row.own_figure) and row.own_figure not in vehicle.own_figures
 
 
@@ -293,26 +163,186 @@ def unmeasured(figure: str, vehicle: str) -> str:
     return f"{vehicle} has no figure {figure}, because its class failed or is missing"
 
 
-def _breach(limit: Limit, vehicle: VehicleSummary, figure: float) -> str:
-    at = getattr(vehicle, limit.row.at) if limit.row.at else None
-    breach = limit.row.breach.format(figure=figure, at=at or 0.0)
-    return f"limits.{limit.name} = {limit.bound:g}: {vehicle.name} {breach}"
+def collision_ends_run(limits: LimitsTable, collisions: int) -> bool:
+    """Whether the run has to end after this number of collisions."""
+    after, most = limits.after_collision, limits.collisions_max
+    if after == "continue" or (after is None and most is None):
+        return False
+    return collisions > (most or 0)
 
 
-def _deadline(deadline: DeadlineFigure) -> LimitFigure:
-    line = ""
-    if deadline.broken:
-        after = "did not happen" if deadline.took_s is None else f"after {deadline.took_s:.2f} s"
-        limit = f"limits.{deadline.key}.within_s = {deadline.within_s:g}"
-        line = f"{limit}: {deadline.vehicle}: {deadline.action}: {after}"
-    return LimitFigure(
-        limit=deadline.key,
-        bound=deadline.within_s,
-        value=deadline.took_s,
-        vehicle=deadline.vehicle,
-        action=deadline.action,
-        message=line,
+def failure_reason(reason: str, broken: Sequence[str]) -> str:
+    """Join the reason of an early end with broken limits that it does not mention."""
+    return "; ".join([*filter(None, [reason]), *(line for line in broken if line not in reason)])
+
+
+def broken_by(limit: Limit, summary: RunSummary) -> bool:
+    """Whether a run broke a limit, of a largest figure that no vehicle has as if it were 0.
+
+    Raises PlugInError if a function of the user failed to measure the figure.
+    """
+    if limit.row.event:
+        return len(_counted(limit, summary.events)) > limit.bound
+    rows = [row for row in summary.vehicles if limit.vehicle in {"", row.name}]
+    if without := [row.name for row in rows if _is_unmeasured(limit.row, row)]:
+        raise PlugInError(f"{limit}: {unmeasured(limit.row.own_figure, without[0])}")
+    values = [_value(limit.row, row) for row in rows if _applies(limit.row, row)]
+    known = [value for value in values if value is not None]
+    return any(map(limit.is_beyond, known or ([] if limit.row.is_least else [0.0])))
+
+
+# ---- Deadlines of followers: `[[limits.modes]]`, `[[limits.sources]]` and `[[limits.recovery]]`
+
+
+def deadline_figures(run: RunTables) -> tuple[LimitFigure, ...]:
+    """Time (s) that each action with a deadline took; None if it did not happen.
+
+    It is broken if the action was late, or did not happen although the run reached the deadline.
+    """
+    limits = run.scenario.tables.limits
+    return tuple(
+        _deadline(run, f"{name}[{place}]", limit)
+        for name in DEADLINES
+        for place, limit in enumerate(getattr(limits, name))
     )
+
+
+def _deadline(run: RunTables, key: str, limit: DeadlineTable) -> LimitFigure:
+    name, after = limit.vehicle, run.beginning + nanoseconds(limit.after_s)
+    done_at: Sequence[int] = ()
+    match limit:
+        case ModeLimit():
+            action, tracking = f"in mode {limit.mode}", run.table(name, "tracking")
+            done_at = tracking.at_ns[tracking["mode"] == limit.mode]
+        case SourceLimit():
+            action, source = f"source {limit.source} {limit.status}", sources(run, name)
+            if limit.source in source:
+                at, status, _ = source[limit.source]
+                done_at = at[status == limit.status]
+        case RecoveryLimit():
+            action, done_at = f"recovered to {limit.error_m:g} m", _recovered(run, limit, after)
+    took_s = min(((int(at) - after) / SECOND for at in done_at if at >= after), default=None)
+    is_over = run.ran_ns >= nanoseconds(limit.after_s + limit.within_s)
+    action, line = f"{action}, from {limit.after_s:g} s on", ""
+    if is_over if took_s is None else took_s > limit.within_s:
+        took = "did not happen" if took_s is None else f"after {took_s:.2f} s"
+        line = f"limits.{key}.within_s = {limit.within_s:g}: {name}: {action}: {took}"
+    return LimitFigure(
+        limit=key, bound=limit.within_s, value=took_s, vehicle=name, action=action, message=line
+    )
+
+
+def _recovered(run: RunTables, limit: RecoveryLimit, after: int) -> list[int]:
+    """Instant (ns) from which on a follower was neither degraded nor too far off the path.
+
+    Empty if it is not recovered at the end, or without messages there.
+    """
+    errors = true_errors(run, limit.vehicle)
+    known = ~np.isnan(errors.values)
+    is_off = np.abs(errors.values[known]) > limit.error_m
+    decided_at = run.table(limit.vehicle, "tracking").at_ns
+    latest, end = after, run.beginning + run.ran_ns - UNRECORDED_NS
+    for at, holds in (
+        (decided_at, is_degraded(run, limit.vehicle)),
+        (errors.at_ns[known], is_off),
+    ):
+        if not len(at) or at[-1] < max(after, end) or holds[-1]:
+            return []
+        latest = max(latest, int(at[holds].max(initial=0)))
+    return [latest]
+
+
+# ---- Limits that cannot be judged: messages are missing, or vehicles were driven late
+
+
+def _judged_by_record(
+    figures: Sequence[LimitFigure],
+    limits: LimitsTable,
+    unseen: Sequence[UnseenSpan],
+    late_s: Mapping[str, float],
+) -> tuple[LimitFigure, ...]:
+    """Mark kept limits on vehicles that lack messages, or were driven late, for too long.
+
+    `late_s` are the largest delays (s) with which each vehicle, lead first, was driven. The bounds
+    are limits.holes_s_max and limits.late_s_max; explicit ones are limits of their own.
+    """
+    holes = defaultdict[Needed, list[UnseenSpan]](list)
+    for span in unseen:
+        holes[span.vehicle, span.kind].append(span)
+    missing_s = {needed: sum([span.missing_s for span in spans]) for needed, spans in holes.items()}
+    allowed, most_late = limits.holes_s_max or 0.0, limits.late_s_max
+    most_late = USUAL_LATE_S if most_late is None else most_late
+    late = {
+        name: f"{name} was driven up to {seconds:.2f} s late"
+        for name, seconds in late_s.items()
+        if seconds > most_late + ROUNDING_S
+    }
+    reasons = {(name, kind): line for name, line in late.items() for kind in get_args(RecordKind)}
+    reasons |= {
+        needed: _words(holes[needed])
+        for needed, missing in missing_s.items()
+        if missing > allowed + ROUNDING_S
+    }
+    result = [_with_reason(figure, list(late_s), reasons) for figure in figures]
+    if limits.holes_s_max is not None:
+        worst, value = max(missing_s.items(), key=itemgetter(1), default=(None, 0.0))
+        line = ""
+        if worst is not None and value > allowed + ROUNDING_S:
+            line = f"limits.holes_s_max = {allowed:g}: {value:.2f} s: {_words(holes[worst])}"
+        result.append(LimitFigure(limit="holes_s_max", bound=allowed, value=value, message=line))
+    if limits.late_s_max is not None:
+        result += [
+            LimitFigure(
+                limit="late_s_max",
+                bound=most_late,
+                value=seconds,
+                vehicle=name,
+                message=f"limits.late_s_max = {most_late:g}: {late[name]}" if name in late else "",
+            )
+            for name, seconds in late_s.items()
+        ]
+    return tuple(result)
+
+
+def _with_reason(
+    figure: LimitFigure, names: Sequence[str], reasons: Mapping[Needed, str]
+) -> LimitFigure:
+    """Return a figure, marked as not judged if it is kept but messages are missing or late."""
+    if figure.broken or not reasons:
+        return figure
+    found = [reasons[needed] for needed in _needed(figure, names) if needed in reasons]
+    if not found:
+        return figure
+    line = f"limits.{figure.limit} = {figure.bound:g}: not judged: {found[0]}"
+    return replace(figure, judged=False, message=line)
+
+
+def _words(spans: Sequence[UnseenSpan]) -> str:
+    first, more = spans[0], len(spans) - 1
+    others = f" and {more} more {'time' if more == 1 else 'times'}" if more else ""
+    return (
+        f"the log lacks {first.kind}s of {first.vehicle} from {first.from_s:.2f} to "
+        f"{first.to_s:.2f} s{others}"
+    )
+
+
+def _needed(figure: LimitFigure, names: Sequence[str]) -> Iterator[Needed]:
+    """Yield the messages that a limit judges."""
+    key, lead = figure.limit.removeprefix(f"{figure.vehicle}."), names[0]
+    row = LIMITS["collisions_max"] if key == "after_collision" else row_of(key)
+    if row is None:  # a deadline
+        yield figure.vehicle, "decision"
+        if key.startswith("recovery"):
+            yield figure.vehicle, "true pose"
+            yield lead, "true pose"
+        return
+    for name in [figure.vehicle] if figure.vehicle else names if row.of_lead else names[1:]:
+        if row.by_decisions:
+            yield name, "decision"
+        ahead = names[max(names.index(name) - 1, 0)]
+        witnesses = {"all": names, "lead": (name, lead), "predecessor": (name, ahead)}
+        for witness in witnesses.get(row.witness, (name,)) if row.by_truth else ():
+            yield witness, "true pose"
 
 
 # ---- When a limit was first broken

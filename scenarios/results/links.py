@@ -259,7 +259,7 @@ def carried_losses(account: LinkAccount) -> Flags:
     """
     reasons = account.verdicts["reason"]
     losses = [reason for reason in set(reasons.tolist()) if counts_as_loss(reason)]
-    lost = ~account.is_delivered & np.isin(reasons.astype(str), losses)
+    lost = ~account.is_delivered & np.isin(reasons, losses)
     carried, absent = account.is_delivered | lost, account.missing.number[account.missing.is_lost]
     numbers = np.append(account.verdicts["pose_seq"][carried], absent)
     _, first = np.unique(numbers, return_index=True)
@@ -286,7 +286,7 @@ def expected(account: LinkAccount, requested: LinkTable, *, is_changed: bool) ->
     channel = expected_channel(requested)
     if is_changed:
         channel = replace(channel, latency_ms_mean=None, latency_ms_deviation=None)
-    elif not np.isin(account.verdicts["reason"].astype(str), OF_VEHICLES).any():
+    elif not np.isin(account.verdicts["reason"], OF_VEHICLES).any():
         return channel
     return replace(channel, loss_ratio=None, burst_messages=None)
 

@@ -10,9 +10,8 @@ import numpy as np
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.results.deadlines import deadline_figures
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME, write_whole
-from scenarios.results.limits import failure_reason, limit_figures
+from scenarios.results.limits import deadline_figures, failure_reason, limit_figures
 from scenarios.results.link_account import accounts, away_spans, contradictions
 from scenarios.results.links import LinkSummary, channel_warnings, link_summaries
 from scenarios.results.outcome import LATE_RATIO, incomplete, late_ratio, with_outcome_line

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.results.events import LOST_MODES, begins, is_one_of, sources
+from scenarios.results.events import LOST_MODES, begins, sources
 from scenarios.results.tables import RunTables, common, once, spans
 from transport.columns import Flags, Floats, Integers
 from vehicles.schedule import SECOND
@@ -52,10 +52,10 @@ NO_REACTION = ReactionSummary()
 def is_degraded(run: RunTables, follower: str) -> Flags:
     """Whether a follower relies on less than all its sources, at its decisions (N)."""
     tracking = run.table(follower, "tracking")
-    degraded = is_one_of(tracking["mode"], "coast", "stop")
-    degraded |= is_one_of(tracking["predecessor_status"], *NOT_RELIED_ON)
+    degraded: Flags = np.isin(tracking["mode"], ("coast", "stop"))
+    degraded |= np.isin(tracking["predecessor_status"], NOT_RELIED_ON)
     for at, status, _ in sources(run, follower).values():
-        degraded |= np.isin(tracking.at_ns, at[is_one_of(status, *NOT_RELIED_ON)])
+        degraded |= np.isin(tracking.at_ns, at[np.isin(status, NOT_RELIED_ON)])
     return degraded
 
 
@@ -77,25 +77,23 @@ def blind_distance(run: RunTables, follower: str) -> tuple[Integers, Floats]:
 @once
 def reaction(run: RunTables, follower: str) -> ReactionSummary:
     tracking = run.table(follower, "tracking")
-    at, mode = tracking.at_ns, tracking["mode"]
+    at, mode, blind_m = tracking.at_ns, tracking["mode"], tracking["blind_m"]
     if not len(at):
         return NO_REACTION
-    entered = np.concatenate(([0], np.flatnonzero(mode[1:] != mode[:-1]) + 1))
-    stops = entered[is_one_of(mode[entered], "stop")]
+    changes = np.append(True, mode[1:] != mode[:-1])
+    stops = changes & (mode == "stop")
     degraded = spans(at, is_degraded(run, follower))
     lasted = [int(at[last + 1] - at[first]) for first, last in degraded if last + 1 < len(at)]
-    is_blind, blind_m = tracking["known_m"] < 0.0, tracking["blind_m"]
-    is_unplanned = begins(is_blind) & ~is_one_of(mode, *LOST_MODES)
-    planned = blind_m[stops]
-    predicted = [*blind_m[is_unplanned], *planned[np.isfinite(planned)]]
+    is_unplanned = begins(tracking["known_m"] < 0.0) & ~np.isin(mode, LOST_MODES)
+    predicted = blind_m[is_unplanned | (stops & np.isfinite(blind_m))]
     _, distance = blind_distance(run, follower)
     return ReactionSummary(
-        mode_changes=len(entered) - 1,
+        mode_changes=int(changes.sum()) - 1,
         recoveries=len(lasted),
         recovery_s_mean=sum(lasted) / len(lasted) / SECOND if lasted else None,
         recovery_s_max=max(lasted) / SECOND if lasted else None,
-        stops=len(stops),
+        stops=int(stops.sum()),
         blind_m=float(distance[-1]) if len(distance) else 0.0,
-        predicted_blind_m_max=max(map(float, predicted), default=None),
-        hazards=int(np.count_nonzero(begins(tracking["hazard"]))),
+        predicted_blind_m_max=max(predicted.tolist(), default=None),
+        hazards=int(begins(tracking["hazard"]).sum()),
     )

@@ -8,7 +8,7 @@ joined the convoy, and replayed ones, are not judged.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -17,12 +17,11 @@ import numpy as np
 from scenarios.definition.changes import change_from_json
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.schema.change_tables import CrashTable, StallTable
-from scenarios.results.events import Event, EventKind, peak, place_at
+from scenarios.results.events import Event, EventKind, lasting, place_at
 from scenarios.results.record import FOREVER
-from scenarios.results.tables import QUIET_NS, RunTables, once, spans
+from scenarios.results.tables import RunTables, once
 from scenarios.results.true_motion import at_instants, distances, first_of_periods, gaps
 from transport.columns import Flags, Floats, Integers
-from vehicles.driver.controller import SpacingPolicy
 from vehicles.messages import Override
 from vehicles.schedule import MILLISECOND, SECOND, nanoseconds
 
@@ -93,33 +92,30 @@ def motion(run: RunTables, name: str) -> TrafficMotion:
 # ---- Vehicles that are not judged
 
 
-@once
-def _changes(run: RunTables, name: str) -> list[tuple[int, str, str]]:
-    """Instant (ns), kind and table of each change of a vehicle, in order of time."""
+def _changes(run: RunTables, name: str, *kinds: str) -> list[tuple[int, str, str]]:
+    """Instant (ns), kind and table of each change of some kinds, in order of time."""
     changes = run.table(name, "change")
     rows = zip(changes.at_ns.tolist(), changes["kind"], changes["table"], strict=True)
-    return sorted(rows)
+    return sorted(row for row in rows if row[1] in kinds)
 
 
 def is_away(run: RunTables, name: str, at: Integers) -> Flags:
     """Whether a vehicle has left, or not yet joined the convoy."""
     away = np.full(len(at), run.scenario.joins_late(name))
-    for since, kind, _ in _changes(run, name):
-        if kind in {"leave", "join"}:
-            away[at >= since] = kind == "leave"
+    for since, kind, _ in _changes(run, name, "leave", "join"):
+        away[at >= since] = kind == "leave"
     return away
 
 
 def has_fault(run: RunTables, name: str, at: Integers) -> Flags:
     """Whether a vehicle is stalled or has crashed, by a change of the run."""
     faults = np.zeros(len(at), bool)
-    for since, kind, text in _changes(run, name):
-        if kind in {"stall", "crash"}:
-            with suppress(ScenarioError):  # messages from the bus may be malformed
-                table = change_from_json(text)
-                if isinstance(table, StallTable | CrashTable):
-                    lasts = FOREVER if table.for_s is None else nanoseconds(table.for_s)
-                    faults |= (at >= since) & (at <= since + lasts)
+    for since, _, text in _changes(run, name, "stall", "crash"):
+        with suppress(ScenarioError):  # messages from the bus may be malformed
+            table = change_from_json(text)
+            if isinstance(table, StallTable | CrashTable):
+                lasts = FOREVER if table.for_s is None else nanoseconds(table.for_s)
+                faults |= (at >= since) & (at <= since + lasts)
     return faults
 
 
@@ -130,72 +126,72 @@ def traffic_events(run: RunTables, follower: str) -> Iterator[Event]:
     """Yield the events of a follower in true poses, at instants at which it is in the convoy."""
     if follower in run.scenario.replays:
         return
-    own, place = motion(run, follower), run.names.index(follower)
+    own, lead, place = motion(run, follower), motion(run, run.lead), run.names.index(follower)
     ahead = np.full(len(own.at_ns), -1)
     for index, name in enumerate(run.names[:place]):
         ahead[~is_away(run, name, own.at_ns)] = index
     judged = (ahead >= 0) & ~is_away(run, follower, own.at_ns)
     at_fault = has_fault(run, follower, own.at_ns)
-    yield from _falling_behind(run, follower, ahead, judged)
     is_hard = own.acceleration < -(COMFORTABLE_MPS2 + BRAKING_MARGIN_MPS2)
-    braking = is_hard & ~at_fault & ~_is_caused(run, follower)
-    values = np.where(braking, -own.acceleration, 0.0)
-    yield from _lasting(run, "hard_braking", follower, values, judged)
-    lead = motion(run, run.lead)
+    braking = np.where(is_hard & ~at_fault & ~_is_caused(run, follower), -own.acceleration, 0.0)
     lead_speed = at_instants(own.at_ns, lead.at_ns, lead.speed)
-    judged &= ~np.isnan(lead_speed)
-    has_driven = np.maximum.accumulate(judged & (own.speed > DRIVING_MPS))
+    compared = judged & ~np.isnan(lead_speed)
+    has_driven = np.maximum.accumulate(compared & (own.speed > DRIVING_MPS))
     stands = (own.speed < STANDING_MPS) & (lead_speed > DRIVING_MPS) & has_driven & ~at_fault
-    yield from _lasting(
-        run, "stranded", follower, np.where(stands, 1.0, 0.0), judged, STANDS_NS * place
-    )
     faster = own.speed - SPEED_RATIO * lead_speed - SPEED_MARGIN_MPS
-    for row in np.flatnonzero(judged & (faster > 0.0)):
+    for row in np.flatnonzero(compared & (faster > 0.0)):
         fastest = _fastest_lead(lead, own, int(row))
         faster[row] = own.speed[row] - SPEED_RATIO * fastest - SPEED_MARGIN_MPS
-    yield from _lasting(run, "overspeed", follower, faster, judged)
+    behind, known = _falling_behind(run, follower, ahead, judged)
+    rules: Sequence[tuple[EventKind, Floats, Flags, int]] = (
+        ("falls_behind", behind, known, BEHIND_NS),
+        ("hard_braking", braking, judged, 0),
+        ("stranded", np.where(stands, 1.0, 0.0), compared, STANDS_NS * place),
+        ("overspeed", faster, compared, 0),
+    )
+    for kind, values, rows, least_ns in rules:
+        at, since = own.at_ns[rows], own.since_ns[rows] if kind == "hard_braking" else None
+        yield from lasting(
+            run,
+            kind,
+            (follower,),
+            at,
+            values[rows] > 0.0,
+            peaks={FIGURE_OF[kind]: values[rows]} if kind in FIGURE_OF else {},
+            least_ns=least_ns,
+            since=since,
+        )
 
 
 def _falling_behind(
     run: RunTables, follower: str, ahead: Integers, judged: Flags
-) -> Iterator[Event]:
-    """Yield the times in which a gap is wider than law and data age explain, once it was not."""
+) -> tuple[Floats, Flags]:
+    """Gap (m) beyond that which law and data age explain, once it was not, and where it is known.
+
+    `ahead` are places in the convoy of the vehicle ahead.
+    """
     own, excess = motion(run, follower), np.full(len(ahead), np.nan)
     for index in set(ahead[judged].tolist()):
-        rows = judged & (ahead == index)
-        excess[rows] = _gap_excess(run, follower, run.names[index])[rows]
+        rows, name = judged & (ahead == index), run.names[index]
+        is_next = name == run.ahead(follower)
+        apart = gaps(run, follower) if is_next else distances(run, name, follower)
+        gap = at_instants(own.at_ns, apart.at_ns, apart.distance)
+        allowed = _desired_gap(run, own.speed, gap) + ALLOWED_GAP_M + ALLOWED_HEADWAY_S * own.speed
+        excess[rows] = (gap - allowed)[rows]
     known = judged & ~np.isnan(excess)
-    resets = [
-        at
-        for name in run.names[: run.names.index(follower) + 1]
-        for at, kind, _ in _changes(run, name)
-        if kind in {"leave", "join"}
-    ]
-    was_close = np.zeros(len(ahead), bool)
-    close = known & (excess <= 0.0)
-    for rows in np.split(np.arange(len(ahead)), np.searchsorted(own.at_ns, sorted(resets))):
+    before = run.names[: run.names.index(follower) + 1]
+    resets = sorted(at for name in before for at, *_ in _changes(run, name, "leave", "join"))
+    was_close, close = np.zeros(len(ahead), bool), known & (excess <= 0.0)
+    for rows in np.split(np.arange(len(ahead)), np.searchsorted(own.at_ns, resets)):
         was_close[rows] = np.maximum.accumulate(close[rows])
-    values = np.where(was_close & known, excess, 0.0)
-    yield from _lasting(run, "falls_behind", follower, values, known, BEHIND_NS)
-
-
-def _gap_excess(run: RunTables, follower: str, ahead: str) -> Floats:
-    """Gap (m) to a vehicle beyond that which law and data age explain, NaN where unknown."""
-    own = motion(run, follower)
-    is_next = ahead == run.ahead(follower)
-    apart = gaps(run, follower) if is_next else distances(run, ahead, follower)
-    gap = at_instants(own.at_ns, apart.at_ns, apart.distance)
-    desired = _desired_gap(run, own.speed, gap)
-    excess: Floats = gap - (desired + ALLOWED_GAP_M + ALLOWED_HEADWAY_S * own.speed)
-    return excess
+    return np.where(was_close & known, excess, 0.0), known
 
 
 def _desired_gap(run: RunTables, speed: Floats, gap: Floats) -> Floats:
     """Desired gap (m), bumper to bumper; a follower without a policy keeps its first gap."""
     if run.scenario.tables.speed.followers == "gap":
-        gap_table = run.scenario.tables.speed.gap
-        policy = SpacingPolicy(gap_table.standstill_m, gap_table.headway_s)
-        return policy.standstill + policy.headway * speed
+        policy = run.scenario.tables.speed.gap
+        return policy.standstill_m + policy.headway_s * speed
     known = gap[~np.isnan(gap)]
     return np.full(len(gap), known[0] if len(known) else 0.0)
 
@@ -220,34 +216,6 @@ def _fastest_lead(lead: TrafficMotion, own: TrafficMotion, row: int) -> float:
     instants = lead.at_ns[known]
     since = min(instants[np.argmin(away)], at - SPEED_MEMORY_NS)
     return float(lead.speed[known][instants >= since].max())
-
-
-def _lasting(  # noqa: PLR0917 - a condition, its vehicle, and where it holds
-    run: RunTables,
-    kind: EventKind,
-    follower: str,
-    values: Floats,
-    judged: Flags,
-    least_ns: int = 0,
-) -> Iterator[Event]:
-    """Yield an event for each time in which `values` > 0 for `least_ns`, at judged instants.
-
-    Later times within QUIET_NS belong to the same event.
-    """
-    own = motion(run, follower)
-    at, since, values = own.at_ns[judged], own.since_ns[judged], values[judged]
-    found: list[tuple[int, int]] = []
-    for first, last in spans(at, values > 0.0):
-        if found and at[first] - at[found[-1][1]] <= QUIET_NS:
-            found[-1] = found[-1][0], last
-        elif at[last] - at[first] >= least_ns:
-            found.append((first, last))
-    for first, last in found:
-        begun = int(since[first] if kind == "hard_braking" else at[first])
-        figures = {FIGURE_OF[kind]: peak(values, first, last)} if kind in FIGURE_OF else {}
-        figures["duration_s"] = int(at[last] - begun) / SECOND
-        place = place_at(run.table(follower, "truth"), int(at[first]))
-        yield Event(kind, (follower,), begun, figures, place)
 
 
 # ---- Overrides

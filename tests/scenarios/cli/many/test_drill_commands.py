@@ -11,8 +11,7 @@ from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
 from scenarios.definition.scenario import drills, load_scenario
-from scenarios.results.deadlines import deadline_figures
-from scenarios.results.limits import limit_figures
+from scenarios.results.limits import deadline_figures, limit_figures
 from scenarios.results.log_summary import summary_of, tables_of
 from scenarios.results.run_event import run_events
 from scenarios.results.summary import to_json

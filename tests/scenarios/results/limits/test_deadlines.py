@@ -10,7 +10,8 @@ from scenarios.definition.schema.limit_tables import (
     RecoveryLimit,
     SourceLimit,
 )
-from scenarios.results.deadlines import DeadlineFigure, deadline_figures
+from scenarios.results.limits import deadline_figures
+from scenarios.results.summary import LimitFigure
 from tests.made.scenarios.messages import START, tracking, truth
 from tests.made.scenarios.tables import run_of
 from vehicles.messages import Tracking
@@ -53,7 +54,7 @@ def figure(
     received: list[Tracking],
     errors: dict[float, float] | None = None,
     ran_ns: int = RAN,
-) -> DeadlineFigure:
+) -> LimitFigure:
     """The figure of one limit; without `errors` the vehicle is on the path all the time."""
     kind = {ModeLimit: "modes", SourceLimit: "sources", RecoveryLimit: "recovery"}[type(limit)]
     keys = ", ".join(
@@ -82,7 +83,7 @@ def figure(
 )
 def test_a_mode_counts_from_the_instant_on(from_s: float, took_s: float, broken: bool) -> None:
     found = figure(PREDECESSOR, messages(mode=("predecessor", from_s, 5.0)))
-    assert (found.took_s, found.broken) == (took_s, broken)
+    assert (found.value, found.broken) == (took_s, broken)
 
 
 def test_a_run_that_ended_before_the_deadline_breaks_no_limit() -> None:
@@ -106,14 +107,14 @@ def test_recovery_requires_all_sources_until_the_end(
     episodes: dict[str, Episode], took_s: float | None
 ) -> None:
     found = figure(RECOVERY, messages_of("v3", episodes))
-    assert found.took_s == (None if took_s is None else pytest.approx(took_s))
+    assert found.value == (None if took_s is None else pytest.approx(took_s))
     assert found.broken == (took_s is None or took_s > 1.0)
 
 
 def test_recovery_requires_being_on_the_path() -> None:
-    assert figure(RECOVERY, messages(), {2.5: 0.31, 3.0: -0.29}).took_s == pytest.approx(0.5)
-    assert figure(RECOVERY, messages(), {1.5: 0.31}).took_s == 0.0
-    assert figure(RECOVERY, messages(), {7.98: -0.31}).took_s is None  # it was not at the end
+    assert figure(RECOVERY, messages(), {2.5: 0.31, 3.0: -0.29}).value == pytest.approx(0.5)
+    assert figure(RECOVERY, messages(), {1.5: 0.31}).value == 0.0
+    assert figure(RECOVERY, messages(), {7.98: -0.31}).value is None  # it was not at the end
 
 
 def test_the_order_of_messages_does_not_matter() -> None:
