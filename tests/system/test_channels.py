@@ -2,20 +2,10 @@
 
 from pathlib import Path
 
-import pytest
-
-from scenarios.definition.channel.presets import presets
 from tests.made.scenarios import plug_ins
-from tests.made.scenarios.random_classes import CODE, random_settings
 from tests.system.logs import Run, assert_equal_while_nothing_was_late
 from tests.system.processes import invoke, run_to_the_end, start
 from vehicles.messages import LinkVerdict
-
-SHORT = ("duration_s=2", "convoy.vehicles=3", "links.latency_ms=60")
-FLOOR_MS = 100.0
-GAP_M = 215.0
-DEFAULT_S = 4.0
-LONGER_S = {"lead_lost": 11.5, "tunnel": 11.5}
 
 EVERY_LAW = """
 extends = "lane_change"
@@ -171,30 +161,3 @@ def test_a_run_with_all_plug_ins_equals_its_virtual_run(tmp_path: Path) -> None:
     assert_equal_while_nothing_was_late(wall, virtual, within_m=0.05)
     assert wall.summary["plug_ins"] == virtual.summary["plug_ins"]
     assert list(wall.summary["plug_ins"]) == ["mine"]
-
-
-@pytest.mark.campaign(1, len(presets()))
-def test_presets_decide_alike_in_processes_and_virtual_time(case: int, tmp_path: Path) -> None:
-    name = presets()[case]
-    duration_s = LONGER_S.get(name, DEFAULT_S)
-    settings = (
-        *(f"links.preset={name}", f"links.latency_ms={FLOOR_MS}", f"duration_s={duration_s}"),
-        *([] if name in LONGER_S else [f"convoy.gap_m={GAP_M}"]),
-    )
-    wall, virtual = run_both_clocks(
-        ("lane_change", *(f"--set={setting}" for setting in settings)), tmp_path
-    )
-    lost = sum(bool(verdict[1]) for verdict in verdicts(virtual).values())
-    assert (lost > 0) == (name != "clear")
-    assert_same_verdicts(wall, virtual)
-
-
-def test_random_classes_decide_alike_on_both_clocks(tmp_path: Path) -> None:
-    (tmp_path / "mine.py").write_text(CODE, encoding="utf-8")
-    sets = [f"--set={one}" for one in (*SHORT, *random_settings("mine"))]
-    for out, clock in (("wall", "wall"), ("virtual", "virtual")):
-        options = ("--clock", clock, "--out", out)
-        ran = run_to_the_end("run", "lane_change", *sets, *options, folder=tmp_path)
-        assert ran.exit_code == 0, ran.err
-    wall, virtual = Run(tmp_path / "wall"), Run(tmp_path / "virtual")
-    assert_equal_while_nothing_was_late(wall, virtual, within_m=0.3)

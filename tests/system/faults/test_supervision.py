@@ -19,7 +19,7 @@ from tests.system.logs import (
     assert_sound,
     assert_summary_is_in_the_log,
 )
-from tests.system.processes import Process, invoke, run_to_the_end, start, until
+from tests.system.processes import Process, invoke, start, until
 
 LONG_S = 35.0
 """Longer than any of these tests."""
@@ -79,23 +79,6 @@ def test_a_killed_process_ends_the_run(victim: str, tmp_path: Path) -> None:
     assert_log_reaches(run, killed_at)
     assert run.summary["outcome"] == "failed"
     assert_reason_printed(convoy, run)
-
-
-def test_a_run_whose_router_is_killed_in_the_last_second_is_not_complete(tmp_path: Path) -> None:
-    """Its last poses are missing, unless a slow machine delayed the kill until after the end."""
-    duration_s = 2.0
-    with start(*three(tmp_path, duration_s=duration_s), folder=tmp_path) as convoy:
-        router = convoy.part("router")
-        convoy.drive(duration_s - 0.5)
-        kill(router)
-        code = convoy.wait()
-        assert not convoy.remaining()
-    run = Run(tmp_path / "run")
-    assert_sound(run.log)
-    assert_summary_is_in_the_log(run)
-    is_whole = all(row["finished"] for row in run.summary["vehicles"])
-    assert run.summary["outcome"] == ("completed" if is_whole else "failed")
-    assert code == (0 if is_whole else 1), convoy.err
 
 
 def test_all_processes_end_if_the_launcher_is_killed(tmp_path: Path) -> None:
@@ -234,41 +217,3 @@ def test_processes_of_a_run_can_be_started_by_hand(tmp_path: Path) -> None:
     assert_nothing_missing(run, duration_s)
     assert_summary_is_in_the_log(run)
     assert run.summary["outcome"] == "completed"
-
-
-def test_a_launcher_killed_before_the_start_leaves_no_process(tmp_path: Path) -> None:
-    with start(*three(tmp_path), folder=tmp_path) as convoy:
-        convoy.part("v1")
-        kill(convoy.part("launcher"))
-        assert convoy.ends_in_time()
-        assert "Traceback" not in convoy.err
-
-
-def test_a_terminated_vehicle_ends_the_run(tmp_path: Path) -> None:
-    with start(*three(tmp_path), folder=tmp_path) as convoy:
-        convoy.drive(0.3)
-        convoy.part("v2").terminate()
-        assert convoy.ends_in_time()
-        assert convoy.wait() == 1
-        line = only_error_line(convoy)
-    assert "v2" in line
-    assert str(128 + signal.SIGTERM) in line
-    run = Run(tmp_path / "run")
-    assert_summary_is_in_the_log(run)
-    assert run.summary["outcome"] == "failed"
-    assert run.summary["reason"] == line
-
-
-def test_a_recorder_lists_absent_vehicles(tmp_path: Path) -> None:
-    with start("router", "-l", "tcp/127.0.0.1:0", folder=tmp_path) as router:
-        assert until(lambda: router.out.startswith(LISTENING)), router.err
-        endpoint = router.out.removeprefix(LISTENING).strip()
-        recorder = run_to_the_end(
-            *("record", "lane_change", "-e", endpoint, "--wait=0.5", "--quiet", "--out=run"),
-            folder=tmp_path,
-        )
-        router.popen.terminate()
-        assert router.wait() == 143
-    assert recorder.exit_code == 1
-    assert recorder.lines() == ["not present in time: v1, v2, v3, v4"]
-    assert Run(tmp_path / "run").summary["ran_s"] == 0.0

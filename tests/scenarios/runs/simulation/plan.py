@@ -64,28 +64,6 @@ class Plan:
     def roles(self) -> list[str]:
         return [RECORDER, *self.names]
 
-    def simpler(self) -> Iterator["Plan"]:
-        """Plans with one fault or one property less, for shrinking."""
-        for place in range(len(self.faults)):
-            yield replace(self, faults=self.faults[:place] + self.faults[place + 1 :])
-        plain = Plan(seed=self.seed)
-        for name in ("full_at", "preempted", "hosts", "foreign"):
-            if getattr(self, name) != getattr(plain, name):
-                yield replace(self, **{name: getattr(plain, name)})
-        for name in ("loss_ratio", "duplicate_ratio", "reorder_ratio", "query_loss_ratio", "delay",
-                     "jitter", "lease", "retry"):  # fmt: skip
-            value = getattr(NetworkSettings(), name)
-            if getattr(self.network, name) != value:
-                yield replace(self, network=replace(self.network, **{name: value}))
-        for override in self.variant:
-            rest = tuple(each for each in self.variant if each != override)
-            yield replace(self, variant=rest)
-        if self.vehicles > 2:
-            fewer = f"v{self.vehicles}"
-            faults = tuple(fault for fault in self.faults if fewer not in fault)
-            starts = tuple(start for start in self.starts if start[0] != fewer)
-            yield replace(self, vehicles=self.vehicles - 1, faults=faults, starts=starts)
-
 
 def draw(seed: int) -> Plan:
     """Draw a plan: first which kinds of fault it has, then the faults."""

@@ -7,7 +7,7 @@ import pytest
 from tests.scenarios.runs.simulation.invariants import Aftermath, broken
 from tests.scenarios.runs.simulation.network import NetworkSettings
 from tests.scenarios.runs.simulation.plan import Fault, Plan
-from tests.scenarios.runs.simulation.shrinking import simulate
+from tests.scenarios.runs.simulation.simulate import simulate
 from tests.scenarios.runs.simulation.world import World
 from vehicles.messages import Change
 from vehicles.schedule import SECOND

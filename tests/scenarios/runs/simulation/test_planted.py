@@ -4,7 +4,7 @@ import pytest
 
 from tests.scenarios.runs.simulation.plan import draw
 from tests.scenarios.runs.simulation.planted import PLANTED
-from tests.scenarios.runs.simulation.shrinking import simulate
+from tests.scenarios.runs.simulation.simulate import simulate
 
 QUICK = ("missing_messages_are_not_counted", "the_last_messages_are_dropped")
 """Found within a few seeds; the others are planted with `--campaign`."""

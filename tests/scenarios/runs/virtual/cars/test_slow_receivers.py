@@ -1,10 +1,6 @@
-"""Lane changes with receivers from 1 to 20 Hz at 10 to 36 m/s, with warnings of `convoy check`.
-
-`python -m tests.scenarios.runs.virtual.cars.test_slow_receivers` prints all cases as a table.
-"""
+"""Lane changes with receivers from 1 to 20 Hz at 10 to 36 m/s, with warnings of `convoy check`."""
 
 import re
-import sys
 import tempfile
 from dataclasses import dataclass
 from itertools import product
@@ -77,21 +73,3 @@ def test_cars_stay_in_their_lane_or_a_warning_predicts_it(case: int) -> None:
         return
     assert found.lead < LANE
     assert found.followers < LANE or found.short_of_poses
-
-
-def main() -> None:
-    """Print all cases."""
-    for case, (with_control, rate, speed) in enumerate(CASES):
-        found = outcome(case)
-        imu = 50.0 if with_control else rate
-        sys.stdout.write(
-            f"imu {imu:3g} Hz, gnss {rate:3g} Hz, {speed:3g} m/s: "
-            f"lead {found.lead:7.3f} m, followers {found.followers:7.3f} m"
-            f"{f', unstable: {found.growth:g} 1/s' if found.growth else ''}"
-            f"{', short of poses' if found.short_of_poses else ''}\n"
-        )
-        sys.stdout.flush()
-
-
-if __name__ == "__main__":
-    main()

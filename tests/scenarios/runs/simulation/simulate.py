@@ -1,8 +1,8 @@
-"""Simulates plans, and reduces those that break an invariant."""
+"""Simulates plans."""
 
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
@@ -16,7 +16,6 @@ from tests.scenarios.runs.simulation.states import states
 from tests.scenarios.runs.simulation.world import World
 
 MEMORY = Path("/dev/shm")
-MOST_ATTEMPTS = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,17 +59,3 @@ def _digest(world: World) -> str:
         repr(log.read_bytes() if log.exists() else None),
     ]
     return sha256("\n".join(parts).encode()).hexdigest()
-
-
-def shrink(plan: Plan, is_broken: Callable[[Plan], bool]) -> Plan:
-    """Return a plan without the faults that it takes not to break an invariant."""
-    attempts = 0
-    simpler: Plan | None = plan
-    while simpler is not None and attempts < MOST_ATTEMPTS:
-        plan, simpler = simpler, None
-        for candidate in plan.simpler():
-            attempts += 1
-            if is_broken(candidate):
-                simpler = candidate
-                break
-    return plan
