@@ -21,8 +21,6 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from tests.made.planted_wrongs import WRONGS
-
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("vehicles", "transport", "scenarios")
 TOP_LEVEL = {
@@ -102,13 +100,6 @@ def test_all_files_of_the_packages_are_distributed(monkeypatch: pytest.MonkeyPat
             of_package = [path.name] if (path.parent / "__init__.py").exists() else []
             matching = [fnmatch.filter([str(inside), *of_package], text) for text in patterns]
             assert any(matching), path
-
-
-@pytest.mark.parametrize("wrong", WRONGS)
-def test_each_planted_wrong_has_its_test(wrong: str) -> None:
-    path, _, name = WRONGS[wrong].partition("::")
-    text = (ROOT / "tests" / path).read_text(encoding="utf-8")
-    assert re.search(rf"^def {name}\(", text, re.MULTILINE), WRONGS[wrong]
 
 
 # ---- Size
