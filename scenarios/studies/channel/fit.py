@@ -1,6 +1,6 @@
 """`convoy channel fit`: fit the links of a log and write them as a TOML block."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import sqrt
@@ -9,13 +9,19 @@ from typing import Any
 
 import numpy as np
 import tomli_w
-from numpy.typing import NDArray
 
 from scenarios.results.links import CONFIDENCE, bursts, inflation, share
 from scenarios.results.log_summary import PARTIAL
 from scenarios.studies.channel.fit_delay import fit_delay
-from scenarios.studies.channel.fit_radio import FittedKeys, fit_radio
-from scenarios.studies.channel.recorded import Estimate, RecordedLink, recorded_links
+from scenarios.studies.channel.fit_radio import fit_radio
+from scenarios.studies.channel.recorded import (
+    Estimate,
+    FittedKeys,
+    Flags,
+    RecordedLink,
+    recorded_links,
+    rounded,
+)
 from transport.links.laws.registry import KEY_OF_REASON
 from transport.log.reader import LogReader
 
@@ -26,26 +32,12 @@ from transport.log.reader import LogReader
 # earlier law dropped; messages dropped by later laws count as passed.
 
 
-Flags = NDArray[np.bool_]
-
 REASON_ORDER = tuple(KEY_OF_REASON)
 """Reasons in the order in which the effects of a link judge a message."""
 OUTAGE_NOTE = "outages are given as times; a single run cannot show whether they depend on places"
 OUTAGES = ("outage", "transmitter_off", "receiver_off")
 TYPICAL_RESERVATION = 10.0
 """Mean messages of an LTE-V2X reservation, 5 to 15 at 10 Hz (3GPP TS 36.321)."""
-
-
-def fit_losses(link: RecordedLink) -> FittedKeys:
-    keys: dict[str, Any] = {}
-    estimates: list[Estimate] = []
-    notes: list[str] = []
-    for fitter in FITTERS.values():
-        fitted_keys, fitted_estimates, fitted_notes = fitter(link)
-        keys |= fitted_keys
-        estimates += fitted_estimates
-        notes += fitted_notes
-    return keys, estimates, notes
 
 
 def judged_by(link: RecordedLink, *reasons: str) -> tuple[Flags, Flags]:
@@ -94,7 +86,7 @@ def _independent(link: RecordedLink) -> FittedKeys:
     interval = share(int(dropped.sum()), int(judged.sum()), CONFIDENCE)
     error = sqrt(interval.value * (1.0 - interval.value) / int(judged.sum()))
     estimate = Estimate("loss_ratio", interval.value, error, interval.low, interval.high)
-    return {"loss_ratio": _rounded(interval.value)}, [estimate], []
+    return {"loss_ratio": rounded(interval.value)}, [estimate], []
 
 
 def _transitions(link: RecordedLink, judged: Flags, lost: Flags) -> tuple[int, int, int, int]:
@@ -112,7 +104,10 @@ def _bursts(link: RecordedLink) -> FittedKeys:
     judged, lost = judged_by(link, "burst", "pattern")
     if not lost.any():
         return {}, [], []
-    good, worsened, bad, recovered = _transitions(link, judged, lost)
+    pairs = (np.diff(link.number) == 1) & judged[1:] & judged[:-1]
+    before, after = lost[:-1][pairs], lost[1:][pairs]
+    good, bad = int((~before).sum()), int(before.sum())
+    worsened, recovered = int((~before & after).sum()), int((before & ~after).sum())
     if not worsened or not recovered:  # a single burst, or one without an end
         return _incomplete_burst(judged, lost)
     p, r = worsened / good, recovered / bad
@@ -120,13 +115,8 @@ def _bursts(link: RecordedLink) -> FittedKeys:
     loss, burst = p / (p + r), 1.0 / r
     loss_error = sqrt(r * r * variance_p + p * p * variance_r) / (p + r) ** 2
     burst_error = sqrt(variance_r) / (r * r)
-    table = {
-        "kind": "gilbert_elliott",
-        "loss_ratio": _rounded(loss),
-        "burst_messages_mean": max(1.0, _rounded(burst)),
-    }
     return (
-        {"loss": table},
+        {"loss": _gilbert(loss, max(1.0, rounded(burst)))},
         [
             Estimate.normal("loss.loss_ratio", loss, loss_error, 0.0, 1.0),
             Estimate.normal("loss.burst_messages_mean", burst, burst_error, 1.0),
@@ -137,22 +127,22 @@ def _bursts(link: RecordedLink) -> FittedKeys:
     )
 
 
+def _gilbert(loss: float, burst: float) -> dict[str, Any]:
+    return {
+        "kind": "gilbert_elliott",
+        "loss_ratio": rounded(loss),
+        "burst_messages_mean": burst,
+    }
+
+
 def _incomplete_burst(judged: Flags, lost: Flags) -> FittedKeys:
     """Fit a chain without a complete burst, whose length is known only so far."""
     losses, count = int(lost.sum()), int(judged.sum())
     burst = float(bursts(lost[judged]).max())
     interval = share(losses, count, CONFIDENCE, inflation(losses / count, burst))
-    table = {
-        "kind": "gilbert_elliott",
-        "loss_ratio": _rounded(interval.value),
-        "burst_messages_mean": burst,
-    }
     error = 0.5 * (interval.high - interval.low)
-    return (
-        {"loss": table},
-        [Estimate("loss.loss_ratio", interval.value, error, interval.low, interval.high)],
-        [],
-    )
+    estimate = Estimate("loss.loss_ratio", interval.value, error, interval.low, interval.high)
+    return {"loss": _gilbert(interval.value, burst)}, [estimate], []
 
 
 def _collisions(link: RecordedLink) -> FittedKeys:
@@ -164,12 +154,16 @@ def _collisions(link: RecordedLink) -> FittedKeys:
     judged, lost = judged_by(link, "collision")
     if not lost.any():
         return {}, [], []
-    loss, burst, loss_error, burst_error = _share_and_burst(judged, lost)
+    lengths, count = bursts(lost[judged]), int(judged.sum())
+    loss, burst = float(lost[judged].mean()), float(lengths.mean())
+    loss_error = sqrt(loss * (1.0 - loss) / count * inflation(loss, burst))
+    deviation = max(float(lengths.std()), sqrt(burst * (burst - 1.0)))
     again = max(0.0, 1.0 - TYPICAL_RESERVATION / burst)
     kept = min(0.99, max(0.0, (again - loss) / (1.0 - loss))) if loss < 1.0 else 0.0
-    kept_error = TYPICAL_RESERVATION * burst_error / (burst * burst * max(1.0 - loss, 1e-9))
+    kept_error = TYPICAL_RESERVATION * deviation / sqrt(len(lengths))
+    kept_error /= burst * burst * max(1.0 - loss, 1e-9)
     return (
-        {"collisions": {"loss_ratio": _rounded(loss), "keep_ratio": _rounded(kept)}},
+        {"collisions": {"loss_ratio": rounded(loss), "keep_ratio": rounded(kept)}},
         [
             Estimate.normal("collisions.loss_ratio", loss, loss_error, 0.0, 1.0),
             Estimate.normal("collisions.keep_ratio", kept, kept_error, 0.0, 0.99),
@@ -178,34 +172,21 @@ def _collisions(link: RecordedLink) -> FittedKeys:
     )
 
 
-def _share_and_burst(judged: Flags, lost: Flags) -> tuple[float, float, float, float]:
-    """Loss ratio and mean burst, with their standard errors."""
-    judged_lost = lost[judged]
-    lengths, count = bursts(judged_lost), len(judged_lost)
-    loss, burst = float(judged_lost.mean()), float(lengths.mean())
-    variance_ratio = inflation(loss, burst)
-    deviation = max(float(lengths.std()), sqrt(burst * (burst - 1.0)))
-    return (
-        loss,
-        burst,
-        sqrt(loss * (1 - loss) / count * variance_ratio),
-        deviation / sqrt(len(lengths)),
-    )
+def _delays(link: RecordedLink) -> FittedKeys:
+    chosen = link.delivered if link.delivered.any() else ~link.delivered
+    return fit_delay(link.number[chosen], link.sent_at_s[chosen], link.delay_ms[chosen])
 
 
-def _rounded(value: float) -> float:
-    return float(f"{value:.6g}")
-
-
-FITTERS: Mapping[str, Callable[[RecordedLink], FittedKeys]] = {
-    "rate_hz": _rate,
-    "outages": _outages,
-    "loss_ratio": _independent,
-    "loss": _bursts,
-    "collisions": _collisions,
-    "radio": lambda link: fit_radio(link, *judged_by(link, "range")),
-}
-"""Functions that fit the laws of a link, by key."""
+FITTERS: Sequence[Callable[[RecordedLink], FittedKeys]] = (
+    _rate,
+    _outages,
+    _independent,
+    _bursts,
+    _collisions,
+    lambda link: fit_radio(link, *judged_by(link, "range")),
+    _delays,
+)
+"""Functions that fit the laws of a link, in the order of their keys."""
 
 
 # ---- Fit
@@ -222,7 +203,6 @@ class FittedLink:
     messages: int
     keys: dict[str, Any]
     estimates: tuple[Estimate, ...]
-    delay: str
     notes: tuple[str, ...] = ()
     log_faults: str = ""
     """Damage and holes of the log in one line: messages without a verdict are not fitted."""
@@ -233,18 +213,14 @@ class FittedLink:
 
 
 def fit_link(link: RecordedLink, log_faults: str = "") -> FittedLink:
-    loss_keys, estimates, notes = fit_losses(link)
-    delivered = link.delivered
-    chosen = delivered if delivered.any() else ~delivered
-    delay = fit_delay(link.number[chosen], link.sent_at_s[chosen], link.delay_ms[chosen])
+    parts = [fit(link) for fit in FITTERS]
     return FittedLink(
         sender=link.sender,
         receiver=link.receiver,
         messages=len(link.number),
-        keys={**loss_keys, **delay.keys},
-        estimates=(*estimates, *delay.estimates),
-        delay=delay.description,
-        notes=tuple(notes),
+        keys={key: value for keys, _, _ in parts for key, value in keys.items()},
+        estimates=tuple(estimate for _, estimates, _ in parts for estimate in estimates),
+        notes=tuple(note for _, _, notes in parts for note in notes),
         log_faults=log_faults,
     )
 

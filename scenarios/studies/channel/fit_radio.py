@@ -13,12 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.results.links import CONFIDENCE, share
-from scenarios.studies.channel.recorded import Estimate, RecordedLink
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-FittedKeys = tuple[dict[str, Any], list[Estimate], list[str]]
-"""Keys of a link, their estimates, and notes on what the log leaves open."""
+from scenarios.studies.channel.recorded import Estimate, FittedKeys, Flags, Floats, RecordedLink
 
 MIN_PER_BIN = 200
 """Least number of messages to estimate a delivery ratio from."""
@@ -143,15 +138,12 @@ def _lengths(mean: float, correlations: Floats) -> tuple[int, int, float, Floats
     """Shortest and longest reservation, keep ratio and correlations that fit best at this mean."""
     lags = min(len(correlations), max(4, round(2.0 * mean)))
     candidates = [pair for pair in STANDARD_LENGTHS if sum(pair) / 2.0 <= mean * 1.15] or [(1, 1)]
-    best: tuple[float, int, int, float, Floats] | None = None
+    fits = []
     for shortest, longest in candidates:
         keep_ratio = min(max(1.0 - 0.5 * (shortest + longest) / mean, 0.0), 0.99)
         shared = _shared_reservation(shortest, longest, keep_ratio, len(correlations))
-        error = float(((shared - correlations)[:lags] ** 2).sum())
-        if best is None or error < best[0]:
-            best = error, shortest, longest, keep_ratio, shared
-    assert best is not None  # noqa: S101 - candidates are never empty
-    return best[1:]
+        fits.append((shortest, longest, keep_ratio, shared))
+    return min(fits, key=lambda fit: float(((fit[-1] - correlations)[:lags] ** 2).sum()))
 
 
 def _shared_reservation(shortest: int, longest: int, keep_ratio: float, lags: int) -> Floats:

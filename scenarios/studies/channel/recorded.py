@@ -1,19 +1,17 @@
 """Fates of the messages on each directed link of a recorded run, as arrays."""
 
-from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.results.links import CONFIDENCE, quantile_of_normal
-from scenarios.results.log_summary import scenario_in
+from scenarios.results.log_summary import tables_of
+from scenarios.results.tables import RunTables
 from transport.log.reader import LogReader
-from vehicles.messages import GpsPose, LinkVerdict, RunStart, TruePose
 from vehicles.schedule import MILLISECOND, SECOND
-
-# ---- An estimated parameter of a law
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,10 +36,16 @@ class Estimate:
         return f"{self.key} {self.value:.4g} ({self.low:.4g} to {self.high:.4g})"
 
 
-# ---- Recorded
-
-
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+FittedKeys = tuple[dict[str, Any], list["Estimate"], list[str]]
+"""Keys of a link, their estimates, and notes on what the log leaves open."""
+
+
+def rounded(value: float) -> float:
+    return float(f"{max(value, 0.0):.6g}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +53,8 @@ class RecordedLink:
     """The messages with a verdict on one link, ordered by number.
 
     `sent_at_s` counts from the start. `delay_ms` is the delay a message had, or would have had.
-    `distance_m` is the true distance at the time of sending; `driven_m` is the distance driven by
-    the receiver until then, if known. `reason` is empty for delivered messages.
+    `distance_m` is the true distance at the time of sending. `reason` is empty for delivered
+    messages.
     """
 
     sender: str
@@ -60,7 +64,6 @@ class RecordedLink:
     delay_ms: Floats
     distance_m: Floats
     reason: NDArray[np.str_]
-    driven_m: Floats | None = None
 
     @property
     def period_s(self) -> float:
@@ -69,67 +72,41 @@ class RecordedLink:
         return float(np.median(np.diff(self.sent_at_s)[steps == 1])) if (steps == 1).any() else 0.0
 
     @property
-    def delivered(self) -> NDArray[np.bool_]:
-        delivered: NDArray[np.bool_] = self.reason == ""
+    def delivered(self) -> Flags:
+        delivered: Flags = self.reason == ""
         return delivered
 
 
 def recorded_links(log: Path) -> tuple[RecordedLink, ...]:
     """Read the links of the run in `log`, without links that have no verdict; raises LogError."""
-    reader = LogReader(log)
-    reader.require_all("verdict", "truth")
-    scenario = scenario_in(reader)
-    start_at = 0
-    verdicts: defaultdict[tuple[str, str], dict[int, LinkVerdict]] = defaultdict(dict)
-    senders: defaultdict[str, dict[int, tuple[float, float]]] = defaultdict(dict)
-    places: defaultdict[str, list[TruePose]] = defaultdict(list)
-    for _, source, message in reader.messages(("gps", "verdict", "truth", "start")):
-        match message:
-            case RunStart():
-                start_at = message.start_at_ns
-            case GpsPose():
-                senders[source][message.seq] = message.true_east_m, message.true_north_m
-            case LinkVerdict():
-                verdicts[message.sender, source][message.pose_seq] = message
-            case TruePose():
-                places[source].append(message)
-    return tuple(
-        _link(pair, start_at, list(verdicts[pair].values()), senders[pair[0]], places[pair[1]])
-        for pair in scenario.links
-        if verdicts[pair]
-    )
+    LogReader(log).require_all("verdict", "truth")
+    run = tables_of(log)
+    links = (_link(run, sender, receiver) for sender, receiver in run.scenario.links)
+    return tuple(link for link in links if len(link.number))
 
 
-def _link(
-    pair: tuple[str, str],
-    start_at: int,
-    verdicts: list[LinkVerdict],
-    sender_at: dict[int, tuple[float, float]],
-    receiver_at: list[TruePose],
-) -> RecordedLink:
-    verdicts.sort(key=lambda verdict: verdict.pose_seq)
-    sent_at = np.array([verdict.sent_at_ns for verdict in verdicts])
-    unknown = (np.nan, np.nan)
-    receiver = _receiver_poses_at(sent_at, receiver_at)
-    sender = np.array([sender_at.get(verdict.pose_seq, unknown) for verdict in verdicts])
-    delays = [verdict.visible_at_ns - verdict.sent_at_ns for verdict in verdicts]
+def _link(run: RunTables, sender: str, receiver: str) -> RecordedLink:
+    verdicts = run.table(receiver, "verdict")
+    verdicts = verdicts.of(verdicts["sender"] == sender)
+    _, rows = np.unique(verdicts["pose_seq"], return_index=True)
+    verdicts = verdicts.of(rows)
+    poses, truth = run.table(sender, "gps"), run.table(receiver, "truth")
+    distance = np.full(len(verdicts), np.nan)
+    if len(truth) and len(poses):
+        last = np.searchsorted(truth.at_ns, verdicts["sent_at_ns"], side="right") - 1
+        own = np.maximum(last, 0)
+        sent = np.minimum(np.searchsorted(poses["seq"], verdicts["pose_seq"]), len(poses) - 1)
+        distance = np.hypot(
+            poses["true_east_m"][sent] - truth["east_m"][own],
+            poses["true_north_m"][sent] - truth["north_m"][own],
+        )
+        distance[poses["seq"][sent] != verdicts["pose_seq"]] = np.nan
     return RecordedLink(
-        sender=pair[0],
-        receiver=pair[1],
-        number=np.array([verdict.pose_seq for verdict in verdicts]),
-        sent_at_s=(sent_at - start_at) / SECOND,
-        delay_ms=np.array(delays) / MILLISECOND,
-        distance_m=np.hypot(*(sender - receiver[:, :2]).T),
-        reason=np.array([verdict.reason for verdict in verdicts], dtype=np.str_),
-        driven_m=receiver[:, 2] if receiver_at else None,
+        sender=sender,
+        receiver=receiver,
+        number=verdicts["pose_seq"],
+        sent_at_s=(verdicts["sent_at_ns"] - run.beginning) / SECOND,
+        delay_ms=(verdicts["visible_at_ns"] - verdicts["sent_at_ns"]) / MILLISECOND,
+        distance_m=distance,
+        reason=verdicts["reason"].astype(np.str_),
     )
-
-
-def _receiver_poses_at(instants: NDArray[np.int64], places: list[TruePose]) -> Floats:
-    """East, north and distance driven of the last true pose before each instant, (n, 3)."""
-    if not places:
-        return np.full((len(instants), 3), np.nan)
-    table = np.array([(pose.east_m, pose.north_m, pose.distance_m) for pose in places])
-    before = np.searchsorted([pose.true_at_ns for pose in places], instants, side="right") - 1
-    receiver: Floats = table[np.maximum(before, 0)]
-    return receiver

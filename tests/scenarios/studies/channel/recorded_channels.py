@@ -69,7 +69,6 @@ def _recorded(scenario: Scenario, pair: tuple[str, str], messages: int, seed: in
         delay_ms=(np.array([verdict.visible_at for verdict in judged]) - sent_at) / MILLISECOND,
         distance_m=np.abs(sender_m + apart - receiver_m),
         reason=np.array([verdict.reason for verdict in judged], dtype=np.str_),
-        driven_m=receiver_m,
     )
 
 

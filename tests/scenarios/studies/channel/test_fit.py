@@ -115,7 +115,7 @@ def test_uniform_delays_give_a_floor_and_jitter() -> None:
 
 
 def test_the_correlation_of_delays_is_fitted() -> None:
-    random, count, rho = np.random.default_rng(8), 500, 0.6
+    random, count, rho = np.random.default_rng(8), 2000, 0.6
     normal = np.empty(count)
     normal[0] = random.standard_normal()
     for k in range(1, count):
