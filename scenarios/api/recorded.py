@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenarios.results.data_table import DataTable
-from scenarios.results.frequency_gains import Signal, frequency_gains
+from scenarios.results.frequency_gains import SignalName, frequency_gains
 from scenarios.results.log_summary import summary_of
 from scenarios.results.run_record import RunRecord
 from scenarios.results.summary import RunSummary
 from scenarios.results.table_files import FileFormat, export_run
-from scenarios.results.vehicle_figures import STRING_COLUMNS, VehicleSummary, string_errors
+from scenarios.results.vehicle_figures import STRING_COLUMNS, VehicleSummary, string_rows
 from scenarios.runs.run_folder import is_running
 from scenarios.studies.run_list import COLUMNS, as_rows, runs_in, selected
 from transport.log.errors import LogError
@@ -78,17 +78,16 @@ class Run(RunRecord):
         Errors, and their L2 and L∞ gains from the vehicle ahead and from the head of the string:
         above 1 the error grows. See `convoy reference string-stability`.
         """
-        rows = [row.row() for row in string_errors(self.summary.vehicles)]
-        return DataTable.of_rows(rows, STRING_COLUMNS)
+        return DataTable.of_rows(string_rows(self.summary.vehicles), STRING_COLUMNS)
 
-    def frequency_gains(self, signal: Signal = "speed") -> DataTable:
+    def frequency_gains(self, signal: SignalName = "speed") -> DataTable:
         """Gains of each follower from the vehicle ahead by frequency, where that is excited.
 
         With columns `frequency_hz`, `gain` and its 95 % interval `low` to `high`, `phase_rad` and
         `coherence`. The `signal` is "speed" or "spacing" (spacing errors of followers that keep a
         gap). The table is empty without excitation, such as by a lead that brakes.
         """
-        return frequency_gains(self, signal)
+        return frequency_gains(self.tables, signal)
 
     def report(self, path: str | Path) -> Path:
         """Write tables, pictures and definitions into one HTML file, like `convoy report --html`.

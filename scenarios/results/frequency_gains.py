@@ -1,6 +1,5 @@
-"""Gains along the string by frequency, estimated from the true poses of a recorded run."""
+"""Gains along the string by frequency, estimated from the true poses of a run."""
 
-from collections.abc import Iterator
 from itertools import pairwise
 from math import sqrt
 from typing import Literal, NamedTuple, get_args
@@ -10,12 +9,17 @@ from numpy.typing import NDArray
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.data_table import DataTable
-from scenarios.results.run_record import RunRecord
-from scenarios.results.string_figures import LEAST_ACCELERATION_MPS2, LEAST_ERROR_M
+from scenarios.results.string_figures import (
+    LEAST_ACCELERATION_MPS2,
+    LEAST_ERROR_M,
+    spacing_errors,
+)
+from scenarios.results.tables import RunTables, Signal, common
+from scenarios.results.vehicle_figures import position_deviation
+from transport.columns import Floats
 from vehicles.schedule import SECOND
 
-Floats = NDArray[np.float64]
-Signal = Literal["speed", "spacing"]
+SignalName = Literal["speed", "spacing"]
 BAND_BINS = 5
 """Fourier coefficients of a band, over which the spectra are averaged."""
 TAPERED_RATIO = 0.2
@@ -52,104 +56,53 @@ class FrequencyGain(NamedTuple):
     coherence: float
 
 
-def frequency_gains(run: RunRecord, signal: Signal = "speed") -> DataTable:
+def frequency_gains(run: RunTables, signal: SignalName = "speed") -> DataTable:
     """Estimate the gains of each follower where its vehicle ahead is excited; see `estimated`.
 
     "speed" compares speeds, from the lead on, and "spacing" the spacing errors of followers that
     keep a gap. Frequencies without excitation or with a low coherence are left out, so the table
     may be empty. Raises ScenarioError for another signal.
     """
-    if signal not in get_args(Signal):
-        allowed = " or ".join(repr(one) for one in get_args(Signal))
+    if signal not in get_args(SignalName):
+        allowed = " or ".join(map(repr, get_args(SignalName)))
         raise ScenarioError([f"signal: given {signal!r}, allowed {allowed}"])
-    return DataTable.of_rows(
-        [gain._asdict() for gain in _all_gains(run, signal)], FrequencyGain._fields
-    )
+    gains = []
+    for ahead, behind in pairwise(run.names):
+        x, y, step = _aligned(_signal(run, ahead, signal), _signal(run, behind, signal))
+        least = LEAST_RMS[signal]
+        if signal == "spacing":  # two positions
+            least = max(least, sqrt(2.0) * position_deviation(run, ahead))
+        if len(x) and float(np.sqrt(np.mean(x**2))) >= least:
+            gains += estimated(behind, x, y, step)
+    return DataTable.of_rows([gain._asdict() for gain in gains], FrequencyGain._fields)
 
 
-def _all_gains(run: RunRecord, signal: Signal) -> Iterator[FrequencyGain]:
-    series = {name: one for name in run.vehicle_names if (one := _series(run, name, signal))}
-    for ahead, behind in pairwise(run.vehicle_names):
-        if ahead in series and behind in series:
-            pair = _aligned(series[ahead], series[behind])
-            if pair is not None and float(np.sqrt(np.mean(pair.x**2))) >= _noise(
-                run, ahead, signal
-            ):
-                yield from estimated(behind, pair.x, pair.y, pair.step)
+def _signal(run: RunTables, name: str, signal: SignalName) -> Signal:
+    """Signal of a vehicle, empty if it has none.
 
-
-def _noise(run: RunRecord, name: str, signal: Signal) -> float:
-    """Root mean square of a signal that noise alone explains; of a spacing, of two positions."""
-    least = LEAST_RMS[signal]
-    if signal == "spacing":
-        for topic, column in (("gps", "position_accuracy_m"), ("tracking", "lateral_deviation_m")):
-            rows = run.columns_of(topic).get(name)
-            if rows is not None and len(rows):
-                largest = float(np.nanmax(rows[column], initial=0.0))
-                least = max(least, sqrt(2.0) * largest)
-    return least
-
-
-class _Series(NamedTuple):
-    at: NDArray[np.int64]
-    values: Floats
-
-
-def _series(run: RunRecord, name: str, signal: Signal) -> _Series | None:
-    """Instants (ns) and values of a signal of a vehicle, or None if it has none.
-
-    A speed counts by its differences, accelerations: these begin and end at zero.
+    A speed counts by its differences, accelerations (m/s²): these begin and end at zero.
     """
-    if "truth" not in run.topics_of(name):
-        return None
-    true = run.vehicles[name].true
+    truth = run.table(name, "truth")
     if signal == "speed":
-        steps = np.diff(true.at_ns)
-        return _Series(true.at_ns[1:], np.diff(true.speed_mps) * SECOND / np.maximum(steps, 1))
-    scenario, place = run.known_scenario, list(run.vehicle_names).index(name)
-    if scenario is None or scenario.tables.speed.followers != "gap" or not place:
-        return None
-    ahead = run.vehicle_names[place - 1]
-    if "truth" not in run.topics_of(ahead):
-        return None
-    station = _stations(run, ahead, place == 1)
-    at, rows_ahead, rows = np.intersect1d(station.at, true.at_ns, return_indices=True)
-    policy = scenario.spacing_policy(place)
-    desired = policy.standstill + policy.headway * true.speed_mps[rows]
-    error = station.values[rows_ahead] - true.station_m[rows] - desired
-    known = np.isfinite(error)
-    return _Series(at[known], error[known])
+        steps = np.maximum(np.diff(truth.at_ns), 1)
+        return Signal(truth.at_ns[1:], np.diff(truth["speed_mps"]) * SECOND / steps)
+    if run.scenario.tables.speed.followers != "gap" or name == run.lead:
+        return Signal(np.zeros(0, np.int64), np.zeros(0))
+    return spacing_errors(run, name)
 
 
-def _stations(run: RunRecord, name: str, is_lead: bool) -> _Series:
-    """Places (m) of a vehicle along the path of the lead."""
-    true = run.vehicles[name].true
-    if is_lead:
-        return _Series(true.at_ns, true.distance_m - true.distance_m[:1])
-    return _Series(true.at_ns, true.station_m)
-
-
-class _AlignedSignals(NamedTuple):
-    """Signals of two vehicles at equal instants, `step` (s) apart."""
-
-    x: Floats
-    y: Floats
-    step: float
-
-
-def _aligned(ahead: _Series, behind: _Series) -> _AlignedSignals | None:
-    """Return the common instants on an even grid; None if they are few or have a long hole."""
-    at, rows_ahead, rows = np.intersect1d(ahead.at, behind.at, return_indices=True)
+def _aligned(ahead: Signal, behind: Signal) -> tuple[Floats, Floats, float]:
+    """Values at common instants on an even grid, and its step (s); none if few or with a hole."""
+    at, (rows_ahead, rows) = common(ahead.at_ns, behind.at_ns)
     if at.size < LEAST_SAMPLES:
-        return None
+        return np.zeros(0), np.zeros(0), 0.0
     steps = np.diff(at)
     step = int(np.median(steps))
     if int(steps.max()) > max(LONGEST_HOLE_S * SECOND, 1.5 * step):
-        return None
+        return np.zeros(0), np.zeros(0), 0.0
     even = np.arange(at[0], at[-1] + 1, step)
     x = np.interp(even, at, ahead.values[rows_ahead])
-    y = np.interp(even, at, behind.values[rows])
-    return _AlignedSignals(x, y, step / SECOND)
+    return x, np.interp(even, at, behind.values[rows]), step / SECOND
 
 
 def estimated(vehicle: str, x: Floats, y: Floats, step: float) -> list[FrequencyGain]:
@@ -167,14 +120,17 @@ def estimated(vehicle: str, x: Floats, y: Floats, step: float) -> list[Frequency
         faded = int(TAPERED_RATIO * x.size)
         window = np.ones(x.size)
         window[x.size - faded :] = 0.5 + 0.5 * np.cos(np.pi * (np.arange(faded) + 0.5) / faded)
-    frequencies: Floats = np.fft.rfftfreq(x.size, step).astype(np.float64)
-    of_x, of_y = np.fft.rfft(x * window), np.fft.rfft(y * window)
+    frequencies = np.fft.rfftfreq(x.size, step)
     count = int(np.searchsorted(frequencies, HIGHEST_HZ)) // BAND_BINS
-    bands = [slice(1 + BAND_BINS * row, 1 + BAND_BINS * (row + 1)) for row in range(count)]
-    powers = [float((np.abs(of_x[band]) ** 2).sum()) for band in bands]
-    least = LEAST_POWER_RATIO * max(powers, default=0.0)
-    excited = [band for band, power in zip(bands, powers, strict=True) if power > least]
-    gains = (_of_band(vehicle, frequencies[band], of_x[band], of_y[band]) for band in excited)
+    bands = [
+        values[1 : 1 + BAND_BINS * count].reshape(count, BAND_BINS)
+        for values in (frequencies, np.fft.rfft(x * window), np.fft.rfft(y * window))
+    ]
+    powers = (np.abs(bands[1]) ** 2).sum(axis=1)
+    excited = powers > LEAST_POWER_RATIO * powers.max(initial=0.0)
+    gains = [
+        _of_band(vehicle, *band) for band in zip(*(each[excited] for each in bands), strict=True)
+    ]
     return [gain for gain in gains if gain.coherence >= LEAST_COHERENCE]
 
 
@@ -186,18 +142,18 @@ def _begins_at_rest(signal: Floats, step: float) -> bool:
 def _of_band(
     vehicle: str, frequencies: Floats, x: NDArray[np.complex128], y: NDArray[np.complex128]
 ) -> FrequencyGain:
-    input_power, output_power = np.abs(x) ** 2, np.abs(y) ** 2
-    frequency = float((frequencies * input_power).sum() / input_power.sum())
+    powers = np.abs(x) ** 2
+    power, output_power = float(powers.sum()), float((np.abs(y) ** 2).sum())
+    frequency = float((frequencies * powers).sum() / power)
     cross = np.conj(x) * y
     slope = np.angle((cross[1:] * np.conj(cross[:-1])).sum())  # rad per coefficient
     apart = (frequencies - frequency) / (frequencies[1] - frequencies[0])
     whole = complex((cross * np.exp(-1j * slope * apart)).sum())
-    gain = abs(whole) / float(input_power.sum())
-    powers = float(input_power.sum()) * float(output_power.sum())
-    coherence = min(abs(whole) ** 2 / powers, 1.0) if powers else 0.0
+    gain = abs(whole) / power
+    coherence = min(abs(whole) ** 2 / (power * output_power), 1.0) if output_power else 0.0
     error = 0.0
     if coherence:
-        error = NORMAL_95 * gain * float(np.sqrt((1.0 - coherence) / (2 * BAND_BINS * coherence)))
+        error = NORMAL_95 * gain * sqrt((1.0 - coherence) / (2 * BAND_BINS * coherence))
     return FrequencyGain(
         vehicle=vehicle,
         frequency_hz=frequency,

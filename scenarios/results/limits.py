@@ -24,9 +24,8 @@ from scenarios.results.reaction import is_degraded
 from scenarios.results.record import RecordKind, UnseenSpan
 from scenarios.results.run_event import RunEvent, events
 from scenarios.results.summary import LimitFigure, RunSummary
-from scenarios.results.tables import RunTables
+from scenarios.results.tables import RunTables, Signal
 from scenarios.results.vehicle_figures import (
-    Signal,
     VehicleSummary,
     blind_distances,
     friction,

@@ -12,9 +12,9 @@ import numpy as np
 from scenarios.definition.scenario import Scenario
 from scenarios.results.events import Event
 from scenarios.results.live import LiveRun
-from scenarios.results.tables import Collector, RunTables, Tables
+from scenarios.results.tables import Collector, RunTables, Signal, Tables
 from scenarios.results.true_motion import sizes_of
-from scenarios.results.vehicle_figures import Signal, true_errors, true_gaps
+from scenarios.results.vehicle_figures import true_errors, true_gaps
 from transport.closing import Closing
 from transport.columns import Columns, joined
 from transport.picture.batch import BATCH_NS, DRAWN_TOPICS, Batch, Mark, RunScene, VehicleValues

@@ -6,11 +6,11 @@
 import io
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from textwrap import fill
-from typing import Any
+from typing import Any, get_args
 
 import matplotlib as mpl
 import numpy as np
@@ -28,11 +28,13 @@ from scenarios.results.figure_style import (
     encoded,
     vehicle_colour,
 )
-from scenarios.results.frequency_gains import Signal, frequency_gains
-from scenarios.results.run_record import RunRecord
+from scenarios.results.frequency_gains import SignalName, frequency_gains
+from scenarios.results.run_record import RunRecord, mode_changes
+from scenarios.results.string_figures import stations
 from scenarios.results.summary import RunSummary
-from transport.columns import Columns
-from transport.log.reader import LogReader
+from scenarios.results.tables import RunTables, Signal
+from scenarios.results.true_motion import path_feet
+from scenarios.results.vehicle_figures import NO_SIGNAL, SignalOf, field_of, true_gaps
 
 Floats = NDArray[np.float64]
 Curve = tuple[Floats, Floats]
@@ -48,6 +50,8 @@ CELLS = 600
 """Cells of a strip of modes or losses."""
 LEAST_CELL_S = 0.5
 """Shortest time of which a loss is drawn."""
+WIDTH_IN = 9.0
+"""Width of the figures of a report."""
 
 
 class NotebookFigure(Figure):
@@ -134,127 +138,65 @@ def _draw_image(
     axes.grid(visible=False)
 
 
-# ---- Curves of a run
+# ---- Quantities: the signals that are drawn
+
+
+def path_errors(run: RunTables, name: str) -> Signal:
+    """Offset (m) of a follower from the lead's path and the straight before its start."""
+    if name == run.lead:
+        return NO_SIGNAL
+    return Signal(run.table(name, "truth").at_ns, path_feet(run, name).lateral)
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A plotted quantity of each vehicle: its title, unit, topic and field in the log."""
+    """A plotted signal of each vehicle, with its title and unit, and its standard deviation."""
 
     title: str
     unit: str
-    topic: str
-    field: str
-    deviation: str = ""
+    signal: SignalOf
+    deviation: SignalOf | None = None
     by_place: bool = False
 
 
+# fmt: off
 QUANTITIES = (
+    Quantity("true error from the lead's path", "m, left positive", path_errors, by_place=True),
+    Quantity("true gap to the vehicle ahead", "m, bumper to bumper", true_gaps, by_place=True),
+    Quantity("speed", "m/s", field_of("truth", "speed_mps")),
     Quantity(
-        "true error from the lead's path", "m, left positive", "deviation", "cross_track_error_m",
-        by_place=True,
+        "self-estimated error, ± 3σ", "m, left positive",
+        field_of("tracking", "lateral_error_m"), field_of("tracking", "lateral_deviation_m"),
     ),
-    Quantity(
-        "true gap to the vehicle ahead", "m, bumper to bumper", "deviation", "true_gap_m",
-        by_place=True,
-    ),
-    Quantity("speed", "m/s", "truth", "speed_mps"),
-    Quantity(
-        "self-estimated error, ± 3σ", "m, left positive", "tracking", "lateral_error_m",
-        "lateral_deviation_m",
-    ),
-)  # fmt: skip
+)
+# fmt: on
 
 
-FIELDS: Mapping[str, Sequence[str]] = {
-    "truth": ("east_m", "north_m", "distance_m", "speed_mps"),
-    "deviation": ("cross_track_error_m", "true_gap_m"),
-    "tracking": ("lateral_error_m", "lateral_deviation_m", "mode"),
-    "gps": ("seq",),
-    "verdict": ("sender", "pose_seq", "outcome"),
-}
-"""Fields that are drawn, by topic."""
+def over_time(run: RunTables, name: str, quantity: Quantity, points: int) -> Curve:
+    """Values over the time (s) after the start."""
+    at, values = quantity.signal(run, name)
+    return thinned(((at - run.beginning) / 1e9, values), points)
 
 
-class RunCurves:
-    """Curves of some vehicles of a run, thinned to `points` each; `span` is their time (s)."""
-
-    def __init__(self, record: RunRecord, names: Sequence[str], points: int) -> None:
-        """Read the log; it has true poses of the vehicles `names`."""
-        self.record, self.names, self._points = record, names, points
-        self.convoy = list(record.vehicle_names)
-        read = LogReader(record.log).columns(FIELDS, fields=FIELDS)
-        self._columns = {key: _in_order(columns) for key, columns in read.items()}
-        times = [record.seconds(self._columns[name, "truth"].at_ns) for name in names]
-        begin, end = min(at_s.min() for at_s in times), max(at_s.max() for at_s in times)
-        # A piece of a run begins later.
-        self.span = (float(begin) if begin > 0.05 * end else 0.0, max(float(end), 0.1))
-
-    def _read(self, vehicle: str, topic: str, name: str) -> tuple[NDArray[np.int64], NDArray[Any]]:
-        """Instants (ns) and values of a field; none without messages."""
-        columns = self._columns.get((vehicle, topic))
-        if columns is None:
-            return np.zeros(0, np.int64), np.zeros(0)
-        return columns.at_ns, columns[name]
-
-    def track(self, name: str) -> tuple[Floats, Floats]:
-        """East and north (m), evenly thinned."""
-        truth = self._columns[name, "truth"]
-        rows = np.linspace(0, len(truth) - 1, min(self._points, len(truth))).astype(int)
-        return truth["east_m"][rows], truth["north_m"][rows]
-
-    def colour(self, name: str) -> str:
-        return vehicle_colour(self.convoy.index(name))
-
-    def over_time(self, name: str, quantity: Quantity) -> tuple[Curve, Floats]:
-        """Values over time (s), and the standard deviations at the same instants, if any."""
-        at_ns, values = self._read(name, quantity.topic, quantity.field)
-        at_s = self.record.seconds(at_ns)
-        curve = thinned((at_s, values), self._points)
-        if not quantity.deviation or not at_s.size:
-            return curve, np.zeros(0)
-        _, deviation = self._read(name, quantity.topic, quantity.deviation)
-        return curve, np.interp(curve[0], at_s, deviation)
-
-    def by_place(self, name: str, quantity: Quantity) -> Curve:
-        """Values over the distance (m) from the lead's start, where the vehicle is there first."""
-        scenario = self.record.known_scenario
-        at_ns, values = self._read(name, quantity.topic, quantity.field)
-        if scenario is None or not at_ns.size:
-            return np.zeros(0), np.zeros(0)
-        behind = scenario.route.start - scenario.route.start_station(self.convoy.index(name))
-        station = np.interp(at_ns, *self._read(name, "truth", "distance_m")) - behind
-        first = np.diff(np.maximum.accumulate(station), prepend=-np.inf) > 0.0
-        return thinned((station[first], values[first]), self._points)
-
-    def modes(self, name: str) -> ModeStrip:
-        at_ns, modes = self._read(name, "tracking", "mode")
-        changed = np.flatnonzero(modes[1:] != modes[:-1]) + 1
-        starts = [0, *changed.tolist()] if modes.size else []
-        edges = [*self.record.seconds(at_ns[starts]).tolist(), self.span[1]]
-        return ModeStrip(name, edges, modes[starts].tolist())
-
-    def loss_shares(self, link: tuple[str, str], in_flight: int, cells: int) -> Floats:
-        """Share lost of the messages sent in each cell of the time; 0 where none was sent."""
-        sent_at, numbers = self._read(link[0], "gps", "seq")
-        verdicts = self._columns.get((link[1], "verdict"))
-        delivered: NDArray[np.int64] = np.zeros(0, np.int64)
-        if verdicts is not None:
-            rows = (verdicts["sender"] == link[0]) & (verdicts["outcome"] == "delivered")
-            delivered = verdicts["pose_seq"][rows]
-        known = max(len(numbers) - in_flight, 0)
-        at_s = self.record.seconds(sent_at[:known])
-        lost = ~np.isin(numbers[:known], delivered)
-        counts = np.histogram(at_s, cells, self.span)[0]
-        shares: Floats = np.histogram(at_s[lost], cells, self.span)[0] / np.maximum(counts, 1)
-        return shares
+def over_place(run: RunTables, name: str, quantity: Quantity, points: int) -> Curve:
+    """Values over the place (m) on the lead's path, where the vehicle is there first."""
+    at, values = quantity.signal(run, name)
+    known = Signal(run.table(name, "truth").at_ns, stations(run, name)).known
+    if not len(known.at_ns):
+        return np.zeros(0), np.zeros(0)
+    station = np.interp(at, known.at_ns, known.values)
+    first = np.diff(np.maximum.accumulate(station), prepend=-np.inf) > 0.0
+    return thinned((station[first], values[first]), points)
 
 
-def _in_order(columns: Columns) -> Columns:
-    """Sort messages by their instant."""
-    if (np.diff(columns.at_ns) >= 0).all():  # the usual case
-        return columns
-    return columns.of(np.argsort(columns.at_ns, kind="stable"))
+def loss_shares(record: RunRecord, link: tuple[str, str], edges: Floats) -> Floats:
+    """Share lost of the messages sent between `edges` (s); 0 where none was sent."""
+    rows = record.outcomes(link)
+    known = rows.outcome != "in_flight"
+    lost = np.isin(rows.outcome, ("dropped", "not_arrived"))
+    counts = np.histogram(rows.t_s[known], edges)[0]
+    shares: Floats = np.histogram(rows.t_s[lost], edges)[0] / np.maximum(counts, 1)
+    return shares
 
 
 def vehicles_with_truth(record: RunRecord) -> list[str]:
@@ -271,24 +213,64 @@ def worst_vehicles(names: Sequence[str], summary: RunSummary, most: int) -> list
 # ---- Figures
 
 
+class Drawing:
+    """Draws some vehicles of a run, each curve with at most `points`; `span` is in seconds."""
+
+    def __init__(self, record: RunRecord, names: Sequence[str], points: int) -> None:
+        """The log has true poses of the vehicles `names`."""
+        self.record, self.run, self.names, self.points = record, record.tables, names, points
+        times = [record.seconds(self.run.table(name, "truth").at_ns) for name in names]
+        begin, end = min(at_s[0] for at_s in times), max(at_s[-1] for at_s in times)
+        # A piece of a run begins later.
+        self.span = (float(begin) if begin > 0.05 * end else 0.0, max(float(end), 0.1))
+
+    def style(self, name: str) -> Any:
+        return {"color": vehicle_colour(self.run.names.index(name)), "linewidth": 1.1}
+
+    def plan(self, axes: Axes) -> None:
+        for name in reversed(self.names):
+            truth = self.run.table(name, "truth")
+            rows = np.linspace(0, len(truth) - 1, min(self.points, len(truth))).astype(int)
+            track = truth["east_m"][rows], truth["north_m"][rows]
+            axes.plot(*track, label=name, **self.style(name))
+        axes.set(xlabel="east, m", ylabel="north, m")
+        axes.set_aspect("equal", adjustable="datalim")
+
+    def curves(
+        self, axes: Axes, quantity: Quantity, along: Callable[..., Curve] = over_time
+    ) -> None:
+        for name in self.names:
+            curve, style = along(self.run, name, quantity, self.points), self.style(name)
+            if quantity.deviation and curve[0].size:
+                at, deviation = quantity.deviation(self.run, name)
+                wide = 3.0 * np.interp(curve[0], (at - self.run.beginning) / 1e9, deviation)
+                low, high = curve[1] - wide, curve[1] + wide
+                axes.fill_between(
+                    curve[0], low, high, alpha=0.18, linewidth=0, color=style["color"]
+                )
+            draw_curve(axes, curve, label=name, **style)
+        axes.set_title(quantity.title, loc="left")
+        axes.set_ylabel(quantity.unit)
+
+    def strips(self) -> list[ModeStrip]:
+        changes = {name: mode_changes(self.record.vehicles[name]) for name in self.names}
+        return [
+            ModeStrip(name, [*(one.at_s for one in of), self.span[1]], [one.mode for one in of])
+            for name, of in changes.items()
+        ]
+
+
 @mpl.rc_context(STYLE)
 def run_figure(record: RunRecord, names: Sequence[str]) -> Figure:
     """Draw paths, true errors, true gaps and speeds of vehicles for `run.plot()`."""
     figure = NotebookFigure(figsize=(PAGE_IN, 4.4), layout="constrained")
     (plan, errors), (speeds, gaps) = figure.subplots(2, 2)
-    for name in names:
-        true = record.vehicles[name].true
-        style = {"color": vehicle_colour(list(record.vehicle_names).index(name)), "linewidth": 1.1}
-        plan.plot(true.east_m, true.north_m, label=name, **style)
-        draw_curve(errors, (true.t_s, true.error_m), **style)
-        draw_curve(speeds, (true.t_s, true.speed_mps), **style)
-        draw_curve(gaps, (true.t_s, true.gap_m), **style)
-    plan.set(xlabel="east, m", ylabel="north, m")
-    plan.set_aspect("equal", adjustable="datalim")
+    drawing = Drawing(record, names, PAGE_POINTS)
+    drawing.plan(plan)
     for axes, quantity in zip((errors, gaps, speeds), QUANTITIES, strict=False):
-        axes.set(xlabel="time, s", ylabel=quantity.unit)
-        axes.set_title(quantity.title, loc="left")
-    figure.legend(handles=plan.lines, loc="outside right upper")
+        drawing.curves(axes, quantity)
+        axes.set_xlabel("time, s")
+    figure.legend(handles=plan.lines[::-1], loc="outside right upper")
     about = record.summary.identity
     figure.suptitle(fill(about.title or about.scenario, 90))
     return figure
@@ -297,111 +279,92 @@ def run_figure(record: RunRecord, names: Sequence[str]) -> Figure:
 def report_figures(record: RunRecord, summary: RunSummary) -> Iterator[tuple[str, str]]:
     """Yield titles and SVGs of the figures of a report: over time, by place, by frequency."""
     names = worst_vehicles(vehicles_with_truth(record), summary, MOST_CURVES)
-    if not names:
+    if not names or record.known_scenario is None:
         return
-    quantities = len(QUANTITIES) + 2
-    curves = RunCurves(record, names, points=PAGE_POINTS // (quantities * len(names)))
+    drawing = Drawing(record, names, PAGE_POINTS // ((len(QUANTITIES) + 2) * len(names)))
     with mpl.rc_context(REPORT_STYLE):
-        yield "Plan, north up", svg_of(_plan_figure(curves))
-        yield "Over time", svg_of(_time_figure(curves, summary))
-        if figure := _place_figure(curves):
-            yield "Along the path of the lead", svg_of(figure)
-        del curves  # the gains read other columns
-        if figure := _gain_figure(record, names):
-            yield "Gains from the vehicle ahead by frequency", svg_of(figure)
+        for title, figure in (
+            ("Plan, north up", _plan_figure(drawing)),
+            ("Over time", _time_figure(drawing, summary)),
+            ("Along the path of the lead", _place_figure(drawing)),
+            ("Gains from the vehicle ahead by frequency", _gain_figure(drawing)),
+        ):
+            if figure is not None:
+                yield title, svg_of(figure)
 
 
-def _draw_plan(axes: Axes, curves: RunCurves) -> None:
-    for name in reversed(curves.names):
-        axes.plot(*curves.track(name), label=name, color=curves.colour(name), linewidth=1.1)
-    axes.set(xlabel="east, m", ylabel="north, m")
-    axes.set_aspect("equal", adjustable="datalim")
-
-
-def _draw_quantity(axes: Axes, curves: RunCurves, quantity: Quantity) -> None:
-    for name in curves.names:
-        curve, deviation = curves.over_time(name, quantity)
-        style = {"color": curves.colour(name), "linewidth": 1.1}
-        if np.isfinite(deviation).any():
-            low, high = curve[1] - 3.0 * deviation, curve[1] + 3.0 * deviation
-            axes.fill_between(curve[0], low, high, alpha=0.18, linewidth=0, color=style["color"])
-        draw_curve(axes, curve, label=name, **style)
-    axes.set_title(quantity.title, loc="left")
-    axes.set_ylabel(quantity.unit)
-
-
-def _plan_figure(curves: RunCurves) -> Figure:
-    points = np.concatenate([np.stack(curves.track(name)) for name in curves.names], axis=1)
-    wide, high = np.maximum(np.ptp(points, axis=1), 1.0).tolist()
+def _plan_figure(drawing: Drawing) -> Figure:
+    truths = [drawing.run.table(name, "truth") for name in drawing.names]
+    wide, high = (
+        max(float(np.ptp(np.concatenate([truth[axis] for truth in truths]))), 1.0)
+        for axis in ("east_m", "north_m")
+    )
     height = float(np.clip(WIDTH_IN * high / wide, 1.2, 4.5)) + 0.8
     figure = Figure(figsize=(WIDTH_IN, height), layout="constrained")
     axes = figure.subplots()
-    _draw_plan(axes, curves)
+    drawing.plan(axes)
     figure.legend(handles=axes.lines[::-1], loc="outside upper left", ncols=MOST_CURVES)
     return figure
 
 
-def _time_figure(curves: RunCurves, summary: RunSummary) -> Figure:
-    strips = [curves.modes(name) for name in curves.names]
-    cells = min(CELLS, max(int((curves.span[1] - curves.span[0]) / LEAST_CELL_S), 1))
+def _time_figure(drawing: Drawing, summary: RunSummary) -> Figure:
+    strips, span = drawing.strips(), drawing.span
     worst = sorted(summary.links, key=lambda row: -row.loss_ratio)[:MOST_LINKS]
-    links = [row for row in summary.links if row in worst and row.loss_ratio > 0.0]
+    known = drawing.record.links
+    links = [
+        (row.sender, row.receiver)
+        for row in summary.links
+        if row in worst and row.loss_ratio > 0.0 and (row.sender, row.receiver) in known
+    ]
     heights = [1.5] * len(QUANTITIES) + [0.35 + 0.14 * len(strips)]
     heights += [0.35 + 0.14 * len(links)] if links else []
-    size = (WIDTH_IN, sum(heights) + 0.9)
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, sum(heights) + 0.9), layout="constrained")
     rows = figure.subplots(len(heights), 1, height_ratios=heights, sharex=True)
     for axes, quantity in zip(rows, QUANTITIES, strict=False):
-        _draw_quantity(axes, curves, quantity)
-    times = [event.at_s for event in summary.events if event.at_s <= curves.span[1]]
+        drawing.curves(axes, quantity)
+    times = [event.at_s for event in summary.events if event.at_s <= span[1]]
     rows[0].plot(
         times, np.ones(len(times)), "v", color=RED, transform=rows[0].get_xaxis_transform()
     )
-    draw_strips(rows[4], strips, curves.span)
+    draw_strips(rows[4], strips, span)
     rows[4].set_title("modes", loc="left")
     used = {mode for strip in strips for mode in strip.modes}
     patches = [Patch(color=MODE_COLOURS[mode], label=mode) for mode in MODE_COLOURS if mode in used]
     if links:
-        image = np.zeros((len(links), cells, 4))
-        image[:, :] = to_rgba(RED)
-        for place, row in enumerate(links):
-            link = row.sender, row.receiver
-            image[place, :, 3] = curves.loss_shares(link, row.in_flight, cells)
-        labels = [f"{row.sender} → {row.receiver}" for row in links]
-        _draw_image(rows[5], image, labels, curves.span)
+        cells = min(CELLS, max(int((span[1] - span[0]) / LEAST_CELL_S), 1))
+        image = np.full((len(links), cells, 4), to_rgba(RED))
+        edges = np.linspace(*span, cells + 1)
+        for place, link in enumerate(links):
+            image[place, :, 3] = loss_shares(drawing.record, link, edges)
+        _draw_image(rows[5], image, [" → ".join(link) for link in links], span)
         rows[5].set_title("messages lost, stronger for a larger share", loc="left")
     figure.legend(handles=patches, loc="outside lower left", ncols=len(patches) or 1)
-    rows[-1].set(xlabel="time, s", xlim=curves.span)
+    rows[-1].set(xlabel="time, s", xlim=span)
     return figure
 
 
-def _place_figure(curves: RunCurves) -> Figure | None:
+def _place_figure(drawing: Drawing) -> Figure | None:
     shown = [quantity for quantity in QUANTITIES if quantity.by_place]
     figure = Figure(figsize=(WIDTH_IN, 1.7 * len(shown) + 0.4), layout="constrained")
     rows = figure.subplots(len(shown), 1, sharex=True)
     for axes, quantity in zip(rows, shown, strict=True):
-        for name in curves.names:
-            curve = curves.by_place(name, quantity)
-            draw_curve(axes, curve, color=curves.colour(name), linewidth=1.1)
-        axes.set_title(quantity.title, loc="left")
-        axes.set_ylabel(quantity.unit)
+        drawing.curves(axes, quantity, over_place)
     rows[-1].set_xlabel("distance from the lead's start, m")
     return figure if any(axes.lines for axes in rows) else None
 
 
-def _gain_figure(record: RunRecord, names: Sequence[str]) -> Figure | None:
-    signals: tuple[Signal, ...] = ("speed", "spacing")
-    tables = {signal: frequency_gains(record, signal) for signal in signals}
+def _gain_figure(drawing: Drawing) -> Figure | None:
+    tables = {signal: frequency_gains(drawing.run, signal) for signal in get_args(SignalName)}
     known = {signal: table for signal, table in tables.items() if len(table)}
     if not known:
         return None
     figure = Figure(figsize=(WIDTH_IN, 1.9 * len(known) + 0.3), layout="constrained")
     rows = figure.subplots(len(known), 1, squeeze=False, sharex=True)[:, 0]
     for axes, (signal, table) in zip(rows, known.items(), strict=True):
-        for place, name in enumerate(record.vehicle_names):
-            own = (table.vehicle == name) & (name in names)
+        for name in drawing.names:
+            own = table.vehicle == name
             curve = table.frequency_hz[own], table.gain[own]
-            draw_curve(axes, curve, color=vehicle_colour(place), marker="o", markersize=3.0)
+            draw_curve(axes, curve, marker="o", markersize=3.0, **drawing.style(name))
         axes.axhline(1.0, color=SOFT, linewidth=0.8, linestyle="--")
         axes.set_title(f"{signal} gain, where the coherence is 0.95 or more", loc="left")
     rows[-1].set_xlabel("frequency, Hz")
@@ -410,7 +373,6 @@ def _gain_figure(record: RunRecord, names: Sequence[str]) -> Figure | None:
 
 # ---- SVG inside of an HTML page, whose style sheet has its colours
 
-WIDTH_IN = 9.0
 INK, SOFT, GRID = "#1b1f24", "#59636e", "#e6eaee"
 """Colours of a figure that become those of the page, light or dark."""
 REPORT_STYLE: Any = STYLE | {

@@ -7,15 +7,15 @@ L2 norms, and ratios of largest magnitudes are ratios of L-infinity norms.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import field, make_dataclass
 from math import sqrt
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from scenarios.results.tables import RunTables, common
+from scenarios.results.tables import RunTables, Signal, common, once
 from scenarios.results.true_motion import path_feet
-from transport.columns import Floats, Integers
+from transport.columns import Floats
 from vehicles.schedule import SECOND
 
 CELL_M = 2.0
@@ -33,67 +33,8 @@ LEAST_ACCELERATION_MPS2 = 0.1
 """Root mean square below which an acceleration is no excitation: noise and bends reach 0.06."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StringFigures:
-    """Errors of one vehicle along the string, and their gains; None where they are not defined.
-
-    All vehicles are compared over the same places (lateral error) or times (spacing error and
-    acceleration). A gain of norms L2 or L∞ (`linf`) is the norm of the vehicle over that of the
-    vehicle ahead, of the first follower, or of the lead. It is None if the denominator is at the
-    level of the noise. See `convoy reference string-stability`.
-    """
-
-    lateral_error_m_rms: float | None = None
-    """Root mean square of the true lateral error, over the path that all followers drove."""
-    lateral_error_m_max: float | None = None
-    """Largest lateral error on that path."""
-    lateral_gain_l2: float | None = None
-    """L2 gain of the lateral error from the vehicle ahead."""
-    lateral_gain_linf: float | None = None
-    """L∞ gain of the lateral error from the vehicle ahead."""
-    lateral_gain_l2_from_first: float | None = None
-    """L2 gain of the lateral error from the first follower; of the last vehicle: head to tail."""
-    lateral_gain_linf_from_first: float | None = None
-    """L∞ gain of the lateral error from the first follower."""
-    lateral_growth_l2: float | None = None
-    """Mean gain per vehicle: lateral_gain_l2_from_first to the power of 1 / vehicles between."""
-    spacing_error_m_rms: float | None = None
-    """Root mean square of the true spacing error, of followers that keep a gap."""
-    spacing_error_m_max: float | None = None
-    """Largest spacing error."""
-    spacing_gain_l2: float | None = None
-    """L2 gain of the spacing error from the vehicle ahead."""
-    spacing_gain_linf: float | None = None
-    """L∞ gain of the spacing error from the vehicle ahead."""
-    spacing_gain_l2_from_first: float | None = None
-    """L2 gain of the spacing error from the first follower; of the last vehicle: head to tail."""
-    spacing_gain_linf_from_first: float | None = None
-    """L∞ gain of the spacing error from the first follower."""
-    spacing_growth_l2: float | None = None
-    """Mean gain per vehicle: spacing_gain_l2_from_first to the power of 1 / vehicles between."""
-    acceleration_mps2_rms: float | None = None
-    """Root mean square of the true longitudinal acceleration."""
-    acceleration_mps2_max: float | None = None
-    """Largest magnitude of the acceleration."""
-    acceleration_gain_l2: float | None = None
-    """L2 gain of the acceleration from the vehicle ahead."""
-    acceleration_gain_linf: float | None = None
-    """L∞ gain of the acceleration from the vehicle ahead."""
-    acceleration_gain_l2_from_lead: float | None = None
-    """L2 gain of the acceleration from the lead; of the last vehicle: head to tail."""
-    acceleration_gain_linf_from_lead: float | None = None
-    """L∞ gain of the acceleration from the lead."""
-    acceleration_growth_l2: float | None = None
-    """Mean gain per vehicle: acceleration_gain_l2_from_lead to the power of 1 / vehicles."""
-
-
-NO_STRING = StringFigures()
-"""Of runs whose summary has none."""
-
-
-@dataclass(frozen=True, slots=True)
-class StringSignal:
-    """A signal along the string, and its figures by their names.
+class StringSignal(NamedTuple):
+    """A signal along the string, and its metrics by their names.
 
     name      first part of the names of its fields
     quantity  what the signal is, in words
@@ -106,27 +47,95 @@ class StringSignal:
     unit: str
     head: Literal["first", "lead"]
 
-    def rms(self, figures: StringFigures) -> float | None:
+    def rms(self, figures: "StringFigures") -> float | None:
         value: float | None = getattr(figures, f"{self.name}_{self.unit}_rms")
         return value
 
-    def gains(self, figures: StringFigures) -> tuple[float | None, float | None]:
-        """L2 and L∞ gain from the vehicle ahead."""
-        return self._pair(figures, "")
-
-    def gains_from_head(self, figures: StringFigures) -> tuple[float | None, float | None]:
-        """L2 and L∞ gain from the head of the string."""
-        return self._pair(figures, f"_from_{self.head}")
-
-    def _pair(self, figures: StringFigures, reach: str) -> tuple[float | None, float | None]:
+    def gains(self, figures: "StringFigures", reach: str = "") -> tuple[float | None, float | None]:
+        """L2 and L∞ gain from the vehicle ahead, or with `reach` from the head of the string."""
         name = f"{self.name}_gain"
         return getattr(figures, f"{name}_l2{reach}"), getattr(figures, f"{name}_linf{reach}")
+
+    def gains_from_head(self, figures: "StringFigures") -> tuple[float | None, float | None]:
+        return self.gains(figures, f"_from_{self.head}")
+
+    def docs(self) -> dict[str, str]:
+        """Document each field by its name."""
+        head = "lead" if self.head == "lead" else "first follower"
+        from_head = f"gain of the {self.quantity} from the {head}"
+        return {
+            f"{self.name}_{self.unit}_rms": f"Root mean square of the true {self.quantity}.",
+            f"{self.name}_{self.unit}_max": f"Largest magnitude of the true {self.quantity}.",
+            f"{self.name}_gain_l2": f"L2 gain of the {self.quantity} from the vehicle ahead.",
+            f"{self.name}_gain_linf": f"L∞ gain of the {self.quantity} from the vehicle ahead.",
+            f"{self.name}_gain_l2_from_{self.head}": f"L2 {from_head}; of the last vehicle: head "
+            "to tail.",
+            f"{self.name}_gain_linf_from_{self.head}": f"L∞ {from_head}.",
+            f"{self.name}_growth_l2": f"Mean gain per vehicle: {self.name}_gain_l2_from_{self.head}"
+            " to the power of 1 / vehicles between.",
+        }
 
 
 LATERAL = StringSignal("lateral", "lateral error", "error_m", "first")
 SPACING = StringSignal("spacing", "spacing error", "error_m", "first")
-ACCELERATION = StringSignal("acceleration", "acceleration", "mps2", "lead")
+ACCELERATION = StringSignal("acceleration", "longitudinal acceleration", "mps2", "lead")
 STRING_SIGNALS = (LATERAL, SPACING, ACCELERATION)
+STRING_DOCS = {name: text for signal in STRING_SIGNALS for name, text in signal.docs().items()}
+"""Documentation of the fields of StringFigures."""
+
+if TYPE_CHECKING:
+
+    class StringFigures:
+        """Errors of one vehicle along the string, and their gains; None if not defined."""
+
+        def __init__(self, **values: float | None) -> None: ...
+        def __getattr__(self, name: str) -> float | None: ...
+
+else:
+    StringFigures = make_dataclass(
+        "StringFigures",
+        [(name, float | None, field(default=None)) for name in STRING_DOCS],
+        frozen=True,
+        slots=True,
+        kw_only=True,
+    )
+    StringFigures.__module__ = __name__
+    StringFigures.__doc__ = """Errors of one vehicle along the string, and their gains.
+
+    All vehicles are compared over the same places (lateral error, over the path that all followers
+    drove) or times (spacing error of followers that keep a gap, and acceleration). A gain of norms
+    L2 or L∞ (`linf`) is the norm of the vehicle over that of the vehicle ahead, of the first
+    follower, or of the lead. It is None if the denominator is at the level of the noise. See
+    `convoy reference string-stability`.
+    """
+
+NO_STRING = StringFigures()
+"""Of runs whose summary has none."""
+
+
+# ---- Signals
+
+
+@once
+def stations(run: RunTables, name: str) -> Floats:
+    """Place (m) of a vehicle along the lead's path at each true pose; NaN if unknown."""
+    if name != run.lead:
+        return path_feet(run, name).station
+    distance = run.table(name, "truth")["distance_m"]
+    return distance - distance[:1]
+
+
+def spacing_errors(run: RunTables, follower: str) -> Signal:
+    """Spacing errors (m) of a follower that keeps a gap: positive if the gap is too wide.
+
+    The spacing is arc length to the predecessor along the lead's path, minus standstill spacing and
+    headway times own speed.
+    """
+    ahead, truth = run.ahead(follower), run.table(follower, "truth")
+    at, (rows, own) = common(run.table(ahead, "truth").at_ns, truth.at_ns)
+    policy = run.scenario.spacing_policy(run.names.index(follower))
+    desired = policy.standstill + policy.headway * truth["speed_mps"][own]
+    return Signal(at, stations(run, ahead)[rows] - stations(run, follower)[own] - desired).known
 
 
 # ---- Norms over the support that all vehicles have in common
@@ -150,50 +159,28 @@ def _norms_over_time(values: Floats) -> Norms | None:
     return _norms(values * values, np.abs(values))
 
 
-class _Frames(NamedTuple):
-    """Stations (m) and speeds (m/s) of all vehicles, shapes (vehicles, N), at instants (ns)."""
-
-    at_ns: Integers
-    stations: Floats
-    speeds: Floats
-
-
-def _frames(run: RunTables) -> _Frames:
-    """Instants at which all vehicles and the feet of all followers are known."""
-    truths = [run.table(name, "truth") for name in run.names]
-    stations = [path_feet(run, name).station for name in run.followers]
-    distance = truths[0]["distance_m"]
-    stations = [distance - distance[:1], *stations]
-    known = [np.flatnonzero(~np.isnan(station)) for station in stations]
-    instants = [truth.at_ns[rows] for truth, rows in zip(truths, known, strict=True)]
-    at, places = common(*instants)
-    rows = [of[place] for of, place in zip(known, places, strict=True)]
-    return _Frames(
-        at,
-        np.array([station[row] for station, row in zip(stations, rows, strict=True)]),
-        np.array([truth["speed_mps"][row] for truth, row in zip(truths, rows, strict=True)]),
-    )
-
-
-def _acceleration_norms(frames: _Frames) -> Norms | None:
-    step = np.diff(frames.at_ns)
+def _acceleration_norms(run: RunTables) -> Norms | None:
+    """Norms of the accelerations between instants at which all vehicles and feet are known."""
+    speeds = [
+        Signal(truth.at_ns[rows], truth["speed_mps"][rows])
+        for name in run.names
+        for truth, rows in [(run.table(name, "truth"), ~np.isnan(stations(run, name)))]
+    ]
+    at, rows = common(*[speed.at_ns for speed in speeds])
+    values = np.array([speed.values[own] for speed, own in zip(speeds, rows, strict=True)])
+    step = np.diff(at)
     near = step <= LONGEST_STEP_NS
-    return _norms_over_time(np.diff(frames.speeds)[:, near] * SECOND / step[near])
+    return _norms_over_time(np.diff(values)[:, near] * SECOND / step[near])
 
 
-def _spacing_norms(run: RunTables, frames: _Frames) -> Norms | None:
-    """Norms of the spacing errors: positive if the gap is too wide.
-
-    The spacing is arc length to the predecessor along the lead's path, minus standstill spacing and
-    headway times own speed.
-    """
+def _spacing_norms(run: RunTables) -> Norms | None:
     if run.scenario.tables.speed.followers != "gap" or not run.followers:
         return None
-    policies = [run.scenario.spacing_policy(place) for place in range(1, len(run.names))]
-    standstill = np.array([[policy.standstill] for policy in policies])
-    headway = np.array([[policy.headway] for policy in policies])
-    desired = standstill + headway * frames.speeds[1:]
-    return _norms_over_time(-np.diff(frames.stations, axis=0) - desired)
+    errors = [spacing_errors(run, name) for name in run.followers]
+    _, rows = common(*[error.at_ns for error in errors])
+    return _norms_over_time(
+        np.array([error.values[own] for error, own in zip(errors, rows, strict=True)])
+    )
 
 
 def _lateral_norms(run: RunTables) -> Norms | None:
@@ -228,69 +215,43 @@ def string_figures(run: RunTables, deviations_m: Mapping[str, float]) -> dict[st
     lateral errors with a root mean square of one and a largest value of three of them, and √2 times
     as much in the spacing, which has two positions.
     """
-    frames = _frames(run)
     noise = [max(deviations_m[name], LEAST_ERROR_M) for name in run.followers]
-    of_followers = _values_of(LATERAL, _lateral_norms(run), noise) | _values_of(
-        SPACING, _spacing_norms(run, frames), [sqrt(2.0) * one for one in noise]
-    )
     least = [LEAST_ACCELERATION_MPS2] * len(run.names)
-    of_all = _values_of(ACCELERATION, _acceleration_norms(frames), least)
-    figures = {}
-    for place, name in enumerate(run.names):
-        values = {key: column[place] for key, column in of_all.items()}
-        if place:
-            values |= {key: column[place - 1] for key, column in of_followers.items()}
-        figures[name] = StringFigures(**values)
-    return figures
+    values: dict[str, dict[str, Any]] = {name: {} for name in run.names}
+    for signal, norms, floor, names in (
+        (LATERAL, _lateral_norms(run), noise, run.followers),
+        (SPACING, _spacing_norms(run), [sqrt(2.0) * one for one in noise], run.followers),
+        (ACCELERATION, _acceleration_norms(run), least, run.names),
+    ):
+        if norms is not None:
+            columns = _columns(norms, floor)
+            for place, name in enumerate(names):
+                row = [column[place] for column in columns]
+                values[name] |= zip(signal.docs(), row, strict=True)
+    return {name: StringFigures(**row) for name, row in values.items()}
 
 
-Values = Sequence[float | None]
-
-
-def _values_of(
-    signal: StringSignal, norms: Norms | None, noise: Sequence[float]
-) -> dict[str, Values]:
-    """Metrics of a signal by field, each with a value per vehicle of the chain."""
-    if norms is None:
-        return {}
-    of_rms = _gains(norms.rms, noise)
-    of_largest = _gains(norms.largest, [SIGMAS * one for one in noise])
+def _columns(norms: Norms, noise: Sequence[float]) -> list[Sequence[float | None]]:
+    """Metrics of a signal in the order of their fields, each with a value per vehicle."""
+    ahead_l2, head_l2 = _gains(norms.rms, noise)
+    ahead_linf, head_linf = _gains(norms.largest, [SIGMAS * one for one in noise])
     growth = [
         gain ** (1.0 / steps) if steps and gain is not None else None
-        for steps, gain in enumerate(of_rms.from_head)
+        for steps, gain in enumerate(head_l2)
     ]
-    name, unit, head = signal.name, signal.unit, signal.head
-    return {
-        f"{name}_{unit}_rms": norms.rms,
-        f"{name}_{unit}_max": norms.largest,
-        f"{name}_gain_l2": of_rms.from_ahead,
-        f"{name}_gain_linf": of_largest.from_ahead,
-        f"{name}_gain_l2_from_{head}": of_rms.from_head,
-        f"{name}_gain_linf_from_{head}": of_largest.from_head,
-        f"{name}_growth_l2": growth,
-    }
+    return [norms.rms, norms.largest, ahead_l2, ahead_linf, head_l2, head_linf, growth]
 
 
-class SignalGains(NamedTuple):
-    """Gains of each vehicle from the vehicle ahead, and from the head of the chain."""
-
-    from_ahead: list[float | None]
-    from_head: list[float | None]
-
-
-def _gains(values: Sequence[float], least: Sequence[float]) -> SignalGains:
-    """Divide each value by the one before and by the first, where these are at least `least`."""
+def _gains(values: Sequence[float], noise: Sequence[float]) -> tuple[list[float | None], ...]:
+    """Divide each value by the one before, and by the first; None if that is at the noise."""
     excited = [
-        value if value >= floor else None for value, floor in zip(values, least, strict=True)
+        value if value >= floor else None for value, floor in zip(values, noise, strict=True)
     ]
     ahead, head = [None, *excited[:-1]], [None, *[excited[0]] * (len(values) - 1)]
-    return SignalGains(
+    return tuple(
         [
             None if other is None else value / other
-            for value, other in zip(values, ahead, strict=True)
-        ],
-        [
-            None if other is None else value / other
-            for value, other in zip(values, head, strict=True)
-        ],
+            for value, other in zip(values, others, strict=True)
+        ]
+        for others in (ahead, head)
     )

@@ -26,7 +26,7 @@ from scenarios.results.links import LinkSummary
 from scenarios.results.reaction import ReactionSummary
 from scenarios.results.record import RecordHole
 from scenarios.results.run_event import RunEvent
-from scenarios.results.string_figures import StringFigures
+from scenarios.results.string_figures import STRING_DOCS, StringFigures
 from scenarios.results.tables import RunTables
 from scenarios.results.vehicle_figures import VehicleSummary
 from scenarios.results.versions import current_stamp, installed_versions, plug_in_digests
@@ -288,7 +288,8 @@ def documented_fields() -> dict[str, dict[str, str]]:
     identity = field_docs(RunIdentity)
     version = identity.pop("versions")
     of_run = identity | dict.fromkeys(installed_versions(), version) | field_docs(RunSummary)
-    return {"summary.json": of_run} | {key: field_docs(kind) for key, kind in ENTRIES.items()}
+    docs = {key: field_docs(kind) for key, kind in ENTRIES.items() if kind is not StringFigures}
+    return {"summary.json": of_run, **docs, "vehicles[].string": STRING_DOCS}
 
 
 def field_docs(kind: type) -> dict[str, str]:

@@ -8,13 +8,13 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
-from typing import Any, Concatenate, ParamSpec, TypeVar, cast
+from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scenarios.definition.scenario import Scenario
-from transport.columns import Columns, Flags, Integers, columns_from, joined
+from transport.columns import Columns, Flags, Floats, Integers, columns_from, joined
 from transport.topics import RUN_SENDER, TOPIC_OF, TOPICS
 from vehicles.messages import (
     Change,
@@ -38,6 +38,19 @@ KINDS: frozenset[type[Message]] = frozenset(
 """Messages of which metrics are made; trajectories are only drawn."""
 CONVERTED_EVERY = 4000
 """Messages that are converted at once, while they are in the processor's cache."""
+
+
+class Signal(NamedTuple):
+    """Values of a vehicle at instants (ns), NaN where they are unknown; shapes (N)."""
+
+    at_ns: Integers
+    values: Floats
+
+    @property
+    def known(self) -> "Signal":
+        """The same without unknown values."""
+        rows = ~np.isnan(self.values)
+        return Signal(self.at_ns[rows], self.values[rows])
 
 
 @dataclass(frozen=True)

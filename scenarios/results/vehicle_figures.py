@@ -1,24 +1,25 @@
 """The metrics of each vehicle, as functions of the run's tables.
 
-A metric of vehicles is a field of `VehicleSummary` and a line in one of the functions below.
+A metric of vehicles is a field of `VehicleSummary`, and a signal with a reduction of it, a row of
+METRICS, or a line in one of the functions below.
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from math import inf
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
 from scenarios.definition.check.held_braking import TYRES
 from scenarios.results.reaction import NO_REACTION, ReactionSummary, blind_distance, reaction
 from scenarios.results.record import missing_poses, poses_of, silent_from_s
-from scenarios.results.string_figures import NO_STRING, StringFigures, string_figures
-from scenarios.results.tables import RunTables, common, once
+from scenarios.results.string_figures import NO_STRING, STRING_DOCS, StringFigures, string_figures
+from scenarios.results.tables import RunTables, Signal, common, once
 from scenarios.results.traffic import overrides
 from scenarios.results.true_motion import cross_track_error, gaps, road_error
-from transport.columns import Columns, Floats, Integers
+from transport.columns import Floats
 from vehicles.car.tyres import SLIDING_SHARE, linear_range
 
 
@@ -126,42 +127,27 @@ class VehicleSummary:
     """Whether the final counters of the vehicle were received."""
 
 
-# ---- Signals and their reductions
+# ---- Signals: values of a vehicle over time
 
 
-class Extremes(NamedTuple):
-    """Largest magnitude of a signal, the row where it is first reached, and root mean square."""
-
-    largest: float
-    row: int
-    rms: float
+SignalOf = Callable[[RunTables, str], Signal]
+NO_SIGNAL = Signal(np.zeros(0, np.int64), np.zeros(0))
 
 
-def extremes(values: Floats) -> Extremes | None:
-    """Extremes of the values that are known; None without any."""
-    (known,) = np.nonzero(~np.isnan(values))
-    if not len(known):
-        return None
-    sizes = np.abs(values[known])
-    row = int(np.argmax(sizes))
-    return Extremes(float(sizes[row]), int(known[row]), float(np.sqrt(np.mean(sizes * sizes))))
+def field_of(topic: str, name: str) -> SignalOf:
+    """Signal of a field of the messages of a topic."""
 
+    def signal(run: RunTables, vehicle: str) -> Signal:
+        table = run.table(vehicle, topic)
+        return Signal(table.at_ns, table[name])
 
-def largest(values: Floats) -> float | None:
-    """Largest magnitude of the values that are known; None without any."""
-    found = extremes(values)
-    return None if found is None else found.largest
-
-
-class Signal(NamedTuple):
-    """Values of a vehicle at instants (ns), NaN where they are unknown; shapes (N)."""
-
-    at_ns: Integers
-    values: Floats
+    return signal
 
 
 def true_errors(run: RunTables, name: str) -> Signal:
-    """Offset (m) from the lead's path."""
+    """Offset (m) of a follower from the lead's path."""
+    if name == run.lead:
+        return NO_SIGNAL
     return Signal(run.table(name, "truth").at_ns, cross_track_error(run, name))
 
 
@@ -172,15 +158,14 @@ def road_errors(run: RunTables, name: str) -> Signal:
 
 def true_gaps(run: RunTables, name: str) -> Signal:
     """Distance (m) to the body ahead."""
-    if name == run.lead:
-        return Signal(np.zeros(0, np.int64), np.zeros(0))
-    return Signal(*gaps(run, name)[:2])
+    return NO_SIGNAL if name == run.lead else Signal(*gaps(run, name)[:2])
 
 
-def friction(run: RunTables, name: str) -> Signal:
-    """Share of the available friction that an axle uses."""
-    truth = run.table(name, "truth")
-    return Signal(truth.at_ns, truth["friction_ratio"])
+def estimated_gaps(run: RunTables, name: str) -> Signal:
+    """Estimated gap (m), bumper to bumper."""
+    tracking = run.table(name, "tracking")
+    gap = tracking["estimated_gap_m"]
+    return Signal(tracking.at_ns, np.where(np.isfinite(gap), gap, np.nan))
 
 
 def blind_distances(run: RunTables, name: str) -> Signal:
@@ -191,6 +176,8 @@ def blind_distances(run: RunTables, name: str) -> Signal:
 @once
 def self_estimate_errors(run: RunTables, follower: str) -> Signal:
     """Difference (m) of estimated and true error, at decisions with a trajectory."""
+    if follower == run.lead:
+        return NO_SIGNAL
     tracking, truth = run.table(follower, "tracking"), run.table(follower, "truth")
     mode = tracking["mode"]
     rows = np.flatnonzero((mode != "path") & (mode != "straight"))
@@ -199,24 +186,97 @@ def self_estimate_errors(run: RunTables, follower: str) -> Signal:
     return Signal(at, estimated - cross_track_error(run, follower)[trues])
 
 
+def held_brakings(run: RunTables, name: str) -> Signal:
+    """Braking (m/s²) of the vehicle ahead that a follower without a gap sensor held.
+
+    See `scenarios.definition.check.held_braking.braking_held`.
+    """
+    tracking = run.table(name, "tracking")
+    gap, unknown = tracking["estimated_gap_m"], tracking["predecessor_age_s"]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        held = np.where(gap <= 0.0, 0.0, gap * TYRES / (gap + 0.5 * TYRES * unknown * unknown))
+    known = np.isfinite(held) & np.isnan(tracking["measured_gap_m"])
+    return Signal(tracking.at_ns, np.where(known, held, np.nan))
+
+
+friction = field_of("truth", "friction_ratio")
+own_deviations = field_of("tracking", "lateral_deviation_m")
+
+
+# ---- Reductions of a signal to a number; None without known values
+
+
+Reduction = Callable[[RunTables, Signal], float | None]
+
+
+def _value(reduce: Callable[[Floats], Any]) -> Reduction:
+    def reduction(_: RunTables, signal: Signal) -> float | None:
+        values = signal.known.values
+        return float(reduce(values)) if len(values) else None
+
+    return reduction
+
+
+def _at(row_of: Callable[[Floats], Any]) -> Reduction:
+    def reduction(run: RunTables, signal: Signal) -> float | None:
+        at, values = signal.known
+        return run.seconds(at[row_of(values)]) if len(values) else None
+
+    return reduction
+
+
+largest = _value(lambda values: np.abs(values).max())
+rms = _value(lambda values: np.sqrt(np.mean(np.abs(values) ** 2)))
+least, most = _value(np.min), _value(np.max)
+largest_at = _at(lambda values: np.argmax(np.abs(values)))
+least_at, most_at = _at(np.argmin), _at(np.argmax)
+
+METRICS: Mapping[str, tuple[SignalOf, Reduction]] = {
+    "lateral_error_m_max": (field_of("tracking", "lateral_error_m"), largest),
+    "lateral_error_m_rms": (field_of("tracking", "lateral_error_m"), rms),
+    "heading_error_rad_max": (field_of("tracking", "heading_error_rad"), largest),
+    "cross_track_error_m_max": (true_errors, largest),
+    "cross_track_error_m_rms": (true_errors, rms),
+    "cross_track_error_max_at_s": (true_errors, largest_at),
+    "road_error_m_max": (road_errors, largest),
+    "road_error_m_rms": (road_errors, rms),
+    "road_error_max_at_s": (road_errors, largest_at),
+    "self_estimate_error_m_max": (self_estimate_errors, largest),
+    "lateral_deviation_m_max": (own_deviations, most),
+    "true_gap_m_min": (true_gaps, least),
+    "true_gap_min_at_s": (true_gaps, least_at),
+    "true_gap_m_max": (true_gaps, most),
+    "true_gap_max_at_s": (true_gaps, most_at),
+    "estimated_gap_m_min": (estimated_gaps, least),
+    "estimated_gap_m_max": (estimated_gaps, most),
+    "held_braking_mps2_min": (held_brakings, least),
+    "lateral_acceleration_mps2_max": (field_of("truth", "lateral_acceleration_mps2"), largest),
+    "front_slip_rad_max": (field_of("truth", "front_slip_rad"), largest),
+    "rear_slip_rad_max": (field_of("truth", "rear_slip_rad"), largest),
+    "friction_ratio_max": (friction, largest),
+}
+"""Metrics that are a reduction of a signal, by their fields."""
+
+
 # ---- Metrics of one vehicle
 
 
 def vehicle_summaries(
     run: RunTables, own_figures: Mapping[str, Mapping[str, float | None]]
 ) -> tuple[VehicleSummary, ...]:
-    """Summarise all vehicles; `own_figures` are those of the user's classes by vehicle."""
+    """Summarise all vehicles; `own_figures` are those of the user's functions by vehicle."""
     string = string_figures(run, {name: position_deviation(run, name) for name in run.names})
     return tuple(
         VehicleSummary(
             name=name,
             role="lead" if name == run.lead else "follower",
+            poses=len(poses_of(run, name)),
+            missing_poses=missing_poses(run, name),
             silent_from_s=silent_from_s(run, name),
             string=string[name],
             own_figures=own_figures.get(name, {}),
-            **_of_poses(run, name),
-            **_of_truth(run, name),
-            **_of_decisions(run, name),
+            **_reduced(run, name),
+            **_counts(run, name),
             **_of_process(run, name),
             **_of_follower(run, name),
         )
@@ -224,61 +284,18 @@ def vehicle_summaries(
     )
 
 
-def _of_poses(run: RunTables, name: str) -> dict[str, Any]:
-    return {
-        "poses": len(poses_of(run, name)),
-        "missing_poses": missing_poses(run, name),
-    }
+def _reduced(run: RunTables, name: str) -> dict[str, Any]:
+    return {key: reduce(run, signal(run, name)) for key, (signal, reduce) in METRICS.items()}
 
 
-def _of_truth(run: RunTables, name: str) -> dict[str, Any]:
-    truth = run.table(name, "truth")
-    tyres = {
-        "lateral_acceleration_mps2_max": largest(truth["lateral_acceleration_mps2"]),
-        "front_slip_rad_max": largest(truth["front_slip_rad"]),
-        "rear_slip_rad_max": largest(truth["rear_slip_rad"]),
-        "friction_ratio_max": largest(truth["friction_ratio"]),
-    }
+def _counts(run: RunTables, name: str) -> dict[str, Any]:
+    truth, modes = run.table(name, "truth"), run.table(name, "tracking")["mode"]
     sliding = np.count_nonzero(truth["friction_ratio"] >= SLIDING_SHARE)
     return {
-        **tyres,
-        **_of_errors(run, "road_error", road_errors(run, name)),
         "distance_m": float(truth["distance_m"][-1]) if len(truth) else 0.0,
         "sliding_s": sliding / run.scenario.control_rate_hz if len(truth) else None,
+        "ticks_by_mode": dict(sorted(Counter(modes.tolist()).items())),
     }
-
-
-def _of_errors(run: RunTables, metric: str, signal: Signal) -> dict[str, Any]:
-    """Extremes of a signal (m) by the names of their fields."""
-    found = extremes(signal.values)
-    return {
-        f"{metric}_m_max": found.largest if found else None,
-        f"{metric}_m_rms": found.rms if found else None,
-        f"{metric}_max_at_s": run.seconds(signal.at_ns[found.row]) if found else None,
-    }
-
-
-def _of_decisions(run: RunTables, name: str) -> dict[str, Any]:
-    tracking = run.table(name, "tracking")
-    own = extremes(tracking["lateral_error_m"])
-    gap = tracking["estimated_gap_m"]
-    known = gap[np.isfinite(gap)]
-    deviation = lateral_deviation(tracking)
-    return {
-        "lateral_error_m_max": own.largest if own else None,
-        "lateral_error_m_rms": own.rms if own else None,
-        "heading_error_rad_max": largest(tracking["heading_error_rad"]),
-        "lateral_deviation_m_max": deviation if deviation >= 0.0 else None,
-        "estimated_gap_m_min": float(known.min()) if len(known) else None,
-        "estimated_gap_m_max": float(known.max()) if len(known) else None,
-        "held_braking_mps2_min": held_braking(tracking),
-        "ticks_by_mode": dict(sorted(Counter(tracking["mode"].tolist()).items())),
-    }
-
-
-def lateral_deviation(tracking: Columns) -> float:
-    """Largest standard deviation (m) that a vehicle estimates of its own offset; -1 if unknown."""
-    return float(np.nanmax(tracking["lateral_deviation_m"], initial=-1.0))
 
 
 def position_deviation(run: RunTables, name: str) -> float:
@@ -286,23 +303,11 @@ def position_deviation(run: RunTables, name: str) -> float:
 
     Infinite if neither is recorded, as in an extract of true poses.
     """
-    poses, own = run.table(name, "gps"), lateral_deviation(run.table(name, "tracking"))
-    if not len(poses) and own < 0.0:
+    poses, own = run.table(name, "gps"), own_deviations(run, name).known.values
+    if not len(poses) and not len(own):
         return inf
-    return max(float(np.nanmax(poses["position_accuracy_m"], initial=0.0)), own)
-
-
-def held_braking(tracking: Columns) -> float | None:
-    """Smallest braking (m/s²) of the vehicle ahead that a follower without a gap sensor held.
-
-    See `scenarios.definition.check.held_braking.braking_held`.
-    """
-    rows = np.isnan(tracking["measured_gap_m"])
-    gap, unknown = tracking["estimated_gap_m"][rows], tracking["predecessor_age_s"][rows]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        held = np.where(gap <= 0.0, 0.0, gap * TYRES / (gap + 0.5 * TYRES * unknown * unknown))
-    known = held[np.isfinite(held)]
-    return float(known.min()) if len(known) else None
+    received = np.nanmax(poses["position_accuracy_m"], initial=0.0)
+    return float(max(received, own.max(initial=-1.0)))
 
 
 def _of_process(run: RunTables, name: str) -> dict[str, Any]:
@@ -323,26 +328,13 @@ def _of_process(run: RunTables, name: str) -> dict[str, Any]:
 
 def _of_follower(run: RunTables, name: str) -> dict[str, Any]:
     if name == run.lead:
-        nothing = ("cross_track_error_m_max", "cross_track_error_m_rms")
-        return dict.fromkeys(nothing)
-    at, gap = true_gaps(run, name)
+        return {}
     override = overrides(run, name)
-    result: dict[str, Any] = {
-        **_of_errors(run, "cross_track_error", true_errors(run, name)),
-        "self_estimate_error_m_max": largest(self_estimate_errors(run, name).values),
+    return {
         "reaction": reaction(run, name),
         "overridden_ratio": override.ratio,
         "overrides": override.ratios,
     }
-    if len(gap):
-        low, high = int(np.argmin(gap)), int(np.argmax(gap))
-        result |= {
-            "true_gap_m_min": float(gap[low]),
-            "true_gap_min_at_s": run.seconds(at[low]),
-            "true_gap_m_max": float(gap[high]),
-            "true_gap_max_at_s": run.seconds(at[high]),
-        }
-    return result
 
 
 def tyre_warnings(run: RunTables) -> dict[str, tuple[int, str]]:
@@ -366,42 +358,23 @@ def tyre_warnings(run: RunTables) -> dict[str, tuple[int, str]]:
 # ---- Errors along the string as a table: a row per follower
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StringError:
-    """Errors and gains of one vehicle; `number` counts from 1, the lead."""
-
-    vehicle: str
-    number: int
-    error_m_max: float | None
-    """Largest true error of the whole run: cross_track_error_m_max of the summary."""
-    error_m_rms: float | None
-    """Root mean square of the same: cross_track_error_m_rms."""
-    figures: StringFigures
-    """Norms and gains over the places and times that all vehicles have in common."""
-
-    def row(self) -> dict[str, Any]:
-        """All figures by name, those of `figures` too."""
-        row = asdict(self)
-        figures: dict[str, Any] = row.pop("figures")
-        return row | figures
+STRING_COLUMNS = ("vehicle", "number", "error_m_max", "error_m_rms", *STRING_DOCS)
 
 
-STRING_COLUMNS = (
-    *(field.name for field in fields(StringError) if field.name != "figures"),
-    *(field.name for field in fields(StringFigures)),
-)
+def string_rows(vehicles: Sequence[VehicleSummary]) -> list[dict[str, Any]]:
+    """Errors and gains of the followers, in the order of the convoy.
 
-
-def string_errors(vehicles: Sequence[VehicleSummary]) -> tuple[StringError, ...]:
-    """Errors and gains of the followers, in the order of the convoy."""
-    return tuple(
-        StringError(
-            vehicle=row.name,
-            number=number,
-            error_m_max=row.cross_track_error_m_max,
-            error_m_rms=row.cross_track_error_m_rms,
-            figures=row.string,
-        )
+    `number` counts from 1, the lead. The errors are those of the whole run, cross_track_error_m_max
+    and _rms of the summary; norms and gains are over what all vehicles have in common.
+    """
+    return [
+        {
+            "vehicle": row.name,
+            "number": number,
+            "error_m_max": row.cross_track_error_m_max,
+            "error_m_rms": row.cross_track_error_m_rms,
+            **{name: getattr(row.string, name) for name in STRING_DOCS},
+        }
         for number, row in enumerate(vehicles, 1)
         if row.role != "lead"
-    )
+    ]

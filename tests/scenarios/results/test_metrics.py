@@ -12,7 +12,7 @@ from scenarios.results.link_account import accounts
 from scenarios.results.links import LinkSummary, link_summaries
 from scenarios.results.run_event import run_events
 from scenarios.results.tables import common
-from scenarios.results.vehicle_figures import VehicleSummary, extremes, vehicle_summaries
+from scenarios.results.vehicle_figures import VehicleSummary, vehicle_summaries
 from tests.made.examples import examples
 from tests.made.scenarios.messages import gps, health, tracking, truth, verdict
 from tests.made.scenarios.tables import run_of
@@ -51,16 +51,16 @@ def test_common_instants_are_found_in_any_order(columns: list[list[int]]) -> Non
         assert places.tolist() == [column.index(instant) for instant in at.tolist()]
 
 
-@given(values=st.lists(st.floats(-1e3, 1e3), max_size=30))
+@given(values=st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=30))
 @examples(8, 50)
 def test_extremes_are_those_of_the_values(values: list[float]) -> None:
-    found = extremes(np.array(values))
-    if not values:
-        assert found is None
-        return
-    assert found is not None
-    assert found.largest == abs(values[found.row]) == max(map(abs, values))
-    assert found.rms == pytest.approx(math.sqrt(np.square(values).mean()))
+    """NaN is no value."""
+    known = [*values, math.nan]
+    row = vehicle(
+        "v2", *(tracking("v2", seq, lateral_error_m=error) for seq, error in enumerate(known))
+    )
+    assert row.lateral_error_m_max == max(map(abs, values))
+    assert row.lateral_error_m_rms == pytest.approx(math.sqrt(np.square(values).mean()))
 
 
 def cornering(seq: int, across: float, front: float, rear: float, share: float) -> TruePose:

@@ -1,21 +1,19 @@
 """Gains by frequency against transfer functions."""
 
 import math
+from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.signal import freqs, lsim
 
-from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.data_table import DataTable
 from scenarios.results.frequency_gains import estimated, frequency_gains
-from scenarios.results.run_record import RunRecord
+from tests.made.scenarios.known_string import STEP, KnownString
+from tests.made.scenarios.messages import gps
 
 Floats = NDArray[np.float64]
-STEP = 0.02
 LAG, HEADWAY, GAIN = 0.5, 1.2, 0.1
 PLOEG = [1.0], [0.5, 1.0]
 ACC = [1.0, GAIN], [HEADWAY * LAG, HEADWAY, 1.0 + GAIN * HEADWAY, GAIN]
@@ -81,84 +79,36 @@ def test_unrelated_signals_have_no_gain() -> None:
     assert estimated("v2", x, y, STEP) == []
 
 
-class StraightRecord(RunRecord):
-    """A run of vehicles on a straight road with given speeds (m/s) and gaps' errors (m)."""
-
-    def __init__(
-        self,
-        scenario: Scenario,
-        speeds: list[Floats],
-        errors: list[Floats],
-        deviation: float = 0.0,
-    ) -> None:
-        """`deviation` (m) is the standard deviation of positions that the receivers report."""
-        self._gps = {"v2": DataTable({"position_accuracy_m": np.array([deviation])})}
-        self.known_scenario = scenario
-        self.vehicle_names = scenario.vehicle_names
-        at = np.arange(speeds[0].size) * round(STEP * 1e9)
-        station = STEP * np.cumsum(speeds[0])
-        tables = [(speeds[0], station - station[0])]
-        for place, (speed, error) in enumerate(zip(speeds[1:], errors, strict=True), 1):
-            policy = scenario.spacing_policy(place)
-            desired = policy.standstill + policy.headway * speed
-            tables.append((speed, tables[-1][1] - desired - error))
-        self._true = {
-            name: DataTable(
-                {"at_ns": at, "speed_mps": speed, "station_m": place, "distance_m": place}
-            )
-            for name, (speed, place) in zip(self.vehicle_names, tables, strict=True)
-        }
-
-    def columns_of(self, topic: str) -> Any:
-        return self._gps if topic == "gps" else {}
-
-    def topics_of(self, vehicle: str) -> set[str]:
-        return {"truth"} if vehicle in self._true else set()
-
-    def true_table(self, vehicle: str) -> DataTable:
-        return self._true[vehicle]
-
-
 @cache
-def highway() -> Scenario:
-    return load_scenario("highway", ["convoy.vehicles=3"])
-
-
-@cache
-def recorded() -> StraightRecord:
+def convoy() -> KnownString:
     """Three vehicles: each follower has Ploeg's transfer of speed, and v3 a halved error of v2."""
     speeds = [braking(60.0)]
     times = STEP * np.arange(speeds[0].size)
     for _ in range(2):
         speeds.append(lsim(PLOEG, speeds[-1], times)[1])
     error = 0.1 * np.gradient(speeds[1], STEP)
-    return StraightRecord(highway(), [20.0 + speed for speed in speeds], [error, 0.5 * error])
+    return KnownString([20.0 + speed for speed in speeds], [error, 0.5 * error])
 
 
 def test_speeds_of_all_followers_are_compared_with_the_vehicle_ahead() -> None:
-    gains = frequency_gains(recorded())
+    gains = frequency_gains(convoy().run(more=[gps("v2", 0)]))
     assert set(gains.vehicle) == {"v2", "v3"}
     _, expected = freqs(*PLOEG, worN=2.0 * math.pi * gains.frequency_hz)
     assert gains.gain == pytest.approx(np.abs(expected), rel=0.02)
 
 
-def test_spacing_errors_begin_with_the_first_follower() -> None:
-    gains = frequency_gains(recorded(), "spacing")
-    assert set(gains.vehicle) == {"v3"}
-    assert gains.gain == pytest.approx(0.5)
-    assert np.abs(gains.phase_rad).max() < 1e-6
-
-
-def test_spacing_errors_at_the_level_of_the_noise_have_no_gains() -> None:
+@pytest.mark.parametrize(("factor", "known"), [(0.0, {"v3"}), (0.9, {"v3"}), (1.1, set())])
+def test_spacing_errors_begin_with_the_first_follower_above_the_noise(
+    factor: float, known: set[str]
+) -> None:
     """Two positions explain √2 times their standard deviation."""
-    run = recorded()
-    speeds = [run.true_table(name).speed_mps for name in run.vehicle_names]
-    error = 0.1 * np.gradient(speeds[1], STEP)
-    rms = float(np.sqrt(np.mean(error**2)))
-    for factor, has_gains in ((0.9, True), (1.1, False)):
-        deviation = factor * rms / math.sqrt(2.0)
-        noisy = StraightRecord(highway(), speeds, [error, 0.5 * error], deviation)
-        assert bool(len(frequency_gains(noisy, "spacing").vehicle)) == has_gains
+    error = 0.1 * np.gradient(convoy().speeds[1], STEP)
+    deviation = factor * float(np.sqrt(np.mean(error**2))) / math.sqrt(2.0)
+    pose = replace(gps("v2", 0), position_accuracy_m=deviation)
+    gains = frequency_gains(convoy().run(more=[pose]), "spacing")
+    assert set(gains.vehicle) == known
+    assert gains.gain == pytest.approx(np.full(len(gains), 0.5), rel=1e-3)
+    assert np.abs(gains.phase_rad).max(initial=0.0) < 1e-3
 
 
 def test_equal_signals_have_a_gain_of_one_and_scaled_ones_their_factor() -> None:

@@ -17,7 +17,14 @@ from scenarios.cli.main import cli
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.figure_style import MODE_COLOURS, vehicle_colour
 from scenarios.results.report.page import report_page
-from scenarios.results.run_figures import LEAST_HEIGHT, QUANTITIES, RunCurves, draw_curve, thinned
+from scenarios.results.run_figures import (
+    LEAST_HEIGHT,
+    QUANTITIES,
+    draw_curve,
+    over_place,
+    over_time,
+    thinned,
+)
 from scenarios.results.run_record import RunRecord
 from scenarios.results.summary import RunSummary
 from scenarios.runs.stop import Stop
@@ -151,35 +158,22 @@ def test_a_report_of_any_run_fits_the_size(folder: Path) -> None:
 
 def test_curves_are_those_of_the_run(folder: Path) -> None:
     record = RunRecord(folder)
-    curves = RunCurves(record, ["v1", "v2"], points=500)
     errors, gaps, speeds, own = QUANTITIES
     true, tracking = record.vehicles["v2"].true, record.vehicles["v2"].tracking
     for quantity, table, known in (
-        (errors, true, true.error_m),
         (gaps, true, true.gap_m),
         (speeds, true, true.speed_mps),
         (own, tracking, tracking.lateral_error_m),
     ):
-        (at_s, values), _ = curves.over_time("v2", quantity)
+        at_s, values = over_time(record.tables, "v2", quantity, 500)
         assert at_s.size > 30
         assert values == pytest.approx(np.interp(at_s, table.t_s, known), abs=1e-3)
-    station, values = curves.by_place("v2", errors)
-    assert station.size > 30
-    assert values == pytest.approx(np.interp(station, true.station_m, true.error_m), abs=5e-3)
-    assert curves.over_time("v1", errors)[0][0].size == 0
-
-
-def test_lost_messages_are_those_of_the_log(folder: Path) -> None:
-    record = RunRecord(folder)
-    outcomes = record.links["v1", "v2"].outcomes
-    in_flight = int((outcomes.outcome == "in_flight").sum())
-    curves = RunCurves(record, ["v1"], points=500)
-    shares = curves.loss_shares(("v1", "v2"), in_flight, cells=4)
-    cells = np.minimum((outcomes.t_s / curves.span[1] * 4).astype(int), 3)
-    lost = np.isin(outcomes.outcome, ("dropped", "not_arrived"))
-    known = outcomes.outcome != "in_flight"
-    for cell in range(4):
-        assert shares[cell] == pytest.approx(lost[known & (cells == cell)].mean(), abs=0.06)
+    station, values = over_place(record.tables, "v2", errors, 500)
+    known = np.isfinite(values)
+    assert known.sum() > 30
+    expected = np.interp(station, true.station_m, true.error_m)
+    assert values[known] == pytest.approx(expected[known], abs=5e-3)
+    assert over_time(record.tables, "v1", errors, 500)[0].size == 0
 
 
 def test_rounding_errors_do_not_fill_an_axis() -> None:

@@ -1,65 +1,18 @@
 """Gains along the string against closed forms, and their invariants."""
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable
 from random import Random
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.signal import freqs, lsim
 
-from scenarios.results.string_figures import StringFigures, string_figures
-from tests.made.scenarios.messages import truth
-from tests.made.scenarios.tables import LENGTH, run_of
-from vehicles.messages import TruePose
+from tests.made.scenarios.known_string import SPEED, STEP, KnownString
 
-Floats = NDArray[np.float64]
-STEP, SPEED, HEADWAY, STANDSTILL = 0.02, 20.0, 0.5, 6.0
-NAMES = ("v1", "v2", "v3", "v4")
 RATE = 2.0 * math.pi * 0.2
-
-
-class KnownString:
-    """Stations and speeds of vehicles over time, and lateral errors over the station."""
-
-    def __init__(self, speeds: Sequence[Floats], gaps: Sequence[Floats] = ()) -> None:
-        """`speeds` (m/s) by vehicle, and errors of the gaps (m) of the followers."""
-        self.speeds = speeds
-        lead = np.concatenate([[0.0], STEP * np.cumsum(speeds[0])[:-1]])
-        self.stations = [lead]
-        for speed, gap in zip(speeds[1:], gaps, strict=False):
-            self.stations.append(self.stations[-1] - STANDSTILL - HEADWAY * speed - gap)
-
-    def figures(
-        self,
-        errors: Sequence[Callable[[float], float]] = (),
-        deviation: float = 0.0,
-        order: Random | None = None,
-    ) -> dict[str, StringFigures]:
-        """Figures of the convoy; an `order` mixes the messages of different vehicles."""
-        names = NAMES[: len(self.speeds)]
-        poses = [self._pose(name, k, errors) for k in range(self.speeds[0].size) for name in names]
-        if order:
-            order.shuffle(poses)
-        policy = {
-            "followers": "'gap'",
-            "gap.standstill_m": STANDSTILL - LENGTH,
-            "gap.headway_s": HEADWAY,
-        }
-        keys = [f"speed.{key}={value}" for key, value in policy.items()]
-        run = run_of(*poses, count=len(names), overrides=keys)
-        return string_figures(run, dict.fromkeys(names, deviation))
-
-    def _pose(self, name: str, k: int, errors: Sequence[Callable[[float], float]]) -> TruePose:
-        place = NAMES.index(name)
-        station = float(self.stations[place][k])
-        lateral = errors[place - 1](station) if place and errors else 0.0
-        pose = truth(name, k, station, lateral, distance=station)
-        return replace(pose, speed_mps=float(self.speeds[place][k]))
 
 
 def steady(count: int = 3, duration: float = 20.0) -> KnownString:
