@@ -1,6 +1,7 @@
 """The outcome of a run in one line, with the most important fact first."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from scenarios.results.events import EventKind
@@ -38,19 +39,18 @@ def late_ratio(vehicles: Sequence[VehicleSummary]) -> float:
 
 
 def _line(summary: RunSummary) -> str:
-    incidents = list(_incidents(summary))
+    incidents, caveats = list(_incidents(summary)), list(_caveats(summary))
+    kinds = Counter(event.kind for event in summary.events)
+    own = _number(kinds["own"], "own event") if kinds["own"] else "no events"
+    worst = _worst_error(summary)
     if summary.outcome == "completed" and not incidents:
-        caveats = list(_caveats(summary))
         ok = f"OK ({', '.join(caveats)})" if caveats else "OK"
-        facts = [_count(summary), _duration(summary), _worst_error(summary), _own_events(summary)]
-        if summary.limits:
-            facts.append(f"limits: {_limits(summary)}")
+        limits = f"limits: {_limits(summary)}" if summary.limits else ""
+        facts = [_count(summary), _duration(summary), worst, own, limits]
         return f"{ok}: {', '.join(filter(None, facts))}"
-    facts = incidents[:]
-    if not any(event.kind == "lane_departure" for event in summary.events):
-        facts.append(_worst_error(summary))
+    facts = [*incidents, "" if kinds["lane_departure"] else worst]
     if summary.ran_s:
-        facts.append(_collisions(summary) if incidents else _own_events(summary))
+        facts.append(own if not incidents else "" if kinds["collision"] else "0 collisions")
     match summary.outcome:
         case "failed":
             head = f"FAILED: {_reasons(summary.reason)}"
@@ -61,12 +61,16 @@ def _line(summary: RunSummary) -> str:
             facts = [f"RUNNING: {_duration(summary)}", *facts]
         case "completed":
             facts.append(f"limits: {_limits(summary)}")
-    return "; ".join(filter(None, (*facts, *_caveats(summary))))
+    return "; ".join(filter(None, (*facts, *caveats)))
+
+
+def _number(things: Sequence[object] | int, one: str, several: str = "") -> str:
+    count = things if isinstance(things, int) else len(things)
+    return f"1 {one}" if count == 1 else f"{count} {several or f'{one}s'}"
 
 
 def _count(summary: RunSummary) -> str:
-    count = len(summary.vehicles)
-    return "1 vehicle" if count == 1 else f"{count} vehicles"
+    return _number(summary.vehicles, "vehicle")
 
 
 def _duration(summary: RunSummary) -> str:
@@ -78,8 +82,7 @@ def _duration(summary: RunSummary) -> str:
 def _reasons(reason: str) -> str:
     """The first reason of a failure, and the number of the others."""
     first, *others = reason.split("; ")
-    more = f"{len(others)} more {'reason' if len(others) == 1 else 'reasons'}"
-    return f"{first}; {more}" if others else first
+    return f"{first}; {_number(others, 'more reason')}" if others else first
 
 
 def _limits(summary: RunSummary) -> str:
@@ -97,10 +100,10 @@ def _caveats(summary: RunSummary) -> Iterator[str]:
     """Facts that make the figures incomplete or the run slower than real time."""
     missing = sum(hole.poses for hole in summary.holes)
     if missing:
-        yield f"{missing} {'pose' if missing == 1 else 'poses'} not recorded"
+        yield f"{_number(missing, 'pose')} not recorded"
     absent = sum(map(lost_in_transport, summary.links))
     if absent:
-        yield f"{absent} {'message' if absent == 1 else 'messages'} did not arrive"
+        yield f"{_number(absent, 'message')} did not arrive"
     late_messages = sum([row.late for row in summary.links])
     share = late_messages / max(sum([row.judged for row in summary.links]), 1)
     if share > LATE_RATIO:
@@ -126,87 +129,63 @@ def _worst_error(summary: RunSummary) -> str:
     return f"worst error {length(worst.cross_track_error_m_max or 0.0)} ({worst.name})"
 
 
-def _own_events(summary: RunSummary) -> str:
-    """Number of the user's events, where there are no others."""
-    count = len(_of(summary, "own"))
-    return f"{count} own event{'s' * (count > 1)}" if count else "no events"
+# ---- What went wrong on the road
 
 
-def _of(summary: RunSummary, kind: EventKind) -> list[RunEvent]:
-    return [event for event in summary.events if event.kind == kind]
-
-
-def _vehicles_of(events: Sequence[RunEvent], place: int = 0) -> list[str]:
-    return list(dict.fromkeys(event.vehicles[place] for event in events))
+def _names(events: Sequence[RunEvent]) -> list[str]:
+    return list(dict.fromkeys(event.vehicles[0] for event in events))
 
 
 def _share(summary: RunSummary, names: Sequence[str]) -> str:
     return f"{len(names)} of {_count(summary)}"
 
 
-def _collisions(summary: RunSummary) -> str:
-    """The number of collisions, if none of them is among the incidents."""
-    return "" if _of(summary, "collision") else "0 collisions"
+def _pair(event: RunEvent) -> str:
+    return f"{' and '.join(event.vehicles)} {event.when}"
 
 
-def _incidents(summary: RunSummary) -> Iterator[str]:
-    """Yield what went wrong on the road, the worst first."""
-    yield from _collided(summary)
-    yield from _silent(summary)
-    yield from _departed(summary)
-    if lost := _vehicles_of(_of(summary, "path_lost")):
-        yield f"{_share(summary, lost)} lost {'its' if len(lost) == 1 else 'their'} path"
-    yield from _stopped(summary)
-    yield from _nearly_collided(summary)
-    yield from _dissolved(summary)
-    if slid := _vehicles_of(_of(summary, "slide")):
-        yield f"{_share(summary, slid)} slid"
-    if doubtful := _vehicles_of(_of(summary, "distrust")):
-        yield f"sources distrusted: {', '.join(doubtful)}"
+def _collided(_: RunSummary, events: Sequence[RunEvent]) -> str:
+    first = "first " if len(events) > 1 else ""
+    return f"{_number(events, 'collision')}, {first}{_pair(events[0])}"
 
 
-def _collided(summary: RunSummary) -> Iterator[str]:
-    if events := _of(summary, "collision"):
-        first = events[0]
-        pair = f"{' and '.join(first.vehicles)} {first.when}"
-        many = f"{len(events)} collisions, first {pair}"
-        yield many if len(events) > 1 else f"1 collision, {pair}"
-
-
-def _silent(summary: RunSummary) -> Iterator[str]:
+def _silent(summary: RunSummary, _: Sequence[RunEvent]) -> str:
     silent = [vehicle for vehicle in summary.vehicles if vehicle.silent_from_s is not None]
-    if silent and summary.outcome != "running":
-        first = min(silent, key=lambda vehicle: vehicle.silent_from_s or 0.0)
-        since = f"{first.name} silent from {first.silent_from_s:.2f} s"
-        names = [vehicle.name for vehicle in silent]
-        yield since if len(silent) == 1 else f"{_share(summary, names)} silent, first {since}"
+    if not silent or summary.outcome == "running":
+        return ""
+    first = min(silent, key=lambda vehicle: vehicle.silent_from_s or 0.0)
+    since = f"{first.name} silent from {first.silent_from_s:.2f} s"
+    names = [vehicle.name for vehicle in silent]
+    return since if len(silent) == 1 else f"{_share(summary, names)} silent, first {since}"
 
 
-def _departed(summary: RunSummary) -> Iterator[str]:
-    left = _vehicles_of(_of(summary, "lane_departure"))
-    if not left:
-        return
+def _departed(summary: RunSummary, events: Sequence[RunEvent]) -> str:
+    left, furthest = _names(events), ""
     worst = _furthest_off([vehicle for vehicle in summary.vehicles if vehicle.name in left])
-    furthest = ""
     if worst is not None:
         furthest = f", worst {worst.name} {length(worst.cross_track_error_m_max or 0.0)}"
         if worst.cross_track_error_max_at_s is not None:
             furthest += f" at {worst.cross_track_error_max_at_s:.2f} s"
-    yield f"{_share(summary, left)} left the lane{furthest}"
+    return f"{_share(summary, left)} left the lane{furthest}"
 
 
-def _stopped(summary: RunSummary) -> Iterator[str]:
-    events = _of(summary, "stop")
-    if not events:
-        return
-    stopped = _vehicles_of(events)
-    first = events[0]
+def _lost(summary: RunSummary, events: Sequence[RunEvent]) -> str:
+    lost = _names(events)
+    return f"{_share(summary, lost)} lost {'its' if len(lost) == 1 else 'their'} path"
+
+
+def _stopped(summary: RunSummary, events: Sequence[RunEvent]) -> str:
+    first, share = events[0], _share(summary, _names(events))
     blind = max((vehicle.reaction.blind_m for vehicle in summary.vehicles), default=0.0)
     beyond = f", up to {blind:.1f} m blind" if blind >= 0.05 else ""
-    yield (
-        f"{_share(summary, stopped)} braked without a reliable source, first {first.vehicles[0]} "
-        f"{first.when}{beyond}"
+    return (
+        f"{share} braked without a reliable source, first {first.vehicles[0]} {first.when}{beyond}"
     )
+
+
+def _nearly_collided(_: RunSummary, events: Sequence[RunEvent]) -> str:
+    closest = min(events, key=lambda event: event.figures.get("gap_m_min", 0.0))
+    return f"{_number(events, 'near miss', 'near misses')}, closest {closest.figures.get('gap_m_min', 0.0):.2f} m, {_pair(closest)}"
 
 
 TRAFFIC: Mapping[EventKind, str] = {
@@ -219,26 +198,37 @@ TRAFFIC: Mapping[EventKind, str] = {
 """What a traffic engineer would notice, the worst first, with its figure."""
 
 
-def _dissolved(summary: RunSummary) -> Iterator[str]:
-    """Yield the worst event of the worst kind of TRAFFIC, and the names of the other kinds."""
-    kinds = [kind for kind in TRAFFIC if _of(summary, kind)]
+def _dissolved(summary: RunSummary, _: Sequence[RunEvent]) -> str:
+    """The worst event of the worst kind of TRAFFIC, and the names of the other kinds."""
+    by_kind = {kind: [one for one in summary.events if one.kind == kind] for kind in TRAFFIC}
+    kinds = [kind for kind, found in by_kind.items() if found]
     if not kinds:
-        return
-    kind, figure = kinds[0], FIGURE_OF.get(kinds[0], "duration_s")
-    events = _of(summary, kind)
-    worst = max(events, key=lambda event: event.figures.get(figure, 0.0))
-    names = _vehicles_of(events)
-    text = TRAFFIC[kind].format(worst.figures.get(figure, 0.0))
+        return ""
+    kind, *others = kinds
+    figure = FIGURE_OF.get(kind, "duration_s")
+    worst = max(by_kind[kind], key=lambda event: event.figures.get(figure, 0.0))
+    names, text = _names(by_kind[kind]), TRAFFIC[kind].format(worst.figures.get(figure, 0.0))
     more = f" ({_share(summary, names)})" if len(names) > 1 else ""
-    others = ", ".join(kind.replace("_", " ") for kind in kinds[1:])
-    yield f"{worst.vehicles[0]} {text}, {worst.when}{more}{others and f'; also: {others}'}"
+    also = f"; also: {', '.join(other.replace('_', ' ') for other in others)}" if others else ""
+    return f"{worst.vehicles[0]} {text}, {worst.when}{more}{also}"
 
 
-def _nearly_collided(summary: RunSummary) -> Iterator[str]:
-    events = _of(summary, "near_miss")
-    if events:
-        closest = min(events, key=lambda event: event.figures.get("gap_m_min", 0.0))
-        gap = closest.figures.get("gap_m_min", 0.0)
-        count = "1 near miss" if len(events) == 1 else f"{len(events)} near misses"
-        pair = f"{' and '.join(closest.vehicles)} {closest.when}"
-        yield f"{count}, closest {gap:.2f} m, {pair}"
+INCIDENTS: Sequence[tuple[EventKind | None, Callable[[RunSummary, Sequence[RunEvent]], str]]] = (
+    ("collision", _collided),
+    (None, _silent),
+    ("lane_departure", _departed),
+    ("path_lost", _lost),
+    ("stop", _stopped),
+    ("near_miss", _nearly_collided),
+    (None, _dissolved),
+    ("slide", lambda run, events: f"{_share(run, _names(events))} slid"),
+    ("distrust", lambda _, events: f"sources distrusted: {', '.join(_names(events))}"),
+)
+"""What went wrong on the road, the worst first: events of a kind, and their description."""
+
+
+def _incidents(summary: RunSummary) -> Iterator[str]:
+    for kind, describe in INCIDENTS:
+        events = [event for event in summary.events if event.kind == kind]
+        if (events or kind is None) and (text := describe(summary, events)):
+            yield text

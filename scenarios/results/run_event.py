@@ -22,16 +22,28 @@ from vehicles.messages import Level
 
 OF_DECISIONS: frozenset[EventKind] = frozenset({"path_lost", "stop", "distrust", "overridden"})
 """Events in the decisions of a follower; the others are in true poses."""
-OF_FOLLOWERS = (
-    lane_departures,
-    lost_paths,
-    distrusts,
-    traffic_events,
-    overridden,
-)
+OF_FOLLOWERS = (lane_departures, lost_paths, distrusts, traffic_events, overridden)
 """Events of one follower, as functions of the run and its name."""
 OF_VEHICLES = (slides, stops)
 """Events of one vehicle."""
+SENTENCES: Mapping[EventKind, str] = {
+    "collision": "{1} and {0}, closing at {closing_speed_mps:.1f} m/s",
+    "near_miss": "{1} within {gap_m_min:.2f} m of {0}",
+    "lane_departure": "{0} across the edge of the lane",
+    "path_lost": "{0} has no known path to steer along",
+    "slide": "{0} uses all available friction",
+    "stop": "{0} brakes to a stop without a reliable source",
+    "distrust": "{1} distrusts {0}",
+    "falls_behind": "the gap of {0} is wider than its law and the age of its data explain",
+    "stranded": "{0} stands although the lead drives",
+    "overspeed": "{0} is faster than the lead was",
+    "hard_braking": "{0} brakes hard although no vehicle ahead does",
+    "overridden": (
+        "the guard of {0} overrode its longitudinal law, {overridden_ratio:.2f} of the time"
+    ),
+    "own": "{0}",
+}
+"""What happened, by kind, with the vehicles and the figures of the event."""
 
 
 @once
@@ -50,12 +62,10 @@ def run_events(run: RunTables, found: Sequence[Event] | None = None) -> "tuple[R
 
 
 def _run_event(run: RunTables, event: Event) -> "RunEvent":
-    *_, follower = event.vehicles
+    lead = [run.lead] if event.kind == "lane_departure" else []
+    witnesses, topic = [*event.vehicles, *lead], "truth"
     if event.kind in OF_DECISIONS:
-        witnesses, topic = [follower], "tracking"
-    else:
-        lead = [run.lead] if event.kind == "lane_departure" else []
-        witnesses, topic = [*event.vehicles, *lead], "truth"
+        witnesses, topic = [event.vehicles[-1]], "tracking"
     before = seen_before(run, topic, witnesses, event.at_ns)
     return RunEvent(
         kind=event.kind,
@@ -118,40 +128,15 @@ class RunEvent:
         return "error" if self.kind == "collision" else "warning"
 
 
-OF_ONE: Mapping[EventKind, str] = {
-    "lane_departure": "{} across the edge of the lane",
-    "path_lost": "{} has no known path to steer along",
-    "slide": "{} uses all available friction",
-    "falls_behind": "the gap of {} is wider than its law and the age of its data explain",
-    "stranded": "{} stands although the lead drives",
-    "overspeed": "{} is faster than the lead was",
-    "hard_braking": "{} brakes hard although no vehicle ahead does",
-    "own": "{}",
-}
-"""Events that involve one vehicle, as text."""
-
-
 def _what(event: RunEvent) -> str:
-    figures, (first, *others) = event.figures, event.vehicles
-    match event.kind:
-        case "collision":
-            text = f"{others[0]} and {first}, closing at {figures['closing_speed_mps']:.1f} m/s"
-        case "near_miss":
-            left = figures.get("time_to_collision_s_min")
-            also = "" if left is None else f", {left:.1f} s from a collision"
-            text = f"{others[0]} within {figures['gap_m_min']:.2f} m of {first}{also}"
-        case "stop":
-            known, blind = figures.get("known_m"), figures.get("predicted_blind_m")
-            ends = "" if known is None else f"; {road_known(known)}"
-            beyond = f"; predicted blind distance {blind:.1f} m" if blind else ""
-            text = f"{first} brakes to a stop without a reliable source{ends}{beyond}"
-        case "distrust":
-            text = f"{others[0]} distrusts {first}"
-        case "overridden":
-            share = figures["overridden_ratio"]
-            text = f"the guard of {first} overrode its longitudinal law, {share:.2f} of the time"
-        case kind:
-            text = OF_ONE[kind].format(first)
+    figures = event.figures
+    text = SENTENCES[event.kind].format(*event.vehicles, **figures)
+    if (left := figures.get("time_to_collision_s_min")) is not None:
+        text += f", {left:.1f} s from a collision"
+    if event.kind == "stop" and (known := figures.get("known_m")) is not None:
+        text += f"; {road_known(known)}"
+    if blind := figures.get("predicted_blind_m"):
+        text += f"; predicted blind distance {blind:.1f} m"
     return text
 
 
