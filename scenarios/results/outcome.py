@@ -185,7 +185,8 @@ def _stopped(summary: RunSummary, events: Sequence[RunEvent]) -> str:
 
 def _nearly_collided(_: RunSummary, events: Sequence[RunEvent]) -> str:
     closest = min(events, key=lambda event: event.figures.get("gap_m_min", 0.0))
-    return f"{_number(events, 'near miss', 'near misses')}, closest {closest.figures.get('gap_m_min', 0.0):.2f} m, {_pair(closest)}"
+    count, gap = _number(events, "near miss", "near misses"), closest.figures.get("gap_m_min", 0.0)
+    return f"{count}, closest {gap:.2f} m, {_pair(closest)}"
 
 
 TRAFFIC: Mapping[EventKind, str] = {
