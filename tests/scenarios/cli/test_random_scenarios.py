@@ -21,7 +21,6 @@ from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
 from tests.made.scenarios.drawn_scenarios import DrawnScenario, drawn_scenario
 from tests.made.transport.links import link as link_of
-from tests.scenarios.cli.broken_scenarios import ODD_TRACES, broken
 from transport.codec import encode
 from transport.links.laws.link_law import TransmissionContext
 from transport.log.reader import LogReader
@@ -215,25 +214,3 @@ def assert_events(scenario: Scenario, summary: Any, messages: list[Message]) -> 
         assert broken_now == (f"limits.{limit} =" in summary["reason"]), limit
     if not summary["reason"]:
         assert summary["ran_s"] == pytest.approx(scenario.duration_s)
-
-
-@pytest.mark.campaign(30, 1000)
-def test_a_broken_scenario_is_refused_in_lines(case: int, tmp_path: Path) -> None:
-    chance = Random(case)
-    content, settings = broken(chance, drawn_scenario(chance))
-    file = tmp_path / "broken.toml"
-    file.write_bytes(content)
-    (tmp_path / "odd.csv").write_text(chance.choice(ODD_TRACES), encoding="utf-8")
-    checked = convoy("check", file, *settings, "--json")
-    if checked.exit_code == 0:  # what was broken was not needed, and may have kept the run short
-        settings = [*settings, "--set=duration_s=0.1"]
-        checked = convoy("check", file, *settings, "--json")
-    out = tmp_path / "run"
-    again = convoy("run", file, *settings, "--clock=virtual", "--quiet", "--out", out)
-    if checked.exit_code == 0:
-        strict(checked.stdout)
-        strict((out / "summary.json").read_text())
-        return
-    assert_refused(checked, tmp_path)
-    assert again.stderr == checked.stderr
-    assert_refused(again, tmp_path)

@@ -23,8 +23,6 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-NEARLY, FEWEST_PIXELS = 30, 100
-"""Colour distance and number of pixels of a curve, whose edges are blurred."""
 PATIENCE_S = 20.0
 """Longest time (s) for a viewer on a busy machine to draw its data."""
 

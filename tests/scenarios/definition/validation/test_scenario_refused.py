@@ -244,3 +244,53 @@ def test_a_file_that_cannot_be_read_is_refused_in_one_line(
     (line,) = caught.value.lines
     assert name in line
     assert why in line
+
+
+ODD_FILES = (
+    *(
+        b"",
+        b" \n",
+        b"\0" * 100,
+        b"\xff\xfe" + "name = 'a'".encode("utf-16-le"),
+        b"name = 'caf\xe9'",
+    ),
+    *(b"x = " + b"[" * 5000, b"a." * 5000 + b"a = 1", b"name = 'a'\nname = 'b'", b"[path", b"= 1"),
+    *(
+        b"seed = " + b"9" * 5000,
+        b"seed = 0x" + b"f" * 5000,
+        b'name = "\\u0000"',
+        b"[[path]]\n[path]",
+    ),
+    *(b'extends = "broken.toml"', b'extends = "."', b"extends = 3", b'extends = "a\\u0000b"'),
+    *(b'extends = "nobody.toml"', b'extends = "' + b"a" * 5000 + b'"', b"\x89MCAP0\r\n", b"{}"),
+    *(b"name = 'a'\r" * 2, b"\xef\xbb\xbf", b"path.kind = 1", b"vehicle = []", b"vehicle.v1 = 3"),
+    *(b"[control]\ncontroller = 'os.path'", b"[control]\ncontroller = '..'", b"name = 1979-05-27"),
+)
+ODD_OVERRIDES = (
+    *("", "=", "=1", "a", "a.b", ".=1", "links.=1", "links..loss_ratio=0", "name.x=1", "path=1"),
+    *("path.segments.99.length_m=1", "path.segments[-1].length_m=1", "link.0=1", "link=[[1]]"),
+    *("links.loss_ratio=nan", "seed=1e400", f"seed={'9' * 5000}", f"seed=0x{'f' * 5000}"),
+    *("convoy.names=['\x1b[31m']", "[=]", "links.loss_ratio=" + "[" * 3000, "x." * 3000 + "x=1"),
+    *(
+        "extends='lane_change'",
+        "path.file=1",
+        "start_at=2026-01-01",
+        "start_at=0001-01-01T00:00:00Z",
+    ),
+)
+
+
+@pytest.mark.parametrize("place", range(len(ODD_FILES)))
+def test_a_file_of_something_else_is_refused_in_lines(place: int, tmp_path: Path) -> None:
+    file = tmp_path / "broken.toml"
+    file.write_bytes(ODD_FILES[place])
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(file)
+    assert all(line and line.isprintable() and len(line) < 1000 for line in caught.value.lines)
+
+
+@pytest.mark.parametrize("place", range(len(ODD_OVERRIDES)))
+def test_an_odd_override_is_refused_in_lines(place: int) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("lane_change", [ODD_OVERRIDES[place]])
+    assert all(line and line.isprintable() for line in caught.value.lines)

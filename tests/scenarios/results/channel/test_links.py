@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenarios.results.link_account import LinkAccount, accounts
+from scenarios.results.link_account import accounts
 from scenarios.results.links import (
     LinkSummary,
     channel_warnings,
@@ -18,7 +18,6 @@ from scenarios.results.log_summary import late_lines, transport_lines
 from scenarios.results.vehicle_figures import vehicle_summaries
 from tests.made.scenarios.messages import MS, at, start, tracking, verdict
 from tests.made.scenarios.recorded_run import POSES, MadeRun, Recorded, convoy, tables_of
-from transport.columns import columns_from
 from vehicles.messages import Change, LinkVerdict
 
 LINK = ("v1", "v2")
@@ -31,11 +30,6 @@ def fates(text: str, latency_ms: float = 20.0) -> list[LinkVerdict]:
         verdict("v1", "v2", seq, dropped=words[one], latency_ms=latency_ms)
         for seq, one in enumerate(text)
     ]
-
-
-def account_of(*verdicts: LinkVerdict) -> LinkAccount:
-    columns = columns_from("verdict", verdicts, [one.received_at_ns for one in verdicts])
-    return LinkAccount(LINK, len(verdicts), columns)
 
 
 def summary_of(*messages: Recorded, overrides: tuple[str, ...] = ()) -> LinkSummary:

@@ -1,7 +1,6 @@
 """Small sweeps give the same bytes when resumed, on several executors, and with errors."""
 
 import json
-import random
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -156,31 +155,3 @@ def test_a_key_of_a_list_entry_varies() -> None:
         cuts = [plan.variants(cell)[0].scenario.tables.change[0] for cell in plan.cells]
         assert [(one.kind, one.at_s) for one in cuts] == [("cut", 0.2), ("cut", 0.4)]
         assert plan.axes[-1].key == "change.0.at_s"
-
-
-@pytest.mark.campaign(2, 20)
-def test_a_truncated_journal_gives_the_same_tables(
-    whole: Path, campaign: int, tmp_path: Path
-) -> None:
-    journal = (whole / JOURNAL).read_bytes()
-    noise = random.Random(11)
-    for cut in (len(journal), *(noise.randrange(len(journal)) for _ in range(campaign))):
-        (tmp_path / JOURNAL).write_bytes(journal[:cut])
-        run_sweep_here(small_plan(), tmp_path)
-        assert tables(tmp_path) == tables(whole)
-        assert (tmp_path / JOURNAL).read_bytes().count(b"\n") == journal.count(b"\n")
-
-
-@pytest.mark.campaign(12, 200)
-def test_flipped_bits_of_a_journal_give_the_same_tables(
-    whole: Path, campaign: int, tmp_path: Path
-) -> None:
-    journal = (whole / JOURNAL).read_bytes()
-    noise = random.Random(12)
-    for _ in range(campaign):
-        place = noise.randrange(len(journal))
-        damaged = bytearray(journal)
-        damaged[place] ^= 1 << noise.randrange(8)
-        (tmp_path / JOURNAL).write_bytes(damaged)
-        run_sweep_here(small_plan(), tmp_path)
-        assert tables(tmp_path) == tables(whole), place
