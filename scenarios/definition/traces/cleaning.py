@@ -32,9 +32,6 @@ STANDSTILL_HOLDS = 3
 SHORTEST_STANDSTILL = 1.0
 """Shortest standstill (s)."""
 
-SINGLE_STEPS_MAX = 0.8
-"""Share of changes by the last digit of the file above which its numbers are rounded motion."""
-
 
 def without_repeats(drive: DriveTable) -> tuple[DriveTable, float]:
     """Return the distinct points of a drive whose recorder repeats positions.
@@ -53,7 +50,7 @@ def without_repeats(drive: DriveTable) -> tuple[DriveTable, float]:
     short = lengths[held <= LONGEST_HOLD]
     usual = float(np.median(short)) if short.size else 0.0
     limited = np.minimum(short, 2.0 * usual + 1.0)
-    if short.size < FEWEST_RUNS or limited.mean() < LEAST_REPEATED or _is_rounded(steps):
+    if short.size < FEWEST_RUNS or limited.mean() < LEAST_REPEATED:
         return drive, 0.0
     stands = (lengths > STANDSTILL_HOLDS * usual) & (not timed or held >= SHORTEST_STANDSTILL)
     kept = np.union1d(starts, lasts[stands])
@@ -64,21 +61,6 @@ def without_repeats(drive: DriveTable) -> tuple[DriveTable, float]:
         rate = 1.0 / interval
         remark = f"positions repeat: {rate / short.mean():.2g} Hz in records of {rate:.3g} Hz"
     return drive.selected(kept).with_remarks(f"{remark}: {count} repeats are ignored"), interval
-
-
-def _is_rounded(steps: Floats) -> bool:
-    """Whether nearly all changes are one unit of the last digit, on one axis at a time.
-
-    Such is slow motion in coarse numbers.
-    """
-    sizes = np.abs(steps)
-    changed = sizes > 0.0
-    together = changed.all(axis=0).sum() > SINGLE_STEPS_MAX * changed.any(axis=0).sum()
-    if together or not changed.any(axis=1).all():
-        return False
-    units = np.min(sizes, axis=1, where=changed, initial=math.inf)
-    largest = (sizes / units[:, None]).max(axis=0)
-    return float((largest[largest > 0.0] < 1.5).mean()) > SINGLE_STEPS_MAX
 
 
 # ---- Jumps of a receiver: points that no car can reach and leave in their time

@@ -40,6 +40,9 @@ from vehicles.geometry.smoothing import MERGED_NOISE, MIN_POINTS
 LEAST_EXTENT = 1.0
 """Smallest extent (m) of a path."""
 
+RADIAN_RATIOS = (20.0, 60.0)
+"""Recorded speed over that of positions in radians that are taken for degrees."""
+
 ALTITUDES_M = (-500.0, 10_000.0)
 """Range of usable altitudes."""
 
@@ -92,6 +95,7 @@ def read_trace(
         drive, time_error_s = without_repeats(drive)
         plane = origin or _first_point(drive) if drive.geodetic else None
         points = _in_plane(drive, plane) if plane else drive.position
+        _refuse_radians(drive, points)
         clean = cleaned(points, drive.times, time_error_s)
         for jump in clean.jumps:
             for k in range(jump.first, jump.last + 1):
@@ -235,6 +239,23 @@ def _in_plane(drive: DriveTable, origin: Origin) -> Floats:
         except ValueError as error:
             raise TraceError(f"{drive.unit} {drive.numbers[k]}: {error}") from error
     return points
+
+
+def _refuse_radians(drive: DriveTable, points: Floats) -> None:
+    """Raise TraceError for small angles whose recorded speeds are 57 times too large for them.
+
+    East-west, their ratio is smaller by the cosine of the true latitude.
+    """
+    in_range = bool(np.all((0.5 * math.pi, math.pi) > np.abs(drive.position).T))
+    if not drive.geodetic or not drive.times.size or not in_range:
+        return
+    driven = float(np.nansum(np.diff(drive.times) * np.abs(drive.speed_mps[1:])))
+    ratio = driven / max(float(step_lengths(points).sum()), 1e-9)
+    if RADIAN_RATIOS[0] < ratio < RADIAN_RATIOS[1]:
+        raise TraceError(
+            f"recorded speeds are {ratio:.0f} times what the positions need: if they are in "
+            "radians, name their columns latitude_rad and longitude_rad"
+        )
 
 
 def _check_shape(read: DriveInPlane, keys: str) -> None:

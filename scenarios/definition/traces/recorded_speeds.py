@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from scenarios.definition.traces.drive import FASTEST, Floats, Mask, TraceError
+from scenarios.definition.traces.drive import FASTEST, Floats, Mask
 from scenarios.definition.traces.time_order import runs_of
-from vehicles.geometry.bridges import step_lengths
 
 WINDOW = 2.0
 """Time (s) over which positions give a speed."""
@@ -25,9 +24,6 @@ RATIOS = (0.8, 1.25)
 UNITS = {3.6: "km/h", 1.9438: "knots", 2.2369: "mph"}
 """Units by their number in 1 m/s."""
 
-DEGREES = 57.29578
-"""Degrees in a radian."""
-
 SAME_UNIT = 0.05
 """Largest relative difference of a ratio from that of its unit."""
 
@@ -38,7 +34,7 @@ def usable_speeds(
     """Return a speed (m/s) per point of `points` (2, n), None without usable ones, and remarks.
 
     `time_s` is empty if times are unknown. Points without a speed take that of the previous one.
-    Single absurd speeds are interpolated. Raises TraceError for positions in radians.
+    Single absurd speeds are interpolated.
     """
     count = points.shape[1]
     known = np.flatnonzero(np.isfinite(speed_mps))
@@ -49,13 +45,6 @@ def usable_speeds(
     instead = "speeds follow from the times" if time_s.size else "speeds are ignored"
     if not speeds.any():
         return None, (f"every recorded speed is 0 while the position changes: {instead}",)
-    if time_s.size:
-        driven = float(np.sum(0.5 * (speeds[1:] + speeds[:-1]) * np.diff(time_s)))
-        if abs(driven / max(float(np.sum(step_lengths(points))), 1e-9) / DEGREES - 1.0) < SAME_UNIT:
-            raise TraceError(
-                f"recorded speeds are {DEGREES:.0f} times what the positions need: if they are in "
-                "radians, name their columns latitude_rad and longitude_rad"
-            )
     derived = _derived(time_s, points) if time_s.size else np.full(count, np.nan)
     moving = derived >= MOVING
     at = time_s if time_s.size else np.arange(float(count))

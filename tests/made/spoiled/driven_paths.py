@@ -1,18 +1,16 @@
-"""Drive a file, and compare its path and speeds with those of the unspoiled file."""
+"""Drive a file."""
 
-import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from scenarios.definition.check.findings import CheckReport, report_of
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.path_tables import PointsPath
-from tests.made.spoiled.synthetic_drives import PLACE, Drive, Recording
+from tests.made.spoiled.synthetic_drives import PLACE
 from vehicles.geometry.geodesy import LocalPlane
 
 Floats = NDArray[np.float64]
@@ -26,7 +24,6 @@ class Driven:
     scenario: Scenario
     report: CheckReport
     path: Floats
-    points: Floats
 
     @property
     def length(self) -> float:
@@ -74,7 +71,6 @@ def driven(
         scenario=scenario,
         report=report_of(scenario),
         path=_in_place(scenario, _sampled(scenario)),
-        points=_in_place(scenario, _recorded_points(scenario)),
     )
 
 
@@ -89,12 +85,6 @@ def _sampled(scenario: Scenario) -> Floats:
     return np.array(
         (np.interp(at, path.station, path.east), np.interp(at, path.station, path.north))
     )
-
-
-def _recorded_points(scenario: Scenario) -> Floats:
-    table = scenario.tables.path
-    assert isinstance(table, PointsPath)
-    return np.array((table.east_m, table.north_m))
 
 
 def _in_place(scenario: Scenario, points: Floats) -> Floats:
@@ -115,37 +105,3 @@ def _in_place(scenario: Scenario, points: Floats) -> Floats:
     along = np.arange(points.shape[1])
     moved: Floats = points + [np.interp(along, anchors, shifts[:, axis]) for axis in (0, 1)]
     return moved
-
-
-def distances(path: Floats, other: Floats) -> Floats:
-    """Distance (m) of each point of a path from another one, NaN beyond its ends."""
-    off, nearest = (np.array(column) for column in cKDTree(other.T).query(path.T))
-    beyond = (nearest == 0) | (nearest == other.shape[1] - 1)
-    off[beyond] = math.nan
-    return off
-
-
-def largest_distance(driven: Driven, other: Driven) -> float:
-    """Largest distance (m) between two paths within their common extent, in both directions."""
-    return float(
-        max(
-            np.nanmax(distances(driven.path, other.path)),
-            np.nanmax(distances(other.path, driven.path)),
-        )
-    )
-
-
-def lost_points(driven: Driven, drive: Drive, spoiled: Recording | None = None) -> list[int]:
-    """Numbers of moving records of a drive whose position is not among the points driven.
-
-    Those that may be lacking in the spoiled recording are not examined.
-    """
-    may_lack = spoiled.may_lack if spoiled else frozenset()
-    unspoiled = [
-        fix
-        for fix in drive.recorded().fixes
-        if isinstance(fix.speed, float) and fix.speed > 1.0 and fix.truth not in may_lack
-    ]
-    places = np.array([(fix.east, fix.north) for fix in unspoiled]).reshape(-1, 2)
-    off = np.array(cKDTree(driven.points.T).query(places)[0])
-    return [unspoiled[k].truth for k in np.flatnonzero(off > 0.02).tolist()]

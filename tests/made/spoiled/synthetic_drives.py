@@ -33,10 +33,8 @@ class Fix:
 
     A text instead of a number is written as it is; None is an empty cell. `degrees` replace the
     position in formats with latitudes. `row` replaces the record by a line of the file.
-    `truth` is the number of the record in the unspoiled drive.
     """
 
-    truth: int
     time: float | str | None
     east: float
     north: float
@@ -55,31 +53,21 @@ def degrees_of(east: float, north: float) -> tuple[float, float]:
     return latitude, longitude
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Recording:
-    """Records in the order of the file.
-
-    `may_lack` are numbers of records that a reader may leave out. `timed` states whether
-    times still determine the speeds. `added_s` is the duration that faults add at standstill.
-    """
+    """Records in the order of the file."""
 
     fixes: tuple[Fix, ...]
-    noise: float
-    rate_hz: float
-    may_lack: frozenset[int] = frozenset()
-    timed: bool = True
-    added_s: float = 0.0
 
-    def changed(self, fixes: Iterable[Fix], lacking: Iterable[int] = ()) -> "Recording":
-        return replace(self, fixes=tuple(fixes), may_lack=self.may_lack | frozenset(lacking))
+    def changed(self, fixes: Iterable[Fix]) -> "Recording":
+        return Recording(tuple(fixes))
 
-    def edited(self, numbers: Iterable[int], lost: bool = False, **fields: object) -> "Recording":
+    def edited(self, numbers: Iterable[int], **fields: object) -> "Recording":
         places = set(numbers)
-        fixes = [
+        return self.changed(
             replace(fix, **fields) if k in places else fix  # type: ignore[arg-type]
             for k, fix in enumerate(self.fixes)
-        ]
-        return self.changed(fixes, [self.fixes[k].truth for k in places] if lost else [])
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,16 +132,13 @@ class Drive:
         return Recording(
             fixes=tuple(
                 Fix(
-                    truth=k,
                     time=round(START + t, 6),
                     east=round(x, 4),
                     north=round(y, 4),
                     speed=round(v, 3),
                 )
-                for k, (t, x, y, v) in enumerate(rows)
+                for t, x, y, v in rows
             ),
-            noise=self.noise,
-            rate_hz=self.rate_hz,
         )
 
 
@@ -179,7 +164,6 @@ def _shape(road: tuple[tuple[float, float], ...], ramp: float, heading: float) -
     return Shape(station, east, north, np.append(curvature, curvature[-1]))
 
 
-STRAIGHT = ((300.0, 0.0),)
 BEND = ((120.0, 0.0), (140.0, 1.0 / 70.0), (100.0, 0.0))
 U_TURN = ((120.0, 0.0), (math.pi * 9.0, 1.0 / 9.0), (120.0, 0.0))
 LOOP = ((80.0, 0.0), (2.0 * math.pi * 30.0, -1.0 / 30.0), (80.0, 0.0))

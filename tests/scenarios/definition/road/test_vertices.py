@@ -8,7 +8,6 @@ import pytest
 
 from scenarios.definition.check.findings import report_of
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.definition.traces.drawn_line import between_vertices
 
 
 def arc(radius: float, apart: float, turn: float = 0.5 * math.pi) -> np.ndarray:
@@ -54,14 +53,3 @@ def test_a_long_straight_between_vertices_is_no_hole(tmp_path: Path) -> None:
     report = report_of(scenario)
     assert (report.holes, report.radius_m_min) == (0, None)
     assert report.path_length_m == pytest.approx(640.0, abs=1.0)
-
-
-def test_points_of_a_line_are_between_their_vertices() -> None:
-    vertices = arc(150.0, 40.0)
-    points, before = between_vertices(vertices)
-    for k in range(vertices.shape[1]):
-        place = int(np.searchsorted(before, k))
-        assert points[:, place] == pytest.approx(vertices[:, k])
-    steps = np.hypot(*np.diff(points))
-    assert steps.max() < 2.2
-    assert steps.min() > 1.5

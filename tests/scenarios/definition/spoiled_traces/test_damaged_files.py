@@ -12,7 +12,6 @@ from scenarios.definition.errors import ScenarioError
 from tests.made.spoiled.drive_files import WRITERS
 from tests.made.spoiled.driven_paths import load, written
 from tests.made.spoiled.file_faults import damaged
-from tests.made.spoiled.record_faults import KINDS, combined, spoiled
 from tests.made.spoiled.synthetic_drives import BEND, LOOP, S_BEND, U_TURN, Drive
 
 LONGEST_S = 10.0
@@ -29,8 +28,7 @@ def test_a_damaged_file_is_driven_or_refused_in_lines(tmp_path: Path, case: int)
         rate_hz=random.choice((1.0, 5.0, 10.0, 20.0)),
         noise=random.choice((0.0, 0.03)),
     )
-    faults = combined(random.sample(sorted(KINDS), 3), form)
-    data = damaged(write(spoiled(drive.recorded(), faults, case)), random)
+    data = damaged(write(drive.recorded()), random)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     begun = time.monotonic()
     lines: tuple[str, ...] = ()

@@ -12,7 +12,6 @@ import pytest
 
 from tests.made.spoiled.drive_files import TABLES, Table, gpx, kml, nmea
 from tests.made.spoiled.driven_paths import driven, written
-from tests.made.spoiled.record_faults import moved_by
 from tests.made.spoiled.synthetic_drives import START, Drive, Fix, Recording
 
 COUNT, LENGTH_M, DURATION_S, SPEED = 24, 115.0, 11.5, 10.0
@@ -32,7 +31,17 @@ def changed(change: Callable[[Fix], Fix], first: int = 0, last: int = COUNT) -> 
 
 
 def shifted(seconds: float, first: int, last: int = COUNT) -> Recording:
-    return changed(lambda fix: moved_by(fix, seconds), first, last)
+    return changed(lambda fix: replace(fix, time=float(fix.time or 0.0) + seconds), first, last)
+
+
+def in_order(*places: int) -> Recording:
+    return GOOD.changed(GOOD.fixes[k] for k in places)
+
+
+def held(fixes: tuple[Fix, ...]) -> Recording:
+    """Each position is recorded five times, at 10 Hz."""
+    times = [(fix, float(fix.time or 0.0) + 0.1 * k) for fix in fixes for k in range(5)]
+    return GOOD.changed(replace(fix, time=time) for fix, time in times)
 
 
 def milliseconds(recording: Recording) -> bytes:
@@ -100,6 +109,37 @@ KNOWN: dict[str, Known] = {
         file="a.csv", data=replace(PLANE, encoding="utf-16-le").write(GOOD)
     ),
     "zero bytes first": Known(file="a.nmea", data=b"\0\0\0\r\n" + nmea(GOOD)),
+    "zero bytes last": Known(file="a.gpx", data=gpx(GOOD) + b"\0" * 4096),
+    "other line ends": Known(file="a.csv", data=GEODETIC.write(GOOD).replace(b"\n", b"\r")),
+    "swapped records": Known(
+        file="a.csv", data=PLANE.write(in_order(*range(8), 9, 8, *range(10, 24))), remark="order"
+    ),
+    "late block": Known(
+        file="a.gpx", data=gpx(in_order(*range(5), *range(9, 14), *range(5, 9), *range(14, 24))),
+        remark="order",
+    ),
+    "repeated block": Known(
+        file="a.nmea", data=nmea(in_order(*range(15), *range(10, 24))), remark="repeat",
+    ),
+    "held positions": Known(
+        file="a.csv", data=GEODETIC.write(held(GOOD.fixes)), remark="repeat", steady_at=()
+    ),
+    "coarse times": Known(
+        file="a.csv",
+        data=PLANE.write(changed(lambda fix: replace(fix, time=float(int(fix.time or 0.0))))),
+        remark="same time",
+    ),
+    "clock set back by an hour": Known(
+        file="a.csv", data=GEODETIC.write(shifted(-3600.0, 14)), remark="clock leaps"
+    ),
+    "unreadable times": Known(
+        file="a.csv", data=PLANE.write(GOOD.edited([3, 9, 15], time="?")), remark="interpolated"
+    ),
+    "jump of 30 m": Known(
+        file="a.csv",
+        data=PLANE.write(changed(lambda fix: replace(fix, north=30.0), 11, 12)),
+        left_out=(13,), remark="jump",
+    ),
     "late sentences": Known(file="a.nmea", data=nmea(GOOD, 1)),
     "paused for ten minutes": Known(
         file="a.gpx", data=gpx(PAUSED), remark="a pause of", duration_s=DURATION_S + 600.0,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from scenarios.definition.traces.cleaning import Cleaned, cleaned
 from tests.made.examples import examples
-from tests.made.scenarios.rough_drives import LEFT, STRAIGHT, SWEEP, Rough
+from tests.made.scenarios.rough_drives import SWEEP, Rough
 
 
 def of(rough: Rough, *, timed: bool = True) -> Cleaned:
@@ -93,33 +93,6 @@ def test_jumps_are_left_out_and_nothing_else(
     assert max(jump.size for jump in found.jumps) == pytest.approx(1.25 * size, rel=0.35)
 
 
-@examples(8, 60)
-@given(
-    speed=st.floats(15.0, 35.0),
-    file_hz=st.sampled_from([20.0, 33.0, 50.0]),
-    rate_hz=st.sampled_from([1.0, 5.0, 10.0]),
-    noise=st.sampled_from([0.0, 0.02]),
-    seed=st.integers(0, 1000),
-)
-def test_late_times_are_no_jumps(
-    speed: float, file_hz: float, rate_hz: float, noise: float, seed: int
-) -> None:
-    """Points of a slow receiver have the times of the next lines of a fast file."""
-    rough = Rough(course=SWEEP, speed=speed, rate_hz=rate_hz, noise=noise, seed=seed)
-    rows = np.array(rough.points())
-    begin = np.random.default_rng(seed).uniform(0.0, 1.0 / file_hz)
-    late = np.ceil((rows[:, 0] + begin) * file_hz) / file_hz
-    points = rows[:, 1:3].T.copy()
-    assert cleaned(points, late, 1.0 / file_hz).jumps == []
-    k = len(rows) // 2
-    across = points[:, k + 1] - points[:, k - 1]
-    across = np.array((-across[1], across[0])) / np.hypot(*across)
-    points[:, k] += (8.0 if rate_hz == 1.0 else 2.0) * across
-    assert cleaned(points, late, 1.0 / file_hz).kept.tolist() == [
-        *range(k), *range(k + 1, len(rows))
-    ]  # fmt: skip
-
-
 def test_costs_are_proportional_to_points() -> None:
     """Hundreds of stops and jumps in 120,000 points."""
     at = 0.1 * np.arange(120_000.0)
@@ -137,14 +110,6 @@ def test_costs_are_proportional_to_points() -> None:
     assert len(found.stands) == 120
 
 
-def test_the_first_and_the_last_point_may_jump() -> None:
-    rows = np.array(Rough(course=STRAIGHT).points())
-    rows[0, 2] += 5.0
-    rows[-1, 2] -= 5.0
-    found = cleaned(rows[:, 1:3].T.copy(), rows[:, 0])
-    assert found.kept.tolist() == list(range(1, len(rows) - 1))
-
-
 def test_a_lane_change_and_a_hard_stop_are_no_jumps() -> None:
     t = np.arange(0.0, 20.0, 0.05)
     aside = 3.5 / (1.0 + np.exp(-(t - 10.0) / 0.3))  # within a second
@@ -153,38 +118,11 @@ def test_a_lane_change_and_a_hard_stop_are_no_jumps() -> None:
     assert cleaned(points, t).jumps == []
 
 
-def test_a_stand_becomes_one_place_from_its_beginning_to_its_end() -> None:
-    rough = Rough(course=LEFT, stands=((100.0, 20.0),))
-    rows = np.array(rough.points())
-    still = np.flatnonzero(rows[:, 3] < 0.05)
-    found = of(rough)
-    (stand,) = found.stands
-    assert abs(stand.core[0] - still[0]) <= 10
-    assert abs(stand.core[1] - still[-1]) <= 10
-    at = [found.kept.tolist().index(k) for k in stand.core]
-    assert at[1] == at[0] + 1
-    assert np.array_equal(found.points[:, at[0]], found.points[:, at[1]])
-    assert stand.wander == pytest.approx(0.02, rel=0.3)
-
-
 def test_a_crawl_is_no_stand() -> None:
     t = np.arange(0.0, 200.0, 0.2)
     points = np.stack((0.4 * t, np.zeros(t.size)))
     points += np.random.default_rng(1).normal(0.0, 0.02, points.shape)
     assert cleaned(points, t).stands == []
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_the_wander_of_a_phone_while_it_stands_is_one_place(seed: int) -> None:
-    rough = Rough(
-        course=SWEEP, noise=0.2, drift=2.5, rate_hz=1.0, speed=13.0, seed=seed,
-        stands=((150.0, 60.0), (400.0, 40.0)),
-    )  # fmt: skip
-    rows = np.array(rough.points())
-    still = set(np.flatnonzero(rows[:, 3] < 0.05).tolist())
-    found = of(rough)
-    assert len(found.stands) == 2
-    assert len(still & set(found.kept.tolist())) <= 12
 
 
 @pytest.mark.parametrize("share", [0.05, 0.1])

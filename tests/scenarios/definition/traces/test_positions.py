@@ -86,16 +86,6 @@ def test_good_positions_stay(position: Floats, geodetic: bool) -> None:
     assert far_pieces(drive_of(position, geodetic=geodetic).plane_m) == [(0, 199)]
 
 
-def test_a_drive_between_far_points_is_held_together() -> None:
-    """Single points that continue the drive stay, however many far ones surround them."""
-    random = np.random.default_rng(3)
-    points = np.concatenate((BERLIN, BERLIN + 0.002), axis=1)
-    places = [*range(100, 112), *range(113, 120), *range(300, 340)]
-    points[0, places] += random.uniform(0.5, 20.0, len(places))
-    gone, _, _ = left_of(points, geodetic=True)
-    assert gone == places
-
-
 def test_no_position_at_all_is_refused_with_the_first_record() -> None:
     with pytest.raises(TraceError, match=r"no valid point, line 2 \(0.0 s\): no fix: 0°/0°"):
         usable_positions(drive_of(np.zeros((2, 9)), geodetic=True))

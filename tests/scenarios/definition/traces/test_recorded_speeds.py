@@ -18,16 +18,6 @@ def changed(places: slice | list[int], value: float) -> Floats:
     return speeds
 
 
-def test_good_speeds_stay_to_the_bit() -> None:
-    noise = np.random.default_rng(2).normal(0.0, 0.3, (2, 600))
-    points = POINTS + noise
-    points[:, 300] += 60.0  # a jump of the position
-    speeds, remarks = usable_speeds(SPEEDS, TIMES, points)
-    assert speeds is not None
-    assert np.array_equal(speeds, SPEEDS)
-    assert remarks == ()
-
-
 @pytest.mark.parametrize("value", [1e6, 120.0, 0.0, np.inf])
 @pytest.mark.parametrize("places", [[200], [0, 599], list(range(100, 120))])
 def test_single_absurd_speeds_are_interpolated(value: float, places: list[int]) -> None:
@@ -54,15 +44,6 @@ def test_speeds_in_another_unit_are_ignored(factor: float, words: str) -> None:
     speeds, (remark,) = usable_speeds(factor * SPEEDS, TIMES, POINTS)
     assert speeds is None
     assert words in remark
-
-
-def test_speeds_that_stick_at_zero_are_ignored() -> None:
-    speeds, (remark,) = usable_speeds(changed(slice(100, 300), 0.0), TIMES, POINTS)
-    assert speeds is None
-    assert "0.71 times" in remark
-    speeds, (remark,) = usable_speeds(0.0 * SPEEDS, TIMES, POINTS)
-    assert speeds is None
-    assert "every recorded speed is 0" in remark
 
 
 def test_a_standstill_and_a_pause_fit() -> None:

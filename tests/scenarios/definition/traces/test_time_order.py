@@ -4,13 +4,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from scenarios.definition.traces.drive import DriveTable
 from scenarios.definition.traces.time_order import in_time_order
-from tests.made.examples import examples
 
 COUNT, INTERVAL, SPEED = 400, 0.1, 10.0
 DAY = 86_400.0
@@ -51,17 +48,6 @@ def assert_true_times(drive: DriveTable, tolerance: float = 1e-6) -> None:
     assert off - off[COUNT // 2] == pytest.approx(np.zeros(COUNT), abs=tolerance)
 
 
-@pytest.mark.parametrize("zero", [0.0, UNIX])
-def test_a_drive_in_order_is_returned_as_it_is(zero: float) -> None:
-    drive = recorded(TRUE + zero)
-    assert in_time_order(drive) is drive
-
-
-def test_a_drive_without_times_stays_without() -> None:
-    drive = recorded(np.full(COUNT, np.nan))
-    assert in_time_order(drive) is drive
-
-
 @pytest.mark.parametrize("by", [-1e9, -DAY, -5.0, 5.0, 3600.0, DAY])
 @pytest.mark.parametrize("count", [1, 3])
 def test_wrong_times_of_a_few_records_are_interpolated_and_listed(by: float, count: int) -> None:
@@ -79,13 +65,6 @@ def test_times_after_a_leap_of_the_clock_are_shifted(by: float, place: int) -> N
     kept = slice(place, None) if place == 30 else slice(place)
     assert drive.time_s[kept] == pytest.approx(changed(place, COUNT, by)[kept], abs=1e-9)
     assert (drive.left_out.counts.total(), len(drive.remarks)) == (0, 1)
-
-
-@pytest.mark.parametrize("by", [60.0, 3600.0])
-def test_a_pause_keeps_its_times(by: float) -> None:
-    drive = in_time_order(recorded(changed(250, COUNT, by)))
-    assert drive.time_s.tolist() == changed(250, COUNT, by).tolist()
-    assert (drive.left_out.counts.total(), drive.remarks) == (0, ())
 
 
 def test_a_drive_of_several_days_keeps_its_times() -> None:
@@ -130,25 +109,6 @@ def test_laps_on_a_clock_that_starts_again_are_not_sorted() -> None:
     assert_true_times(drive)
 
 
-def test_missing_and_absurd_times_are_interpolated() -> None:
-    times = TRUE.copy()
-    times[[0, 50, 51, 399]] = np.nan
-    times[[100, 101]] = np.inf, -1e16
-    times[150:250] = np.nan
-    drive = in_time_order(recorded(times))
-    assert_true_times(drive)
-    assert drive.left_out.counts.total() == 0
-    assert drive.remarks[0].startswith("106 records have no usable time")
-
-
-def test_missing_times_follow_the_distance_where_the_rate_changes() -> None:
-    times = changed(200, COUNT, 10.0)
-    times[190:210] = np.nan
-    drive = in_time_order(recorded(times))
-    steps = np.diff(drive.time_s)
-    assert steps[189:210] == pytest.approx(np.full(21, (2.1 + 10.0) / 21.0), rel=0.05)
-
-
 @pytest.mark.parametrize(
     ("times", "remark"),
     [
@@ -164,38 +124,3 @@ def test_drives_without_usable_times_have_none(times: Floats, remark: str) -> No
     assert (drive.count, drive.left_out.counts.total()) == (24, 0)
     assert np.isnan(drive.time_s).all()
     assert drive.remarks[-1].startswith(remark)
-
-
-@pytest.mark.parametrize("phase", [0.0, 0.7])
-def test_coarse_times_are_spread_evenly(phase: float) -> None:
-    drive = in_time_order(recorded(np.floor(TRUE + phase + 1e-9)))
-    assert_true_times(drive, 0.01)
-    assert len(drive.remarks) == 1
-
-
-FAULTS = st.lists(
-    st.tuples(
-        st.integers(10, COUNT - 11),
-        st.sampled_from([-1e9, -2.0 * DAY, -3600.0, -5.0, 5.0, 3600.0, 2.0 * DAY]),
-    ),
-    max_size=5,
-    unique_by=lambda fault: fault[0],
-)
-
-
-@given(faults=FAULTS, swapped=st.sets(st.integers(10, COUNT // 2 - 10), max_size=20))
-@examples(15, 1000)
-def test_any_few_faults_leave_all_positions_and_nearly_true_times(
-    faults: list[tuple[int, float]], swapped: set[int]
-) -> None:
-    times = TRUE.copy()
-    order = np.arange(COUNT)
-    for k in swapped:
-        order[[2 * k, 2 * k + 1]] = 2 * k + 1, 2 * k
-    for k, by in faults:
-        times[k] += by
-    drive = in_time_order(recorded(times, order))
-    assert sorted(drive.numbers.tolist()) == list(range(COUNT))
-    assert (np.diff(drive.time_s) >= 0.0).all()
-    tolerance = (3.0 if faults and swapped else 1.0) * INTERVAL
-    assert np.abs(drive.time_s - TRUE[drive.numbers]).max() <= tolerance + 1e-6
