@@ -68,12 +68,12 @@ def review(
     with clear_errors():
         option = parse_rerun_option(rerun)
         require("review", "viewer", "rerun")
-        from scenarios.results import review as reviewing
+        from scenarios.results import run_drawing
 
         names = [name.strip() for name in vehicles.split(",") if name.strip()]
-        excerpt = reviewing.Excerpt(from_s, to_s, names or None)
+        excerpt = run_drawing.Excerpt(from_s, to_s, names or None)
         show = progress_of("% drawn")
-        count = reviewing.review(
+        count = run_drawing.review(
             log_in(log),
             option,
             wait=wait_until_stopped,

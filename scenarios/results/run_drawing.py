@@ -1,27 +1,37 @@
-"""Draws a run with its true errors, gaps and events, live or from its log.
+"""Draws a run with its true errors, gaps and events in Rerun, live or from its log.
 
 Import this module only for a picture: it loads Rerun, an extra.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 from zlib import crc32
 
+import click
 import numpy as np
 
+from scenarios.definition.errors import ScenarioError
+from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
 from scenarios.results.events import Event
 from scenarios.results.live import LiveRun
+from scenarios.results.log_summary import scenario_in, tables_in
+from scenarios.results.run_event import events
 from scenarios.results.tables import Collector, RunTables, Signal, Tables
 from scenarios.results.true_motion import sizes_of
 from scenarios.results.vehicle_figures import true_errors, true_gaps
 from transport.closing import Closing
 from transport.columns import Columns, joined
+from transport.log.errors import LogError
+from transport.log.reader import LogReader
 from transport.picture.batch import BATCH_NS, DRAWN_TOPICS, Batch, Mark, RunScene, VehicleValues
-from transport.picture.option import RerunOption
+from transport.picture.option import RerunOption, require_cursor
 from transport.picture.view import RerunView
-from transport.topics import TOPICS
+from transport.topics import RUN_SENDER, TOPICS, valid_at
 from vehicles.messages import Message
+from vehicles.schedule import SECOND
 
 DEFAULT_SPACING_M = 15.0
 DRAWN_KINDS: frozenset[type[Message]] = frozenset(TOPICS[topic].message for topic in DRAWN_TOPICS)
@@ -30,14 +40,14 @@ LATEST = 2**62
 
 def batch_of(
     run: RunTables,
-    events: Sequence[Event],
+    marked: Sequence[Event],
     tables: Tables,
     span: tuple[int, int],
     vehicles: Collection[str],
 ) -> Batch:
-    """Batch of a picture: `tables`, `events`, errors and gaps from `span[0]` to before `span[1]`.
+    """Batch of a picture: `tables`, `marked` events, and errors and gaps of `vehicles`.
 
-    Errors and gaps are those of `vehicles`; instants are ns.
+    Errors and gaps are those from `span[0]` to before `span[1]` (ns).
     """
     names = [name for name in run.followers if name in vehicles]
     return Batch(
@@ -45,7 +55,7 @@ def batch_of(
         tables=tables,
         errors=_values(run, true_errors, names, span),
         gaps=_values(run, true_gaps, names, span),
-        marks=[Mark(event.kind, event.at_ns, event.place, event.vehicles) for event in events],
+        marks=[Mark(event.kind, event.at_ns, event.place, event.vehicles) for event in marked],
     )
 
 
@@ -120,22 +130,9 @@ class RunDrawing(Closing):
 
 def open_drawing(option: RerunOption, scenario: Scenario, log: Path) -> RunDrawing:
     """Open the picture of a run of `scenario`; raises ViewerError."""
-    return RunDrawing(open_view(option, scenario, log), scenario.vehicle_names)
-
-
-def open_view(
-    option: RerunOption,
-    scenario: Scenario,
-    log: Path,
-    *,
-    vehicles: Sequence[str] | None = None,
-) -> RerunView:
-    """Open the view of a run of `scenario`; raises ViewerError.
-
-    It shows `vehicles`, lead first, by default all.
-    """
-    scene = scene_of(scenario, vehicles or scenario.vehicle_names)
-    return RerunView(option, recording_id=recording_id(log), scene=scene, title=scenario.title)
+    scene = scene_of(scenario, scenario.vehicle_names)
+    view = RerunView(option, recording_id=recording_id(log), scene=scene, title=scenario.title)
+    return RunDrawing(view, scenario.vehicle_names)
 
 
 def scene_of(scenario: Scenario, vehicles: Sequence[str]) -> RunScene:
@@ -170,3 +167,131 @@ def widest_spacing(scenario: Scenario) -> float:
         places = range(1, len(scenario.vehicle_names))
         spacings += [scenario.spacing_policy(place).desired(top) for place in places]
     return max(spacings) or DEFAULT_SPACING_M
+
+
+# ---- `convoy review`: shows a recorded run as it was drawn live
+
+
+SPAN_NS = 30 * SECOND
+"""Time of a log that is read and drawn at once; limits the memory."""
+
+
+class Excerpt(NamedTuple):
+    """Part of a run to draw: seconds from its start, and vehicles besides the lead (None: all)."""
+
+    from_s: float | None = None
+    to_s: float | None = None
+    vehicles: Sequence[str] | None = None
+
+    def span(self, start: int, reader: LogReader) -> tuple[int, int]:
+        """First and last instant (ns) of a run that began at `start`; LogError without records."""
+        first = -LATEST if self.from_s is None else start + round(self.from_s * SECOND)
+        last = LATEST if self.to_s is None else start + round(self.to_s * SECOND)
+        if first > last or first > reader.last_at or last < start:
+            end_s = (reader.last_at - start) / SECOND
+            raise LogError(
+                f"{reader.path}: nothing is recorded from {self.from_s or 0.0:g} to "
+                f"{end_s if self.to_s is None else self.to_s:g} s; the log ends at {end_s:.2f} s"
+            )
+        return first, last
+
+
+WHOLE_RUN = Excerpt()
+
+
+def review(
+    log: Path,
+    option: RerunOption,
+    *,
+    wait: Callable[[str], None],
+    warn: Callable[[str], None] = partial(click.echo, err=True),
+    excerpt: Excerpt = WHOLE_RUN,
+    progress: Callable[[float], None] = lambda _: None,
+    at_s: float | None = None,
+) -> int:
+    """Draw the run recorded in `log`, or part of it; returns the number of messages drawn.
+
+    With `at_s` the viewer's cursor is moved to that time (s) after the start. `progress` gets the
+    share that is done, and `warn` a line about faults of the log and missing parts. A served
+    picture is shown until `wait` returns, which is called with its address when all is drawn.
+    Raises LogError or ViewerError.
+    """
+    if at_s is not None:
+        require_cursor(option)
+    reader = LogReader(log)
+    if reader.faults:
+        warn(reader.faults)
+    scenario = _scenario_in(reader, warn)
+    convoy = _in_order(reader) if scenario is None else list(scenario.vehicle_names)
+    if unknown := set(excerpt.vehicles or ()).difference(convoy):
+        names = ", ".join(sorted(unknown))
+        raise LogError(f"{log}: holds no vehicle {names}; it has {', '.join(convoy)}")
+    if excerpt.vehicles is not None:
+        shown = [name for name in convoy if name == convoy[0] or name in excerpt.vehicles]
+        excerpt = excerpt._replace(vehicles=shown)
+    vehicles, title = excerpt.vehicles or convoy, ""
+    scene = RunScene(vehicles=vehicles, convoy=convoy)
+    if scenario is not None:
+        scene, title = scene_of(scenario, vehicles), scenario.title
+    with RerunView(option, recording_id=recording_id(log), scene=scene, title=title) as view:
+        count = 0
+        for batch, share in batches(reader, scenario, excerpt):
+            view.draw(batch)
+            count += sum(map(len, batch.tables.values()))
+            progress(share)
+        view.finish()
+        if at_s is not None:
+            view.show_at(at_s)
+        if option.sink == "serve":
+            wait(view.destination)
+    return count
+
+
+def batches(
+    reader: LogReader, scenario: Scenario | None, excerpt: Excerpt = WHOLE_RUN
+) -> Iterator[tuple[Batch, float]]:
+    """Yield part of a run in batches, each with the share of the run that has been yielded.
+
+    Its errors and events need the messages from the start of the run on. Raises LogError.
+    """
+    # The start of the run or, if it was not recorded, the first true pose.
+    starts = (valid_at(message) for _, _, message in reader.messages(("start", "truth")))
+    start = next(starts, 0)
+    first, last = excerpt.span(start, reader)
+    run = None if scenario is None else tables_in(reader, scenario)
+    found = () if run is None else events(run)
+    vehicles = None if excerpt.vehicles is None else {*excerpt.vehicles, RUN_SENDER}
+    begin = max(first, min(reader.first_at, start))
+    while begin <= min(reader.last_at, last):
+        end = max(begin, start) + SPAN_NS
+        span = begin, min(end - 1, last)
+        tables = reader.columns(DRAWN_TOPICS, vehicles=vehicles, span_ns=span)
+        batch = Batch(start_ns=start, tables=tables)
+        if run is not None:
+            shown = vehicles or {*run.names}
+            new = [
+                event
+                for event in found
+                if span[0] <= event.at_ns <= span[1] and not shown.isdisjoint(event.vehicles)
+            ]
+            batch = batch_of(run, new, tables, (span[0], span[1] + 1), shown)
+        yield batch, min((end - start) / max(reader.last_at - start, 1), 1.0)
+        begin = end
+
+
+def _scenario_in(reader: LogReader, warn: Callable[[str], None]) -> Scenario | None:
+    if ATTACHED_AS not in reader.attachments():
+        return None
+    try:
+        return scenario_in(reader)
+    except (LogError, ScenarioError) as error:  # damaged, or of another version
+        warn(f"{reader.path}: road, true errors, gaps and events are left out: {error}")
+        return None
+
+
+def _in_order(reader: LogReader) -> list[str]:
+    """Names of the vehicles, the lead first: it has no verdicts on received messages."""
+    vehicles = [name for name in reader.vehicles if name != RUN_SENDER]
+    if not vehicles:
+        raise LogError(f"{reader.path}: holds no vehicle's messages")
+    return sorted(vehicles, key=lambda name: (reader.counts.get((name, "verdict"), 0) > 0, name))

@@ -45,9 +45,11 @@ OWN_COLUMNS = (
     "heading_error_rad",
     "estimated_gap_m",
     "measured_gap_m",
+    "lead_age_s",
+    "predecessor_age_s",
     "mode",
 )
-"""Columns from the vehicle's decisions: what it estimates and does."""
+"""Columns from the vehicle's decisions: what it estimates and does, and the age of its data."""
 Key = TypeVar("Key")
 Entry = TypeVar("Entry")
 
@@ -203,14 +205,35 @@ class RunRecord:
         return DataTable(_joined([*map(self._rows_of, (none, *self._accounts.values()))]))
 
     def _rows_of(self, account: LinkAccount) -> dict[str, Array]:
-        rows = _outcomes(account)
+        rows = self._outcomes(account)
         sender, receiver = (np.full(len(rows["number"]), name, object) for name in account.link)
         times = {"t_s": self.seconds(rows["sent_at_ns"]), "sender": sender, "receiver": receiver}
         return times | rows
 
+    def _outcomes(self, account: LinkAccount) -> dict[str, Array]:
+        rows = _outcomes(account)
+        return rows | {"distance_m": self._distance(account.link, rows["sent_at_ns"])}
+
+    def _distance(self, link: Link, at_ns: Array) -> Array:
+        """True distance (m) of the centres of mass of two vehicles at instants; NaN if unknown."""
+        if self.known_scenario is None or not len(at_ns):
+            return np.full(len(at_ns), np.nan)
+        truths = [self.tables.table(name, "truth") for name in link]
+        if not all(map(len, truths)):
+            return np.full(len(at_ns), np.nan)
+        (east, north), (other_east, other_north) = (
+            [
+                np.interp(at_ns, truth.at_ns, truth[axis], left=np.nan, right=np.nan)
+                for axis in ("east_m", "north_m")
+            ]
+            for truth in truths
+        )
+        distance: Array = np.hypot(other_east - east, other_north - north)
+        return distance
+
     def outcomes(self, link: Link) -> DataTable:
         """Outcomes of the messages of a link, see `LinkRecord.outcomes`."""
-        rows = _outcomes(self._accounts[link])
+        rows = self._outcomes(self._accounts[link])
         return DataTable({"t_s": self.seconds(rows["sent_at_ns"]), **rows})
 
     def topics_of(self, vehicle: str) -> set[str]:
@@ -351,6 +374,7 @@ class LinkRecord:
         transport lost it or the receiver did not run), "in_flight" at the end, or "unrecorded" (the
         log lacks the verdict). `cause` is None unless the message was dropped or did not arrive.
         `delay_s` is the time until the receiver could use it, NaN unless it was delivered.
+        `distance_m` is the true distance of both vehicles at the time of sending.
         """
         return self._run.outcomes((self.sender, self.receiver))
 

@@ -19,7 +19,10 @@ from tests.made import second_reader
 from tests.made.second_reader import DEVIATION, SecondReading
 
 TRUE = ("east_m", "north_m", "yaw_rad", "speed_mps")
-OWN = ("lateral_error_m", "heading_error_rad", "estimated_gap_m", "measured_gap_m", "mode")
+OWN = (
+    *("lateral_error_m", "heading_error_rad", "estimated_gap_m", "measured_gap_m"),
+    *("lead_age_s", "predecessor_age_s", "mode"),
+)
 
 
 def command(*arguments: object) -> Result:
@@ -120,7 +123,9 @@ def test_the_table_of_links(exported: tuple[Path, SecondReading]) -> None:
     start_at = reading.of("run", "start")[0].start_at_ns
     for rows in rows_of(out, "links"):
         seen = set()
+        assert any(row["distance_m"] for row in rows)
         for row in rows:
+            assert row["distance_m"] is None or 4.0 < row["distance_m"] < 200.0
             key = row["sender"], row["receiver"], row["number"]
             assert row["t_s"] == pytest.approx((row["sent_at_ns"] - start_at) / 1e9, abs=1e-12)
             seen.add(key)

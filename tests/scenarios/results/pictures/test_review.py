@@ -10,8 +10,7 @@ from mcap.reader import make_reader
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.live import LiveRun
-from scenarios.results.review import Excerpt, review
-from scenarios.results.run_drawing import open_drawing
+from scenarios.results.run_drawing import Excerpt, open_drawing, review
 from scenarios.results.summary import RunSummary
 from scenarios.results.true_motion import BodySize
 from scenarios.runs.stop import Stop
