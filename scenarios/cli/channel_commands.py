@@ -17,12 +17,12 @@ from scenarios.cli.common_options import (
 )
 from scenarios.cli.output import clear_errors, warn_of_log
 from scenarios.definition.errors import require
+from scenarios.results.files import json_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from scenarios.definition.scenario import Scenario
-    from scenarios.studies.channel.fit import FittedLink
 
 
 DEFAULT = "lane_change"
@@ -78,9 +78,6 @@ def show(
     figures that its laws predict. Both vehicles drive on a straight road. Vehicles between them are
     evenly spaced on the line of sight.
     """
-    import json
-    from dataclasses import asdict
-
     from rich.console import Console
 
     from scenarios.cli.comparison_tables import print_comparison
@@ -93,7 +90,7 @@ def show(
         drive = StraightDrive(loaded, chosen, distance_m)
         found, _ = compare(drive, messages)
         if as_json:
-            click.echo(json.dumps(asdict(found), indent=2))
+            click.echo(json_text(found), nl=False)
             return
         print_comparison(scenario, loaded, found, Console())
 
@@ -168,22 +165,4 @@ def fit(log: Path, *, link: str | None, as_json: bool, output: Path | None, part
         found = {(one.sender, one.receiver): one for one in fit_log(log_in(log), partial=partial)}
         chosen = tuple(found[pair] for pair in _selected_links(link, found, str(log)))
         warn_of_log(chosen[0].log_faults)
-        print_or_write(_as_json(chosen) if as_json else as_toml(chosen), output)
-
-
-def _as_json(links: "tuple[FittedLink, ...]") -> str:
-    import json
-    from dataclasses import asdict
-    from math import isfinite
-
-    def finite(figures: "dict[str, object]") -> "dict[str, object]":
-        """Replace infinite ends of intervals by None."""
-        return {
-            key: None if isinstance(value, float) and not isfinite(value) else value
-            for key, value in figures.items()
-        }
-
-    found = [
-        asdict(one) | {"estimates": [finite(asdict(e)) for e in one.estimates]} for one in links
-    ]
-    return json.dumps(found, indent=2) + "\n"
+        print_or_write(json_text(chosen) if as_json else as_toml(chosen), output)

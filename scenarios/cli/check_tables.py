@@ -1,9 +1,7 @@
 """`convoy check`: the figures and warnings of a scenario or a recorded drive."""
 
-import json
 import shlex
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 import click
@@ -26,6 +24,7 @@ from scenarios.definition.schema.path_tables import PointsPath
 from scenarios.definition.traces.drive import WRONG_TIME
 from scenarios.definition.traces.reading import DriveInPlane
 from scenarios.results.figure_style import picture_format_of
+from scenarios.results.files import json_text
 
 Row = tuple[str, str]
 
@@ -289,7 +288,7 @@ def check_scenario(
 def _report_refused(drive: DriveInPlane, error: ScenarioError, *, as_json: bool) -> None:
     report = drive_report(drive, None)
     if as_json:
-        click.echo(json.dumps({"drive": asdict(report), "errors": error.lines}, indent=2))
+        click.echo(json_text({"drive": report, "errors": error.lines}), nl=False)
     else:
         print_drive(report, None, Console())
 
@@ -298,7 +297,7 @@ def _report(scenario: Scenario, drive: DriveInPlane | None, *, whole: bool, as_j
     """Print the `whole` table of a scenario, or that of its drive."""
     report = whole_report(scenario, drive)
     if as_json:
-        click.echo(json.dumps(asdict(report), indent=2))
+        click.echo(json_text(report), nl=False)
         return
     listed: set[str] = set()
     if report.drive is None or whole:

@@ -15,6 +15,7 @@ from scenarios.cli.common_options import (
 )
 from scenarios.cli.output import clear_errors, print_whole, table_of, warn_of_log
 from scenarios.definition.errors import require
+from scenarios.results.files import json_text, plain
 from scenarios.results.summary_columns import Column
 
 if TYPE_CHECKING:
@@ -145,9 +146,6 @@ def explain(log: Path, *, vehicle: str, at_s: float, as_json: bool) -> None:
     LOG is a run.mcap or its folder. Lists the newest message from each source, the messages that
     are missing, and the cause of each loss.
     """
-    import json
-    from dataclasses import asdict
-
     from rich.console import Console
 
     from scenarios.cli.summary_tables import print_explanation
@@ -158,8 +156,8 @@ def explain(log: Path, *, vehicle: str, at_s: float, as_json: bool) -> None:
         explanation = explaining.explain(log_in(log), vehicle, at_s)
         warn_of_log(explanation.log_faults)
         if as_json:
-            fields = asdict(explanation) | {"sentence": explanation.sentence}
-            click.echo(json.dumps(fields, indent=2))
+            fields = plain(explanation) | {"sentence": explanation.sentence}
+            click.echo(json_text(fields), nl=False)
         else:
             print_explanation(explanation, Console())
 
@@ -186,9 +184,6 @@ def info(log: Path, *, as_json: bool) -> None:
     LOG is a run.mcap or its folder. Lists duration, identity, damage and missing messages, and the
     messages, rates, longest gaps and bytes of each channel.
     """
-    import json
-    from dataclasses import asdict
-
     from rich.console import Console
 
     from scenarios.results.log_info import info_of
@@ -197,7 +192,7 @@ def info(log: Path, *, as_json: bool) -> None:
     with clear_errors():
         described = info_of(log_in(log))
         if as_json:
-            click.echo(json.dumps(asdict(described), indent=2))
+            click.echo(json_text(described), nl=False)
             return
         for name, text in _lines(described):
             click.echo(f"{name:<12}{text}")

@@ -1,16 +1,42 @@
-"""The two files of a run's folder, and files that are written whole or not at all.
+"""The two files of a run's folder, results as JSON, and files that are written whole or not at all.
 
 The summary of a run is also attached to its log.
 """
 
 import errno
+import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import fields, is_dataclass
+from math import isfinite
 from pathlib import Path
+from typing import Any
 
 LOG_NAME = "run.mcap"
 SUMMARY_NAME = "summary.json"
+
+
+def plain(value: Any) -> Any:
+    """Convert a result to JSON values: dataclasses and models to tables, NaN and ±inf to null."""
+    if hasattr(value, "model_dump"):
+        value = value.model_dump(mode="json")
+    elif hasattr(value, "tolist"):
+        value = value.tolist()
+    elif is_dataclass(value):
+        value = {one.name: getattr(value, one.name) for one in fields(value)}
+    if isinstance(value, Mapping):
+        return {name: plain(entry) for name, entry in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain(entry) for entry in value]
+    if isinstance(value, float) and not isfinite(value):
+        return None
+    return str(value) if isinstance(value, Path) else value
+
+
+def json_text(value: Any) -> str:
+    """Text of a result as JSON, with a newline at its end."""
+    return json.dumps(plain(value), indent=2, allow_nan=False) + "\n"
 
 
 def write_whole(path: Path, data: bytes, *, new: bool = False) -> None:

@@ -196,7 +196,7 @@ class Excerpt(NamedTuple):
         return first, last
 
 
-WHOLE_RUN = Excerpt()
+WHOLE_RUN, to_stderr = Excerpt(), partial(click.echo, err=True)
 
 
 def review(
@@ -204,7 +204,7 @@ def review(
     option: RerunOption,
     *,
     wait: Callable[[str], None],
-    warn: Callable[[str], None] = partial(click.echo, err=True),
+    warn: Callable[[str], None] = to_stderr,
     excerpt: Excerpt = WHOLE_RUN,
     progress: Callable[[float], None] = lambda _: None,
     at_s: float | None = None,

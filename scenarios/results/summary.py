@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import MISSING, dataclass, field, fields
 from inspect import getsource
 from itertools import pairwise
-from math import isfinite, nan
+from math import nan
 from textwrap import dedent
 from types import NoneType
 from typing import Any, Literal, get_args
@@ -22,6 +22,7 @@ from scenarios.definition.changes import LINK_CHANGES, change_from_json
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.plug_ins.table import RECORDED
+from scenarios.results.files import json_text, plain
 from scenarios.results.links import LinkSummary
 from scenarios.results.reaction import ReactionSummary
 from scenarios.results.record import RecordHole
@@ -166,13 +167,9 @@ class RunIdentity:
 
     def values(self) -> dict[str, Any]:
         """All fields in one table, the versions by their packages' names."""
-        own = {
-            entry.name: getattr(self, entry.name)
-            for entry in fields(self)
-            if entry.name != "versions"
-        }
-        own |= {"overrides": list(self.overrides), "plug_ins": dict(self.plug_ins)}
-        return own | dict(self.versions)
+        own: dict[str, Any] = plain(self)
+        versions = own.pop("versions")
+        return {**own, **versions}
 
     def metadata(self) -> dict[str, str]:
         """Texts for the metadata of a log; a list or a table is JSON."""
@@ -188,25 +185,22 @@ class RunIdentity:
         Raises ValueError for those of a newer format, whose fields may have another meaning.
         """
         refuse_newer(str(values.get("schema", SCHEMA)))
-        clock: ClockName = "virtual" if values.get("clock") == "virtual" else "wall"
         known = {entry.name for entry in fields(cls)}
-        overrides = values.get("overrides", [])
-        plug_ins = values.get("plug_ins", values.get("controllers", {}))  # the name up to 0.5
+        own = {name: value for name, value in values.items() if name in known}
+        own |= {
+            name: json.loads(own[name])
+            for name in ("overrides", "plug_ins")
+            if isinstance(own.get(name), str)
+        }
         return cls(
-            schema=str(values.get("schema", SCHEMA)),
-            scenario=str(values.get("scenario", "")),
-            title=str(values.get("title", "")),
-            overrides=tuple(json.loads(overrides) if isinstance(overrides, str) else overrides),
-            seed=int(values.get("seed", 0)),
-            clock=clock,
-            run_id=str(values.get("run_id", "")),
-            sources=str(values.get("sources", "")),
-            plug_ins=json.loads(plug_ins) if isinstance(plug_ins, str) else plug_ins,
-            versions={
-                name: str(value)
-                for name, value in values.items()
-                if name not in {*known, "controllers"}
-            },
+            **{"scenario": "", "run_id": ""}
+            | own
+            | {
+                "overrides": tuple(own.get("overrides", ())),
+                "seed": int(own.get("seed", 0)),
+                "clock": "virtual" if own.get("clock") == "virtual" else "wall",
+                "versions": {name: str(values[name]) for name in values if name not in known},
+            }
         )
 
 
@@ -313,20 +307,9 @@ _FIGURES = TypeAdapter(RunSummary)
 
 def to_json(summary: RunSummary) -> str:
     """Content of `summary.json`, also attached to the log."""
-    figures = _FIGURES.dump_python(summary, mode="json", exclude={"identity"})
-    whole = _finite(summary.identity.values() | figures)
-    return json.dumps(whole, indent=2, allow_nan=False) + "\n"
-
-
-def _finite(value: Any) -> Any:
-    match value:
-        case dict():
-            return {name: _finite(entry) for name, entry in value.items()}
-        case list() | tuple():
-            return [_finite(entry) for entry in value]
-        case float() if not isfinite(value):
-            return None
-    return value
+    figures = plain(summary)
+    del figures["identity"]
+    return json_text(summary.identity.values() | figures)
 
 
 def _filled(value: Any, kind: type) -> Any:

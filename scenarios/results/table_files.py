@@ -15,7 +15,7 @@ import numpy as np
 
 from scenarios.definition.errors import ScenarioError, require
 from scenarios.results.data_table import DataTable
-from scenarios.results.files import write_whole
+from scenarios.results.files import json_text, write_whole
 from scenarios.results.run_record import RunRecord, VehicleRecord
 from vehicles.schedule import MILLISECOND
 
@@ -67,11 +67,7 @@ def _files(run: RunRecord, kind: str) -> dict[str, Callable[[], bytes]]:
             for name, table in tables.items()
         }
     files = {f"{name}.csv": partial(_csv, table) for name, table in tables.items()}
-    return files | {ORIGIN_NAME: lambda: _json(run.origin)}
-
-
-def _json(values: Mapping[str, str]) -> bytes:
-    return json.dumps(values, indent=2, ensure_ascii=False).encode() + b"\n"
+    return files | {ORIGIN_NAME: lambda: json_text(run.origin).encode()}
 
 
 def _csv(table: Callable[[], DataTable]) -> bytes:

@@ -1,15 +1,14 @@
 """`convoy compare`: what differs between two or more groups of runs."""
 
-import json
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from string import ascii_uppercase
 from typing import Any
 
 from scenarios.definition.errors import ScenarioError, require
-from scenarios.results.files import LOG_NAME
+from scenarios.results.files import LOG_NAME, json_text, plain
 from scenarios.results.log_summary import log_in, summary_of
 from scenarios.results.run_record import RunRecord
 from scenarios.results.summary import RunSummary
@@ -266,7 +265,7 @@ def to_json(comparison: RunComparison) -> str:
         "sentence": comparison.sentence,
         "log_faults": comparison.faults,
         "settings": comparison.settings,
-        "metrics": [asdict(row) | {"difference": row.difference} for row in comparison.metrics],
+        "metrics": [plain(row) | {"difference": row.difference} for row in comparison.metrics],
         "positions": [one.row() for one in comparison.positions],
     }
-    return json.dumps(content, indent=2) + "\n"
+    return json_text(content)
