@@ -18,8 +18,6 @@ from tests.made.scenarios.messages import gps, health, tracking, truth, verdict
 from tests.made.scenarios.tables import run_of
 from vehicles.messages import Message, TruePose
 
-LINKS = ['link=[{sender="v2", receiver="v3", latency_ms=30.0, loss_ratio=0.5}]']
-
 
 class Figures(NamedTuple):
     vehicles: tuple[VehicleSummary, ...]
@@ -27,20 +25,12 @@ class Figures(NamedTuple):
 
 
 def figures_of(*messages: Message) -> Figures:
-    run = run_of(*messages, overrides=LINKS)
+    run = run_of(*messages)
     return Figures(vehicle_summaries(run, {}), link_summaries(run, accounts(run)))
 
 
 def vehicle(name: str, *messages: Message) -> VehicleSummary:
     return next(row for row in figures_of(*messages).vehicles if row.name == name)
-
-
-def link(sender: str, receiver: str, *messages: Message) -> LinkSummary:
-    return next(
-        row
-        for row in figures_of(*messages).links
-        if (row.sender, row.receiver) == (sender, receiver)
-    )
 
 
 @given(st.lists(st.lists(st.integers(0, 20), max_size=20), min_size=1, max_size=3))
@@ -200,30 +190,6 @@ def test_health_is_the_last_one_and_memory_the_largest() -> None:
     assert (row.rejected_messages, row.finished) == (4, True)
     assert row.cpu_ratio == pytest.approx(0.3)
     assert not vehicle("v3", health("v3", 0)).finished
-
-
-def test_figures_of_a_link_follow_from_its_verdicts() -> None:
-    row = link(
-        "v2",
-        "v3",
-        *(gps("v2", seq) for seq in range(6)),
-        *(tracking("v3", seq) for seq in range(36)),
-        verdict("v2", "v3", 0, latency_ms=30.0),
-        verdict("v2", "v3", 1, dropped="loss"),
-        verdict("v2", "v3", 2, latency_ms=50.0),
-        verdict("v2", "v3", 3, dropped="loss"),
-        verdict("v2", "v3", 4, latency_ms=30.0, received_after_ms=100.0),
-        verdict("v1", "v3", 4, latency_ms=500.0),
-        verdict("v1", "v2", 4, dropped="loss"),
-    )
-    assert row.requested.loss_ratio == 0.5
-    assert (row.sent, row.judged, row.delivered, row.late) == (6, 5, 3, 1)
-    assert row.dropped == {"loss": 2}
-    assert (row.in_flight, row.not_arrived) == (1, {})
-    assert row.loss_ratio == pytest.approx(2 / 5)
-    # A late message took as long as it really took.
-    assert row.latency_ms_mean == pytest.approx((30 + 50 + 100) / 3)
-    assert row.latency_ms_max == pytest.approx(100.0)
 
 
 @given(random=st.randoms(use_true_random=False))

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from scenarios.results.link_account import RESOLUTION_NS
 from scenarios.results.links import (
-    bursts,
     inflation,
     mean_length,
     quantile_of_normal,
@@ -48,27 +47,12 @@ def test_the_interval_of_a_loss_has_its_nominal_coverage(loss: float, burst: flo
     assert 0.93 < held / RUNS < 0.975
 
 
-@pytest.mark.parametrize(("loss", "burst"), [(0.2, 4.0), (0.5, 10.0), (0.3, 1.0 / 0.7)])
-def test_inflation_is_that_of_the_variance(loss: float, burst: float) -> None:
-    shares = chains(loss, burst, 9).mean(axis=1)
-    variance = loss * (1.0 - loss) / MESSAGES * inflation(loss, burst)
-    # The finite row takes off a little: (1 + r)/(1 - r) is its limit.
-    assert 0.85 < shares.var() / variance < 1.1
-
-
 def test_wilson_s_interval_by_its_own_equation() -> None:
     # Its ends solve (p - x)^2 = z^2 x (1 - x) / n.
     interval, z = share(7, 40, 0.95), quantile_of_normal(0.95)
     for end in (interval.low, interval.high):
         assert (7 / 40 - end) ** 2 == pytest.approx(z * z * end * (1.0 - end) / 40)
     assert quantile_of_normal(0.95) == pytest.approx(1.959964, abs=1e-6)
-
-
-@given(st.lists(st.booleans(), max_size=60))
-def test_bursts_are_the_runs_of_losses(lost: list[bool]) -> None:
-    text = "".join("x" if one else "." for one in lost)
-    expected = [len(run) for run in text.split(".") if run]
-    assert bursts(np.array(lost, dtype=np.bool_)).tolist() == expected
 
 
 def test_the_interval_of_a_burst_length_holds_it() -> None:

@@ -5,8 +5,6 @@ from math import nan
 from random import Random
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from scenarios.results.link_account import accounts
 from scenarios.results.links import (
@@ -45,15 +43,14 @@ def recorded(*verdicts: LinkVerdict) -> list[Recorded]:
     return [(one.received_at_ns, replace(one, seq=seq)) for seq, one in enumerate(verdicts)]
 
 
-@given(st.text(".x-", max_size=80), st.randoms(use_true_random=False))
-def test_losses_are_counted_by_number_in_any_order_of_verdicts(text: str, order: Random) -> None:
+@pytest.mark.parametrize("text", ["", "....", "xx.x-x..", "-x--xxxx.x", "xxxx"])
+def test_losses_are_counted_by_number_in_any_order_of_verdicts(text: str) -> None:
     reported = fates(text)
-    order.shuffle(reported)
+    Random(4).shuffle(reported)
     found = summary_of(*recorded(*reported))
     carried = text.replace("-", "")
     assert found.judged == len(text) == found.delivered + sum(found.dropped.values())
-    if carried:
-        assert found.loss_ratio == carried.count("x") / len(carried)
+    assert found.loss_ratio == carried.count("x") / max(len(carried), 1)
     runs = [len(run) for run in carried.split(".") if run]
     assert found.burst_messages_max == max(runs, default=0)
     if runs:

@@ -59,77 +59,67 @@ def lacks(kind: type[Message], vehicles: tuple[str, ...], begin: int, end: int) 
 
 
 LIMITS = ("collisions_max = 0", "cross_track_error_m_max = 0.5", "true_gap_m_min = 1.0")
+FOUR_SECONDS = lacks(TruePose, NAMES, 150, 350)
+GAPS = ("true_gap_m_min = 1.0", "stops_max = 0", "friction_ratio_max = 0.9")
+ERRORS = ("cross_track_error_m_max = 0.5", "friction_ratio_max = 0.9")
+FRICTION = ("friction_ratio_max = 0.9",)
 
 
-def test_a_vehicle_without_any_record_is_not_judged() -> None:
-    summary = run_of(scenario_with(*LIMITS), lacks(TruePose, ("v3",), 0, 50 * SECONDS))
-    assert summary.outcome == "failed"
-    unjudged = {limit.limit for limit in summary.limits if not limit.judged}
-    assert unjudged == {"collisions_max", "cross_track_error_m_max", "true_gap_m_min"}
-    assert [limit.vehicle for limit in summary.limits if limit.value is None] == ["v3", "v3"]
+def silent_from_6_s(one: Message) -> bool:
+    return one.vehicle != "v3" or (getattr(one, "seq", 0) < 300 and not _is_final(one))
 
 
-def test_limits_over_four_missing_seconds_are_not_judged() -> None:
-    summary = run_of(scenario_with(*LIMITS), lacks(TruePose, NAMES, 150, 350))
-    assert summary.outcome == "failed"
-    assert summary.outcome_line.startswith("FAILED: limits.collisions_max = 0: not judged")
-    assert not any(limit.judged for limit in summary.limits)
-    assert "2.98 to 7.00 s" in summary.reason
+def until_9_3_s(one: Message) -> bool:
+    """A router lost at 9.3 s: neither final counters nor the last poses are recorded."""
+    rate = 20 if isinstance(one, GpsPose) else 50
+    return getattr(one, "seq", 0) < 9.3 * rate and not _is_final(one)
 
 
-@pytest.mark.parametrize(("allowed", "outcome"), [(3.9, "failed"), (4.1, "completed")])
-def test_holes_up_to_the_allowed_time_are_judged(allowed: float, outcome: str) -> None:
-    limits = (*LIMITS, f"holes_s_max = {allowed}")
-    summary = run_of(scenario_with(*limits), lacks(TruePose, NAMES, 150, 350))
-    assert summary.outcome == outcome
-    (holes,) = (limit for limit in summary.limits if limit.limit == "holes_s_max")
-    assert holes.value == pytest.approx(4.0, abs=0.02)
-    assert holes.broken == (outcome == "failed")
+Unjudged = set[tuple[str, str]]
+"""Limits that are not judged, each with its vehicle."""
 
 
-def test_only_limits_that_need_the_missing_messages_are_not_judged() -> None:
-    limits = ("true_gap_m_min = 1.0", "stops_max = 0", "friction_ratio_max = 0.9")
-    summary = run_of(scenario_with(*limits), lacks(TruePose, ("v2",), 150, 160))
-    assert {(one.limit, one.vehicle) for one in summary.limits if not one.judged} == {
-        ("true_gap_m_min", "v2"), ("true_gap_m_min", "v3"), ("friction_ratio_max", "v2"),
-    }  # fmt: skip
-
-
-def test_errors_of_followers_need_the_lead_s_poses() -> None:
-    limits = scenario_with("cross_track_error_m_max = 0.5", "friction_ratio_max = 0.9")
-    summary = run_of(limits, lacks(TruePose, ("v1",), 150, 160))
-    assert {(one.limit, one.vehicle) for one in summary.limits if not one.judged} == {
-        *(("cross_track_error_m_max", name) for name in NAMES[1:]),
-        ("friction_ratio_max", "v1"),
-    }
+@pytest.mark.parametrize(
+    ("limits", "keep", "unjudged"),
+    [
+        (LIMITS, lacks(TruePose, ("v3",), 0, 50 * SECONDS),
+         {("collisions_max", ""), ("cross_track_error_m_max", "v3"), ("true_gap_m_min", "v3")}),
+        (LIMITS, FOUR_SECONDS,
+         {("collisions_max", ""), *((key, name) for name in NAMES[1:]
+                                    for key in ("cross_track_error_m_max", "true_gap_m_min"))}),
+        ((*LIMITS, "holes_s_max = 3.9"), FOUR_SECONDS,
+         {("collisions_max", ""), *((key, name) for name in NAMES[1:]
+                                    for key in ("cross_track_error_m_max", "true_gap_m_min"))}),
+        ((*LIMITS, "holes_s_max = 4.1"), FOUR_SECONDS, set()),
+        (GAPS, lacks(TruePose, ("v2",), 150, 160),
+         {("true_gap_m_min", "v2"), ("true_gap_m_min", "v3"), ("friction_ratio_max", "v2")}),
+        # errors of followers need the lead's poses
+        (ERRORS, lacks(TruePose, ("v1",), 150, 160),
+         {("friction_ratio_max", "v1"), *(("cross_track_error_m_max", one) for one in NAMES[1:])}),
+        (FRICTION, silent_from_6_s, {("friction_ratio_max", "v3")}),
+        (FRICTION, until_9_3_s, {("friction_ratio_max", name) for name in NAMES}),
+    ],
+)  # fmt: skip
+def test_limits_that_need_missing_messages_are_not_judged_and_fail_the_run(
+    limits: tuple[str, ...], keep: Keep, unjudged: Unjudged
+) -> None:
+    summary = run_of(scenario_with(*limits), keep)
+    assert {(one.limit, one.vehicle) for one in summary.limits if not one.judged} == unjudged
+    assert (summary.outcome == "failed") == bool(unjudged)
+    for one in summary.limits:
+        if one.limit == "holes_s_max":
+            assert one.value == pytest.approx(4.0, abs=0.02)
 
 
 def test_a_broken_limit_stays_broken() -> None:
-    limits = ("true_gap_m_min = 18.0",)
-    summary = run_of(scenario_with(*limits), lacks(TruePose, NAMES, 150, 350))
+    summary = run_of(scenario_with("true_gap_m_min = 18.0"), FOUR_SECONDS)
+    assert summary.outcome == "failed"
     assert all(limit.judged for limit in summary.limits)
-    assert "not judged" not in summary.reason
-
-
-def test_a_vehicle_that_is_silent_at_the_end_is_not_judged() -> None:
-    def until_6_s(one: Message) -> bool:
-        return one.vehicle != "v3" or (getattr(one, "seq", 0) < 300 and not _is_final(one))
-
-    summary = run_of(scenario_with("friction_ratio_max = 0.9"), until_6_s)
-    assert [one.vehicle for one in summary.limits if not one.judged] == ["v3"]
 
 
 def test_the_last_second_is_a_hole_too() -> None:
-    """A router lost at 9.3 s: neither final counters nor the last poses are recorded."""
-
-    def until_9_3_s(one: Message) -> bool:
-        rate = 20 if isinstance(one, GpsPose) else 50
-        return getattr(one, "seq", 0) < 9.3 * rate and not _is_final(one)
-
     summary = run_of(scenario_with(), until_9_3_s)
     assert {(hole.vehicle, hole.poses) for hole in summary.holes} == {(name, 14) for name in NAMES}
-    limited = run_of(scenario_with("friction_ratio_max = 0.9"), until_9_3_s)
-    assert limited.outcome == "failed"
 
 
 def _is_final(one: Message) -> bool:
