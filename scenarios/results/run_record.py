@@ -1,6 +1,6 @@
 """A recorded run: the messages of its log as tables, by vehicle and by link."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Generic, NamedTuple, TypeVar
@@ -54,26 +54,18 @@ Key = TypeVar("Key")
 Entry = TypeVar("Entry")
 
 
-class Named(Mapping[Key, Entry], Generic[Key, Entry]):
+class Named(dict[Key, Entry], Generic[Key, Entry]):
     """Entries by name in order; an unknown name raises Error with those that exist."""
 
     def __init__(self, kind: str, entries: Mapping[Key, Entry]) -> None:
-        self._kind, self._entries = kind, entries
+        super().__init__(entries)
+        self._kind = kind
 
-    def __getitem__(self, name: Key) -> Entry:
-        try:
-            return self._entries[name]
-        except (KeyError, TypeError):
-            raise UnknownNameError(self._kind, name, list(self._entries)) from None
-
-    def __iter__(self) -> Iterator[Key]:
-        return iter(self._entries)
-
-    def __len__(self) -> int:
-        return len(self._entries)
+    def __missing__(self, name: Key) -> Entry:
+        raise UnknownNameError(self._kind, name, list(self))
 
     def __repr__(self) -> str:
-        return f"<{self._kind}s: {', '.join(map(str, self._entries))}>"
+        return f"<{self._kind}s: {', '.join(map(str, self))}>"
 
 
 class RunRecord:

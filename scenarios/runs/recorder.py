@@ -42,6 +42,8 @@ ONCE_PER_STEP = frozenset({TruePose, Tracking, Command, CompositeTrajectory})
 """Messages of which a vehicle sends at most one at each instant of control."""
 ANY_AGE_NS = 2**62
 """A pose is recorded however late it comes."""
+REPEATED_IN_A_ROW = 20
+"""Consecutive numbers that came before, from which on a topic has two writers."""
 
 
 class Recorder:
@@ -88,10 +90,24 @@ class Recorder:
         """Messages in the log, and those of them that vehicles sent."""
         self.last_at = 0
         self.rejected: Counter[str] = Counter()
+        self._repeated: dict[str, tuple[int, int]] = {}
+        self._doubled: dict[str, None] = {}
 
     @property
     def keys(self) -> list[str]:
         return list(self._topics)
+
+    @property
+    def doubled(self) -> str:
+        """Topics that two programs write, each with their vehicle; empty without any."""
+        return f"two programs write {', '.join(self._doubled)}" if self._doubled else ""
+
+    def _note_repeated(self, key_expression: str, number: int) -> None:
+        last, count = self._repeated.get(key_expression, (-1, 0))
+        count = count + 1 if number == last + 1 else 1
+        self._repeated[key_expression] = number, count
+        if count >= REPEATED_IN_A_ROW:
+            self._doubled[key_expression] = None
 
     def begin(self, at: int, start_at: int, run_id: str) -> bytes:
         """Log at instant `at` that the run starts at `start_at` (ns).
@@ -167,6 +183,7 @@ class Recorder:
             raise RefusedMessageError("sequence", f"number {message.seq} is ahead of schedule")
         seen = self._seen[key_expression]
         if message.seq in seen:
+            self._note_repeated(key_expression, message.seq)
             raise RefusedMessageError("duplicate", f"number {message.seq} came before")
         return message, seen
 

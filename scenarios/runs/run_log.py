@@ -138,8 +138,8 @@ class RunLog:
         """Log that the run is over; an empty `reason` means as planned.
 
         Returns the announcement for the bus; messages can be recorded until `close`. A failed log
-        and a link without loss that delivered nothing are reasons too. A run that a limit ends is
-        over at the instant of the event.
+        a link without loss that delivered nothing, and a topic with two writers are reasons too. A
+        run that a limit ends is over at the instant of the event.
         """
         self._end_at = self.early_end.at_ns if self.early_end else at
         early = self.early_end.reason if self.early_end else ""
@@ -153,7 +153,7 @@ class RunLog:
             for line in hole_lines(record_holes(run), MOST_HOLE_LINES):
                 self.recorder.log(at, line, "warning")
             silent = silent_links(run, accounts(run), self._replayed)
-            self.reason = self._summary(reason or early or silent).reason
+            self.reason = self._summary(reason or early or silent or self.recorder.doubled).reason
         except LogError as error:
             self.reason = failure_reason(reason or early, [str(error)])
         return self.recorder.end(self._end_at, self.reason, self._identity.run_id)

@@ -128,6 +128,13 @@ def test_invalid_messages_change_only_a_counter(tmp_path: Path, name: str) -> No
     assert disturbed.path.read_bytes() == sound.path.read_bytes()
 
 
+def test_a_topic_with_two_writers_is_named(recorded: Recorded) -> None:
+    for speed in (8.0, 9.0):
+        recorded.take(gps("v1", seq, speed_mps=speed) for seq in range(30))
+        assert bool(recorded.recorder.doubled) == (speed == 9.0)
+    assert "convoy/v1/gps" in recorded.recorder.doubled
+
+
 @pytest.mark.parametrize("message", SOUND[:7], ids=lambda message: type(message).__name__)
 def test_a_message_cut_anywhere_is_refused(recorded: Recorded, message: Message) -> None:
     whole = encode(message)
