@@ -98,23 +98,17 @@ def intervals_page() -> None:
 
 INTERVALS: Mapping[str, tuple[str, Mapping[str, str]]] = {
     "bisect, 95 %": (
-        "The share of broken runs is fitted by an S-shaped curve, averaged over the logistic, "
-        "complementary log-log and log-log functions: the posterior of the boundary on a grid, "
-        "with a uniform prior in the boundary and in the logarithm of the width. Each run has its "
-        "own seed. A quarter of the runs so far is added at five quantiles of the boundary, until "
-        "the interval is narrow enough and 20 broken and 20 kept runs are expected at the share: "
-        "400 runs for 5 %. Rows: share, and width of a logistic curve as a part of the range; "
-        "400 repetitions with boundaries from 0.2 to 0.8 of the range and default options.",
+        "The share of broken runs is fitted by a logistic curve: the posterior of the boundary on "
+        "a grid, with a uniform prior in the boundary and in the logarithm of the width. Each run "
+        "has its own seed. A quarter of the runs so far is added at five quantiles of the "
+        "boundary, until the interval is narrow enough and 20 broken and 20 kept runs are expected "
+        "at the share: 400 runs for 5 %. Rows: share, and width of a logistic curve as a part of "
+        "the range; repetitions with boundaries from 0.2 to 0.8 of the range and default options.",
         {
-            "50 %, width 0.005": "96.8 %, half-width 0.008, 50 runs on average",
-            "50 %, width 0.05": "93.8 %, half-width 0.018, 201 runs",
-            "50 %, width 0.15": "95.5 %, half-width 0.023, 929 runs",
-            "5 %, width 0.005": "93.0 %, half-width 0.003, 478 runs",
-            "5 %, width 0.05": "96.2 %, half-width 0.019, 751 runs",
-            "5 %, width 0.15": "94.2 %, half-width 0.051, 1000 runs",
-            "95 %, width 0.05": "93.5 %, half-width 0.019, 746 runs",
-            "step, 50 %": "97.2 %, half-width 0.005, 50 runs",
-            "other curves": "89 to 99 %: probit, complementary log-log, log-log and Weibull",
+            "50 %": "93 to 98 %; 50 runs at a width of 0.005, 211 at 0.05, 948 at 0.15",
+            "5 or 95 %": "97 %; 478 runs at a width of 0.005, 800 at 0.05, 1000 at 0.15",
+            "step, 50 %": "97 %, 50 runs",
+            "other curves": "88 to 100 %: probit, complementary log-log, log-log and Weibull",
         },
     ),
     "sweep, 95 %": (

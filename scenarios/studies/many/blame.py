@@ -35,6 +35,7 @@ from scenarios.studies.many.losses import (
     bursts_of,
     loss_free,
     read_run,
+    true_positions,
 )
 from scenarios.studies.many.trials import (
     MAX_ALONE,
@@ -114,40 +115,6 @@ def _remove_parts(
     return kept
 
 
-def trim(
-    items: Sequence[Item],
-    first_failing: FirstFailing[Item],
-    is_exhausted: Callable[[], bool] = lambda: False,
-) -> tuple[Item, ...]:
-    """Remove items at the end and at the beginning as long as the test fails.
-
-    Uses bisection with two cuts at a time, which takes few tests if the causes are consecutive.
-    The test fails with the result in any case.
-    """
-    left = tuple(items)
-    for _ in range(2):
-        left = left[::-1][_longest_cut(left[::-1], first_failing, is_exhausted) :]
-    return left
-
-
-def _longest_cut(
-    items: tuple[Item, ...],
-    first_failing: FirstFailing[Item],
-    is_exhausted: Callable[[], bool],
-) -> int:
-    """Number of leading items that can be removed, assuming that removing more passes."""
-    fails, passes = 0, len(items)
-    while passes - fails > 1 and not is_exhausted():
-        third = max((passes - fails) // 3, 1)
-        cuts = sorted({passes - third, fails + third}, reverse=True)
-        index = first_failing([items[cut:] for cut in cuts])
-        if index != 0:
-            passes = cuts[-1] if index is None else cuts[index - 1]
-        if index is not None:
-            fails = cuts[index]
-    return fails
-
-
 def _concatenated(parts: Sequence[tuple[Item, ...]]) -> tuple[Item, ...]:
     return tuple(item for part in parts for item in part)
 
@@ -174,9 +141,7 @@ def smallest_set(
     trials.set_stage("reducing the set of messages")
     messages = sorted(losses_of(of_bursts.items))
     first_of_messages = partial(_first_breaking, trials, frozenset)
-    left = trim(messages, first_of_messages, lambda: trials.is_exhausted)
-    # Most of a trimmed burst is needed, so test single messages first.
-    return ddmin(left, first_of_messages, lambda: trials.is_exhausted, chunks=len(left))
+    return ddmin(messages, first_of_messages, lambda: trials.is_exhausted)
 
 
 def _first_breaking(
@@ -276,8 +241,8 @@ def blame(
 
 def _check_same(trials: Trials, run: RecordedRun) -> None:
     """Raise LogError unless a rerun with the same losses has identical true poses."""
-    everything = frozenset(run.lost(max(at for _, at in run.truth) + SECOND * 3600))
-    difference = trials.first_difference(everything, run.truth)
+    everything = frozenset(run.lost(run.tables.ran_ns + SECOND * 3600))
+    difference = trials.first_difference(everything, true_positions(run.tables))
     if difference is None:
         return
     vehicle, at = difference

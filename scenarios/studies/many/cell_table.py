@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.definition.run_limits import Limit
 from scenarios.studies.job import Row
 from scenarios.studies.many.plan import SweepFigure, SweepPlan, run_key
 from scenarios.studies.many.variant import agresti_coull, geometric_mean_of, mean_of
@@ -24,8 +23,8 @@ class SweepRun:
     outcome: str = ""
     reason: str = ""
     error: str = ""
-    figures: tuple[float | None, ...] = ()
-    broken: tuple[bool, ...] = ()
+    figures: Sequence[float | None] = ()
+    broken: Sequence[bool] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,49 +125,33 @@ class SweepTable:
 
 def table_of(plan: SweepPlan, entries: Mapping[str, Mapping[str, Any]]) -> SweepTable:
     """Summarize the journal entries of all runs by cell."""
-    summarized = []
-    for number, cell in enumerate(plan.cells):
-        values = tuple(override.partition("=")[2] for override in cell)
-        runs = [
-            _run(values, variant.seed, variant.command, entries[run_key(number, variant.seed)])
-            for variant in plan.variants(cell)
-        ]
-        summarized.append(_cell(values, runs, plan.figures, plan.limits))
-    return SweepTable(plan=plan, cells=tuple(summarized))
-
-
-def _run(values: tuple[str, ...], seed: int, command: str, entry: Mapping[str, Any]) -> SweepRun:
-    return SweepRun(
-        values=values,
-        seed=seed,
-        command=command,
-        outcome=entry.get("outcome", ""),
-        reason=entry.get("reason", ""),
-        error=entry.get("error", ""),
-        figures=tuple(entry.get("figures", ())),
-        broken=tuple(entry.get("broken", ())),
-    )
-
-
-def _cell(
-    values: tuple[str, ...],
-    runs: Sequence[SweepRun],
-    figures: Sequence[SweepFigure],
-    limits: Sequence[Limit],
-) -> SweepCell:
-    sound = [run for run in runs if not run.error]
-    return SweepCell(
-        values=values,
-        runs=tuple(runs),
-        failed=sum(run.outcome == "failed" for run in sound),
-        errors=len(runs) - len(sound),
-        figures=tuple(
-            _spread([run.figures[n] for run in sound], figure.is_gain)
-            for n, figure in enumerate(figures)
-        ),
-        limits=tuple(_share([run.broken[n] for run in sound]) for n in range(len(limits))),
-        worst=max(sound or runs, key=_badness(figures[0])),
-    )
+    cells = []
+    for number, overrides in enumerate(plan.cells):
+        values = tuple(override.partition("=")[2] for override in overrides)
+        runs = tuple(
+            SweepRun(
+                values=values,
+                seed=variant.seed,
+                command=variant.command,
+                **entries[run_key(number, variant.seed)],
+            )
+            for variant in plan.variants(overrides)
+        )
+        sound = [run for run in runs if not run.error]
+        cell = SweepCell(
+            values=values,
+            runs=runs,
+            failed=sum(run.outcome == "failed" for run in sound),
+            errors=len(runs) - len(sound),
+            figures=tuple(
+                _spread([run.figures[n] for run in sound], figure.is_gain)
+                for n, figure in enumerate(plan.figures)
+            ),
+            limits=tuple(_share([run.broken[n] for run in sound]) for n in range(len(plan.limits))),
+            worst=max(sound or runs, key=_badness(plan.figures[0])),
+        )
+        cells.append(cell)
+    return SweepTable(plan=plan, cells=tuple(cells))
 
 
 def _badness(figure: SweepFigure) -> Callable[[SweepRun], float]:
@@ -229,6 +212,11 @@ def _cell_content(table: SweepTable, cell: SweepCell) -> dict[str, object]:
     keys = [axis.key for axis in table.plan.axes]
     figures = [figure.name for figure in table.plan.figures]
     limits = [str(limit) for limit in table.plan.limits]
+    runs = [asdict(run) for run in cell.runs]
+    for run in runs:
+        del run["values"]
+        for names, key in ((figures, "figures"), (limits, "broken")):
+            run[key] = dict(zip(names, run[key], strict=False))
     return {
         "values": dict(zip(keys, cell.values, strict=True)),
         "failed": cell.failed,
@@ -236,18 +224,7 @@ def _cell_content(table: SweepTable, cell: SweepCell) -> dict[str, object]:
         "figures": dict(zip(figures, map(asdict, cell.figures), strict=True)),
         "limits": dict(zip(limits, map(asdict, cell.limits), strict=True)),
         "worst_seed": cell.worst.seed,
-        "runs": [
-            {
-                "seed": run.seed,
-                "command": run.command,
-                "outcome": run.outcome,
-                "reason": run.reason,
-                "error": run.error,
-                "figures": dict(zip(figures, run.figures, strict=False)),
-                "broken": dict(zip(limits, run.broken, strict=False)),
-            }
-            for run in cell.runs
-        ],
+        "runs": runs,
     }
 
 

@@ -5,6 +5,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from scenarios.definition.changes import LINK_CHANGES, links_of
 from scenarios.definition.channel.recordings import run_lengths
 from scenarios.definition.run_limits import Limit
@@ -13,6 +15,7 @@ from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
 from scenarios.results.log_info import session_of
 from scenarios.results.log_summary import tables_in
 from scenarios.results.tables import TOPICS_OF_METRICS, RunTables
+from transport.columns import Floats
 from transport.links.laws.recorded_losses import EarlierRun, Listed, NumberSet
 from transport.log.errors import LogError
 from transport.log.reader import LogReader
@@ -54,15 +57,13 @@ class Fate:
 class RecordedRun:
     """A run from its log, with instants in ns after its start.
 
-    `fates` are by link and message number, `late` counts late messages. `truth` are the true poses
-    (east, north, m) by vehicle and instant.
+    `fates` are by link and message number, `late` counts late messages.
     """
 
     log: Path
     tables: RunTables
     fates: Mapping[LinkEnds, Mapping[int, Fate]]
     late: int
-    truth: Mapping[tuple[str, int], tuple[float, float]]
 
     @property
     def scenario(self) -> Scenario:
@@ -105,7 +106,6 @@ def read_run(log: Path) -> RecordedRun:
         run,
         {link: row for of_receiver in fates.values() for link, row in of_receiver.items()},
         sum([int(run.table(name, "verdict")["late"].sum()) for name in run.names]),
-        dict(_places(run, run.start_at)),
     )
     if not any(fate.is_lost for row in recorded.fates.values() for fate in row.values()):
         raise LogError(f"{log}: no message was lost")
@@ -136,13 +136,14 @@ def _can_be_restored(scenario: Scenario, link: LinkEnds, reason: str) -> bool:
     return bool(reason) and counts_as_loss(reason)
 
 
-def _places(run: RunTables, start_at: int) -> Iterator[tuple[tuple[str, int], tuple[float, float]]]:
-    """Yield true poses (east, north, m) by vehicle and instant."""
+def true_positions(run: RunTables) -> dict[str, Floats]:
+    """Instants (ns after the start) and true positions (east, north, m) by vehicle, (n, 3)."""
+    positions = {}
     for name in run.names:
         truth = run.table(name, "truth")
-        columns = ((truth.at_ns - start_at).tolist(), truth["east_m"], truth["north_m"])
-        for at, east, north in zip(*columns, strict=True):
-            yield (name, at), (float(east), float(north))
+        columns = (truth.at_ns - run.beginning, truth["east_m"], truth["north_m"])
+        positions[name] = np.column_stack(columns)
+    return positions
 
 
 # ---- Bursts and overlaps

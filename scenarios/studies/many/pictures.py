@@ -1,10 +1,10 @@
 """The plot of `convoy bisect`: shares of broken runs over the value."""
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from textwrap import fill
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
@@ -164,40 +164,29 @@ SHIFT_RATIO = 0.008
 """Shift of a line from the next one, relative to the x axis, so that intervals do not overlap."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SweepPanel:
-    """A value with its interval for each cell, in the unit of the label, and a bound to mark."""
+class SweepPanel(NamedTuple):
+    """Values of the cells with the ends of their intervals, in the unit of the label; a bound."""
 
     label: str
-    values: Floats
-    low: Floats
-    high: Floats
-    bound: float | None = None
-    is_share: bool = False
+    cells: Floats  # value, lower and upper end by cell
+    bound: float | None
+    is_share: bool
 
 
 def _panels(table: SweepTable) -> Iterator[SweepPanel]:
     """Yield the share of runs that break each limit, and the mean of each metric."""
     for number, limit in enumerate(table.plan.limits):
         shares = [cell.limits[number] for cell in table.cells]
-        yield SweepPanel(
-            label=_wrapped(f"runs that break {limit}, %"),
-            values=PERCENT * _numbers(share.ratio for share in shares),
-            low=PERCENT * _numbers(share.low for share in shares),
-            high=PERCENT * _numbers(share.high for share in shares),
-            is_share=True,
-        )
+        cells = np.array([(one.ratio, one.low, one.high) for one in shares], dtype=float).T
+        yield SweepPanel(_wrapped(f"runs that break {limit}, %"), PERCENT * cells, None, True)
     for number, metric in enumerate(table.plan.figures):
         spreads = [cell.figures[number] for cell in table.cells]
-        bound = _bound_of(metric.name, table.plan.limits)
-        label = axis_label(metric.name)
-        yield SweepPanel(
-            label=_wrapped(label.text),
-            values=label.factor * _numbers(spread.mean for spread in spreads),
-            low=label.factor * _numbers(spread.mean_low for spread in spreads),
-            high=label.factor * _numbers(spread.mean_high for spread in spreads),
-            bound=None if bound is None else label.factor * bound,
-        )
+        cells = np.array(
+            [(one.mean, one.mean_low, one.mean_high) for one in spreads], dtype=float
+        ).T
+        bound, label = _bound_of(metric.name, table.plan.limits), axis_label(metric.name)
+        at = None if bound is None else label.factor * bound
+        yield SweepPanel(_wrapped(label.text), label.factor * cells, at, False)
 
 
 def _wrapped(label: str) -> str:
@@ -214,37 +203,26 @@ def _bound_of(metric: str, limits: Sequence[Limit]) -> float | None:
     return None
 
 
-def _numbers(values: Iterable[float | None]) -> Floats:
-    return np.array([np.nan if value is None else value for value in values], dtype=float)
-
-
 @mpl.rc_context(STYLE)
 def sweep_picture(table: SweepTable) -> Figure:
     """Draw a panel for each limit and metric; `plan.refuse_picture` states which axes it takes."""
-    panels, axes = list(_panels(table)), table.plan.axes
+    panels, axes, seeds = list(_panels(table)), table.plan.axes, table.plan.seeds
     columns = min(len(panels), 2)
     rows = -(-len(panels) // columns)
     size = COLUMN_IN if columns == 1 else PAGE_IN, rows * PANEL_HEIGHT_IN
     figure = Figure(figsize=size, layout="constrained")
     places = list(figure.subplots(rows, columns, squeeze=False).flat)
-    for place in places[len(panels) :]:
-        place.set_axis_off()
     is_map = len(axes) == 2 and all(axis.numbers for axis in axes)
     for place, panel in zip(places, panels, strict=False):
-        if is_map:
-            _draw_map(place, axes, panel)
-        else:
-            _draw_lines(place, axes, panel)
+        (_draw_map if is_map else _draw_lines)(place, axes, panel)
+    for place in places[len(panels) :]:
+        place.set_axis_off()
     if len(axes) == 2 and not is_map:
         other = next(axis for axis in axes if not axis.numbers)
-        figure.legend(
-            *places[0].get_legend_handles_labels(),
-            loc="outside lower center",
-            title=axis_label(other.key).text,
-            ncols=2 * columns,
-        )
+        lines = places[0].get_legend_handles_labels()
+        title = axis_label(other.key).text
+        figure.legend(*lines, loc="outside lower center", title=title, ncols=2 * columns)
     drawn = "mean" if is_map else "mean and 95 % interval"
-    seeds = table.plan.seeds
     figure.suptitle(f"{drawn} of {seeds} run{'s' if seeds > 1 else ''}")
     return figure
 
@@ -256,24 +234,23 @@ def _draw_lines(place: Axes, axes: Sequence[SweepAxis], panel: SweepPanel) -> No
     x, order = _positions(axis)
     names = others[0].texts if others else ("",)
     reach = SHIFT_RATIO * float(np.ptp(x))
-    lines = np.moveaxis(_grid(axes, panel.values, panel.low, panel.high), along + 1, -1)
+    lines = np.moveaxis(_grid(axes, panel.cells), along + 1, -1)
     values, low, high = lines.reshape(3, len(names), len(x))[..., order]
     for number, name in enumerate(names):
-        style: dict[str, Any] = {"color": _colour(number, len(names))}
-        style |= {"marker": MARKERS[number % len(MARKERS)], "markersize": 3.5, "label": name}
-        if not axis.numbers:  # nothing lies between two categories
-            style["linestyle"] = "none"
-        shifted = x[order] + reach * (number - 0.5 * (len(names) - 1))
         mean = values[number]
         ends = np.nan_to_num([mean - low[number], high[number] - mean])
         place.errorbar(
-            shifted,
+            x[order] + reach * (number - 0.5 * (len(names) - 1)),
             mean,
             yerr=np.maximum(ends, 0.0),
+            color=_colour(number, len(names)),
+            marker=MARKERS[number % len(MARKERS)],
+            markersize=3.5,
+            linestyle="-" if axis.numbers else "none",  # nothing lies between two categories
             elinewidth=0.9,
             capsize=2.0,
             clip_on=False,
-            **style,
+            label=name,
         )
     if panel.bound is not None:
         place.axhline(panel.bound, color=GREY, linewidth=0.9, linestyle=":")
@@ -289,9 +266,11 @@ def _draw_map(place: Axes, axes: Sequence[SweepAxis], panel: SweepPanel) -> None
     """Draw the cells in colour, the first key along x, and the contour of the bound."""
     (x, columns), (y, rows) = map(_positions, axes)
     x, y = x[columns], y[rows]
-    grid = _grid(axes, panel.values)[0].T[np.ix_(rows, columns)]
-    ends: dict[str, Any] = {"vmin": 0.0, "vmax": PERCENT} if panel.is_share else {}
-    mesh = place.pcolormesh(x, y, grid, shading="nearest", cmap=SEQUENCE, **ends)
+    grid = _grid(axes, panel.cells)[0].T[np.ix_(rows, columns)]
+    ends = (0.0, PERCENT) if panel.is_share else (None, None)
+    mesh = place.pcolormesh(
+        x, y, grid, shading="nearest", cmap=SEQUENCE, vmin=ends[0], vmax=ends[1]
+    )
     place.figure.colorbar(mesh, ax=place, label=panel.label)
     known = grid[np.isfinite(grid)]
     if panel.bound is not None and min(grid.shape) > 1 and known.size:
@@ -302,8 +281,8 @@ def _draw_map(place: Axes, axes: Sequence[SweepAxis], panel: SweepPanel) -> None
         for (row, column), value in np.ndenumerate(grid):
             ink = ink_on(mesh.to_rgba(np.array([value]))[0])
             text = "" if np.isnan(value) else f"{value:.0f}" if panel.is_share else f"{value:.2g}"
-            place.text(float(x[column]), float(y[row]), text, color=ink, ha="center",
-                       va="center", fontsize=SMALL_PT)  # fmt: skip
+            at = float(x[column]), float(y[row])
+            place.text(*at, text, color=ink, ha="center", va="center", fontsize=SMALL_PT)
     for set_ticks, values in ((place.set_xticks, x), (place.set_yticks, y)):
         shown = values[:: -(-len(values) // MOST_TICKS)]
         set_ticks(shown, [f"{value:g}" for value in shown])
@@ -318,9 +297,9 @@ def _positions(axis: SweepAxis) -> tuple[Floats, NDArray[np.intp]]:
     return x, np.argsort(x)
 
 
-def _grid(axes: Sequence[SweepAxis], *values: Floats) -> Floats:
-    """Arrays of the values by the numbers of the values of the keys."""
-    return np.reshape(values, (len(values), *(len(axis.texts) for axis in axes)))
+def _grid(axes: Sequence[SweepAxis], cells: Floats) -> Floats:
+    """Rows of values of the cells by the numbers of the values of the keys."""
+    return cells.reshape(len(cells), *(len(axis.texts) for axis in axes))
 
 
 def _colour(number: int, count: int) -> Any:

@@ -15,12 +15,18 @@ from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.limits import first_breach
 from scenarios.results.tables import RunTables
 from scenarios.results.vehicle_figures import true_errors, true_gaps
-from scenarios.runs.observer import OnMessage
-from scenarios.runs.virtual import drive, run_tables
+from scenarios.runs.virtual import run_tables
 from scenarios.studies.engine import Engine
 from scenarios.studies.job import Job
-from scenarios.studies.many.losses import Burst, Losses, LossFreeScenario, overlaps_of
-from vehicles.messages import Message, TruePose
+from scenarios.studies.many.losses import (
+    Burst,
+    Losses,
+    LossFreeScenario,
+    overlaps_of,
+    true_positions,
+)
+from transport.columns import Floats
+from vehicles.messages import RunStart, TruePose
 from vehicles.schedule import SECOND
 
 # ---- One run with other losses: its worst figure, and whether it breaks a limit
@@ -28,8 +34,6 @@ from vehicles.schedule import SECOND
 
 FigureName = Literal["error", "gap"]
 """The largest true cross-track error of a follower, or the smallest true gap to its predecessor."""
-Truth = Mapping[tuple[str, int], tuple[float, float]]
-"""True poses (east, north, m) by vehicle and instant (ns after the start)."""
 NO_END = 2**63
 
 
@@ -108,18 +112,18 @@ def rerun(
     return result_of(run, criteria, whole=whole)
 
 
-def first_difference(scenario: Scenario, truth: Truth) -> tuple[str, int] | None:
-    """Run in virtual time; return vehicle and instant of the first true pose unlike `truth`."""
-    poses: dict[tuple[str, int], tuple[float, float]] = {}
-
-    def listen(_at: int, message: Message) -> None:
-        if isinstance(message, TruePose):
-            at = message.true_at_ns - scenario.start_at_ns
-            poses[message.vehicle, at] = message.east_m, message.north_m
-
-    drive(scenario, [OnMessage(listen, frozenset([TruePose]))])
-    instants = sorted(truth, key=lambda key: (key[1], key[0]))
-    return next((key for key in instants if poses.get(key) != truth[key]), None)
+def first_difference(text: str, positions: Mapping[str, Floats]) -> tuple[str, int] | None:
+    """Run in virtual time; return vehicle and instant of the first unlike `true_positions`."""
+    run, _ = run_tables(scenario_from_text(text), kinds=frozenset((RunStart, TruePose)))
+    differences = []
+    for name, again in true_positions(run).items():
+        before = positions[name]
+        count = min(len(before), len(again))
+        unlike = (before[:count] != again[:count]).any(axis=1)
+        if unlike.any() or count < len(before):
+            row = int(np.argmax(unlike)) if unlike.any() else count
+            differences.append((int(before[row, 0]), name))
+    return min(differences)[::-1] if differences else None
 
 
 # ---- Trials
@@ -161,9 +165,11 @@ class Trials:
         self._results |= self._simulate(new, self.criteria, whole=whole)
         return [self._results[losses] for losses in wanted]
 
-    def first_difference(self, losses: Losses, truth: Truth) -> tuple[str, int] | None:
-        """Return vehicle and instant of the first true pose unlike `truth`, or None."""
-        work = partial(_first_difference, self.convoy.with_losses(losses).text, truth)
+    def first_difference(
+        self, losses: Losses, positions: Mapping[str, Floats]
+    ) -> tuple[str, int] | None:
+        """Return vehicle and instant of the first pose unlike `true_positions`, or None."""
+        work = partial(first_difference, self.convoy.with_losses(losses).text, positions)
         job = Job(key="as recorded", work=work)
         self.runs += 1
         (difference,) = self.engine.results([job])
@@ -213,10 +219,6 @@ class Trials:
 
 def _fields(text: str, criteria: RerunCriteria, **options: bool) -> dict[str, Any]:
     return asdict(rerun(scenario_from_text(text), criteria, **options))
-
-
-def _first_difference(text: str, truth: Truth) -> tuple[str, int] | None:
-    return first_difference(scenario_from_text(text), truth)
 
 
 def _digest(losses: Losses) -> str:

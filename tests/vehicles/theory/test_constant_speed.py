@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from tests.made.examples import examples
 from tests.made.vehicles.theory.random_cars import CAR, CARS, GAINS, SPEEDS
-from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters, all_loadings, loaded
+from vehicles.car.parameters import NOMINAL_GAINS, Gains, VehicleParameters
 from vehicles.theory.gain_sets import abscissa, is_stable_over
 
 
@@ -18,12 +18,6 @@ def test_stability_over_an_interval_agrees_with_a_dense_grid(
     worst = float(abscissa(car, gains, speeds).max())
     assume(abs(worst + decay) > 1e-3)
     assert is_stable_over(car, gains, slowest, fastest, decay) == (worst < -decay)
-
-
-def test_nominal_gains_are_stable_at_every_speed_and_loading() -> None:
-    for loading in all_loadings():
-        assert is_stable_over(loaded(CAR, loading), NOMINAL_GAINS, 2.0, 40.0)
-    assert not is_stable_over(CAR, NOMINAL_GAINS, 2.0, 200.0)
 
 
 def test_stability_ends_where_a_root_crosses() -> None:

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
 from tests.made.vehicles.driving import advance
 from vehicles.car.dynamics import Actuation, Body
@@ -22,8 +21,6 @@ from vehicles.schedule import SECOND, Cadence, instants
 from vehicles.theory.linear_model import closed_loop_at
 from vehicles.theory.sampled_loop import (
     SampledLoop,
-    _exponential,
-    lowest_stable_rate,
     sampled_decay,
     stationary_gains,
 )
@@ -43,14 +40,6 @@ def test_it_converges_to_the_continuous_loop(speed: float, car: VehicleParameter
         errors.append(abs(sampled_decay(loop, speed) - continuous))
     assert errors[2] < 0.05
     assert errors[0] > 1.8 * errors[1] > 3.2 * errors[2]  # a hold is a delay of half a period
-
-
-def test_the_exponential_agrees_with_scipy() -> None:
-    random = np.random.default_rng(4)
-    for size in (0.01, 1.0, 40.0):
-        matrix = size * random.standard_normal((7, 7))
-        expected = expm(matrix)
-        assert _exponential(matrix) == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("noise", [(0.02, 0.00175), (0.3, 0.01)])
@@ -168,18 +157,3 @@ def test_with_an_inertial_sensor_at_the_control_rate_any_receiver_is_stable(
 ) -> None:
     for gnss_hz in (1.0, 2.0, 5.0, 10.0, 20.0):
         assert sampled_decay(replace(LOOP, parameters=car, gnss_hz=gnss_hz), speed) > 0.0
-
-
-def test_all_rates_above_the_lowest_stable_rate_are_stable() -> None:
-    def at(rate: float) -> SampledLoop:
-        return replace(LOOP, imu_hz=rate)
-
-    lowest = lowest_stable_rate(at, 30.0, 50)
-    assert lowest is not None
-    assert sampled_decay(at(lowest - 1), 30.0) <= 0.0
-    for rate in np.linspace(lowest, 50.0, 9):
-        assert sampled_decay(at(round(float(rate))), 30.0) > 0.0
-    assert (
-        lowest_stable_rate(lambda rate: replace(LOOP, control_hz=rate, imu_hz=None), 60.0, 9)
-        is None
-    )

@@ -114,9 +114,9 @@ def test_an_irreproducible_log_is_refused(
 
     def read_altered(path: Path) -> Any:
         run = read_run(path)
-        key = ("v2", 2_000_000_000)
-        east, north = run.truth[key]
-        return replace(run, late=3, truth={**run.truth, key: (east + 1e-9, north)})
+        truth = run.tables.table("v2", "truth")
+        truth["east_m"][truth.at_ns - run.tables.beginning == 2_000_000_000] += 1e-9
+        return replace(run, late=3)
 
     monkeypatch.setattr(blame, "read_run", read_altered)
     line = refused(convoy("blame", log, "--out", tmp_path, "--workers", "0"))

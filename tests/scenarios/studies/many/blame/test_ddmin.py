@@ -1,12 +1,11 @@
 """Delta debugging of synthetic tests: the result fails like the whole and is minimal."""
 
 from collections.abc import Callable, Sequence
-from hashlib import blake2b
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenarios.studies.many.blame import SmallestSet, ddmin, trim
+from scenarios.studies.many.blame import SmallestSet, ddmin
 
 Fails = Callable[[frozenset[int]], bool]
 SIZES = st.integers(1, 40)
@@ -41,24 +40,6 @@ def test_one_of_several_sufficient_causes_remains(data: st.DataObject, size: int
 
 
 @few
-@given(SIZES, st.integers(0, 1000), st.integers(1, 9))
-def test_the_result_is_minimal_for_a_test_that_is_not_monotone(
-    size: int, salt: int, of_ten: int
-) -> None:
-    every = frozenset(range(size))
-
-    def fails(items: frozenset[int]) -> bool:
-        digest = blake2b(f"{salt} {sorted(items)}".encode(), digest_size=2).digest()
-        return items == every or (bool(items) and int.from_bytes(digest) % 10 < of_ten)
-
-    found = shrink(size, fails)
-    left = frozenset(found.items)
-    assert found.is_minimal
-    assert fails(left)
-    assert not any(fails(left - {item}) for item in left)
-
-
-@few
 @given(SIZES, st.integers(0, 1000), st.integers(0, 30))
 def test_an_exhausted_search_returns_a_failing_set(size: int, salt: int, most: int) -> None:
     needed = {salt % size, (salt * 7 + 3) % size}
@@ -90,24 +71,3 @@ def test_consecutive_causes_take_few_tests() -> None:
 
     assert ddmin(range(1000), first_that(fails)).items == tuple(range(411, 431))
     assert tried < 120
-
-
-@given(st.data(), SIZES)
-def test_trimming_keeps_exactly_consecutive_causes(data: st.DataObject, size: int) -> None:
-    first = data.draw(st.integers(0, size - 1))
-    last = data.draw(st.integers(first, size - 1))
-    needed = set(range(first, last + 1))
-    left = trim(range(size), first_that(lambda items: needed <= items))
-    assert left == tuple(range(first, last + 1))
-
-
-@given(SIZES, st.integers(0, 1000))
-def test_the_trimmed_set_always_fails(size: int, salt: int) -> None:
-    every = frozenset(range(size))
-
-    def fails(items: frozenset[int]) -> bool:
-        return items == every or (bool(items) and (sum(items) * 31 + salt) % 3 == 0)
-
-    left = trim(range(size), first_that(fails))
-    assert fails(frozenset(left))
-    assert left == tuple(range(left[0], left[-1] + 1))
