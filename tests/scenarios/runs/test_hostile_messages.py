@@ -20,16 +20,15 @@ from scenarios.runs.node.node import AnyNode
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.observer import Observer, OnMessage, Watcher
 from scenarios.runs.processes.conductor import Conductor, Phase
-from scenarios.runs.processes.membership import VEHICLE, ClockSync, Fingerprint, Membership
+from scenarios.runs.processes.membership import VEHICLE, Fingerprint, Membership
 from scenarios.runs.processes.vehicle_process import RunAnnouncements
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.virtual import VirtualConvoy
 from tests.made.scenarios.hostile_messages import TEXTS, Put, Stranger
 from transport.bus.bus import Bus, BusError, MemoryBus, MemoryNetwork
-from transport.clock import WallClock
 from transport.codec import encode
 from transport.log.reader import LogReader
-from transport.topics import REASONS, RUN_SENDER, TOPICS, clock_key, key
+from transport.topics import REASONS, RUN_SENDER, TOPICS, key
 from vehicles.messages import Health, LogText, Message
 from vehicles.schedule import SECOND, Timer, nanoseconds
 
@@ -241,21 +240,6 @@ def test_plausible_messages_are_used_or_counted(tmp_path: Path, campaign: int) -
     assert all(text.isprintable() for text in texts)
     written = from_json((run.folder / "summary.json").read_text())
     assert to_json(written) == to_json(run.summary)
-
-
-ODD_ANSWERS = (
-    *(b"", b"-1", b"nan", b"1e400", b"9" * 400, b"9" * 5000, b"\xff", "٣".encode(), b"0" * 10**6),
-)
-
-
-@pytest.mark.parametrize("answer", ODD_ANSWERS, ids=range(len(ODD_ANSWERS)))
-def test_a_clock_that_answers_nonsense_measures_nothing(answer: bytes) -> None:
-    bus = MemoryBus()
-    bus.answer(clock_key(RUN_SENDER), lambda _: answer)
-    sync = ClockSync(bus, "v1", WallClock(), lambda: "recorder", sufficient_ns=SECOND)
-    for _ in range(20):
-        sync.advance()
-    assert not sync.is_measured
 
 
 def test_unknown_members_are_ignored_or_named_in_one_line() -> None:

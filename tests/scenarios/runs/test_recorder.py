@@ -4,13 +4,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from scenarios.definition.schema.link_tables import LinkTable
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.recorder import Recorder
-from tests.made.examples import examples
 from tests.made.scenarios.messages import (
     START,
     at,
@@ -24,10 +21,10 @@ from tests.made.scenarios.messages import (
 )
 from tests.made.transport.links import inbox as inbox_of
 from tests.made.transport.logs import rows
-from transport.codec import MAX_BYTES, encode
+from transport.codec import encode
 from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
-from transport.topics import RUN_SENDER, TOPIC_OF, TOPICS, key
+from transport.topics import RUN_SENDER, TOPIC_OF, key
 from vehicles.geometry.geodesy import LocalPlane, Origin
 from vehicles.messages import LogText, Message, RunEnd, RunStart
 
@@ -133,38 +130,6 @@ def test_a_topic_with_two_writers_is_named(recorded: Recorded) -> None:
         recorded.take(gps("v1", seq, speed_mps=speed) for seq in range(30))
         assert bool(recorded.recorder.doubled) == (speed == 9.0)
     assert "convoy/v1/gps" in recorded.recorder.doubled
-
-
-@pytest.mark.parametrize("message", SOUND[:7], ids=lambda message: type(message).__name__)
-def test_a_message_cut_anywhere_is_refused(recorded: Recorded, message: Message) -> None:
-    whole = encode(message)
-    for length in range(len(whole)):
-        recorded.recorder.accept(key_of(message), whole[:length], START)
-    assert recorded.recorded == 0
-    assert recorded.recorder.rejected == {"garbage": len(whole)}
-    recorded.recorder.accept(key_of(message), whole, START)
-    assert recorded.recorded == 1
-
-
-@given(data=st.binary(max_size=200), topic=st.sampled_from(sorted(TOPICS)))
-@examples(16, 100)
-def test_no_bytes_do_harm(
-    tmp_path_factory: pytest.TempPathFactory, data: bytes, topic: str
-) -> None:
-    one = Recorded(tmp_path_factory.mktemp("logs") / "run.mcap")
-    one.recorder.accept(f"convoy/v1/{topic}", data, START)
-    assert one.recorded + one.recorder.rejected.total() == 1
-    one.writer.close()
-
-
-def test_the_largest_message_that_is_accepted(recorded: Recorded) -> None:
-    empty = len(encode(text("v1", 0, "")))
-    fits = text("v1", 0, "x" * (MAX_BYTES - empty - 1))  # the text's length takes a byte more
-    assert len(encode(fits)) == MAX_BYTES
-    recorded.take([fits])
-    assert recorded.recorded == 1
-    recorded.take([text("v1", 1, fits.text + "x")])
-    assert recorded.recorder.rejected == {"oversized": 1}
 
 
 def test_the_run_s_own_messages_are_numbered_and_returned_for_the_bus(tmp_path: Path) -> None:

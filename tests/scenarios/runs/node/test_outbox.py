@@ -14,7 +14,7 @@ from transport.clock import ticks
 from transport.codec import decode, encode
 from transport.links.inbox import Inbox
 from transport.links.true_poses import TruePoses
-from transport.topics import TOPIC_OF, TOPICS, key
+from transport.topics import TOPICS, key
 from vehicles.car.dynamics import Actuation, Body, tyre_use
 from vehicles.car.gnss import Fix
 from vehicles.car.parameters import LINCOLN_MKZ
@@ -164,16 +164,6 @@ def test_every_verdict_is_sent_once() -> None:
     ]
 
 
-def test_only_poses_and_announcements_are_urgent() -> None:
-    bus = UrgentBus()
-    outbox(bus).publish(START, BODY, FIX, DECISION)
-    assert bus.urgent == {
-        TOPIC_OF[type(message)].name: {TOPIC_OF[type(message)].urgent} for message in bus.published
-    }
-    assert bus.urgent["gps"] == {True}
-    assert bus.urgent["truth"] == {False}
-
-
 def reports(*rates_hz: float) -> list[float]:
     """Seconds at which health is sent on a schedule of these rates, over ten seconds."""
     bus = UrgentBus()
@@ -266,20 +256,6 @@ def test_refused_messages_are_reported_once_by_reason_and_counted() -> None:
     ]
     healths = [one for one in bus.of(Health) if isinstance(one, Health)]
     assert [one.rejected_messages for one in healths] == [0, 3]
-
-
-def test_numbers_of_each_kind_follow_one_another() -> None:
-    bus = UrgentBus()
-    box = outbox(bus)
-    for k, tick in enumerate(ticks(START, at(3.0), 50.0, 20.0)):
-        due = (tick.at - START) % (SECOND // 50) == 0
-        fix = replace(FIX, seq=0) if k == 0 else None
-        box.publish(tick.at, BODY, fix, DECISION if due else HELD)
-    kinds = {type(message) for message in bus.published}
-    assert {TruePose, Command, Health, LogText} <= kinds
-    for kind in kinds:
-        assert [message.seq for message in bus.of(kind)] == list(range(len(bus.of(kind))))
-    assert len(bus.of(TruePose)) == 150
 
 
 class Figures:

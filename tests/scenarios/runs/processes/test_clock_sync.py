@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 
 from scenarios.runs.end_confirmation import addressed
-from scenarios.runs.processes.membership import PERIOD_NS, ClockOffset, ClockServer, ClockSync
+from scenarios.runs.processes.membership import ClockOffset, ClockServer, ClockSync
 from transport.bus.bus import MemoryBus
 from transport.clock import SystemTime, WallClock
 from vehicles.schedule import MILLISECOND, SECOND
@@ -169,31 +169,5 @@ def test_a_right_clock_is_not_touched() -> None:
 def test_an_answer_that_is_no_time_measures_nothing(answer: bytes) -> None:
     world = World()
     world.answer("convoy/@clock/run", lambda _: answer)
-    world.run(3.0)
-    assert not world.sync.is_measured
-
-
-def test_measurements_follow_each_other_until_one_is_good_enough() -> None:
-    world = World()
-    world.delays = lambda _: 100 * MS if world.now < 2 * SECOND else 0
-    world.run(2.0)
-    assert world.server.offsets["v2"].uncertainty > 10 * MS
-    world.run(4.0)
-    assert world.server.offsets["v2"].uncertainty <= 10 * MS
-
-
-def test_the_clock_is_measured_every_ten_seconds_during_the_run() -> None:
-    world = World()
-    world.run(1.0)
-    world.sync.running = True
-    world.run(2 * PERIOD_NS / SECOND)
-    before = world.queries
-    world.run(10 * PERIOD_NS / SECOND)
-    assert world.queries - before == 10 * 6  # five rounds and a report
-
-
-def test_an_answer_to_another_query_measures_nothing() -> None:
-    world = World()
-    world.answer("convoy/@clock/run", lambda _: b"v2 1 5")
     world.run(3.0)
     assert not world.sync.is_measured

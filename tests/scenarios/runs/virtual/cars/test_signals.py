@@ -8,7 +8,6 @@ import pytest
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
-from scenarios.runs.node.vehicle_builder import VehicleBuilder
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_unlogged, run_virtual
 from tests.made.scenarios.messages import STRAIGHT
@@ -79,17 +78,6 @@ def test_it_drives_and_the_same_again(changes: tuple[str, ...], tmp_path: Path) 
         assert all(one.measured_at_ns <= one.sent_at_ns for one in sent)
 
 
-def test_in_a_tunnel_nothing_is_sent_and_each_car_has_its_own(tmp_path: Path) -> None:
-    """20 m/s: the lead is in it from 1 to 2.5 s, the next car 15 m behind it 0.75 s later."""
-    ran(made(TUNNEL, "control.degradation.reaction=extrapolate"), tmp_path)
-    for place, vehicle in enumerate(("v1", "v2")):
-        sent = [one.sent_at_ns for one in poses(tmp_path, vehicle)]
-        begin, end = max(pairwise(sent), key=lambda one: one[1] - one[0])
-        start = made().start_at_ns
-        assert (begin - start) / SECOND == pytest.approx(1.0 + 0.75 * place, abs=0.06)
-        assert (end - start) / SECOND == pytest.approx(2.5 + 0.75 * place, abs=0.06)
-
-
 def test_instants_of_sending_are_their_own(tmp_path: Path) -> None:
     """13 ms after the start and every 1/7 s: neither control nor receiver has those instants."""
     scenario = made(*CASES["fixed rate"])
@@ -130,16 +118,3 @@ def test_a_common_error_moves_no_vehicle_relative_to_another() -> None:
         found[key, deviation] = worst
     assert found["common_drift", 3.0] < found["common_drift", 0.0] + 0.15
     assert found["drift", 3.0] > 1.0
-
-
-def test_the_wire_carries_state_and_accuracy(tmp_path: Path) -> None:
-    ran(made(STATES, "gnss.while_float.accuracy_ratio=0.05"), tmp_path)
-    reported = {(one.fix, round(one.position_accuracy_m, 6)) for one in poses(tmp_path, "v1")}
-    assert reported == {("fixed", 0.02), ("float", round(0.05 * 0.19, 6))}
-
-
-def test_a_plain_scenario_has_the_schedule_that_it_had() -> None:
-    scenario = load_scenario("lane_change", ["duration_s=2"])
-    assert {VehicleBuilder(scenario, name).schedule for name in scenario.vehicle_names} == {
-        (50.0, 20.0)
-    }

@@ -1,12 +1,13 @@
 """Losses by a hidden Markov chain: closed forms, and standard deviations of samples.
 
 Independent of the laws under test: a law is given by its transition matrix and the loss in each
-state. Variances are exact sums of autocovariances.
+state. Deviations are those of the means of batches.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,10 @@ from numpy.typing import NDArray
 Vector = NDArray[np.float64]
 
 LAGS = 10
-FEWEST = 30.0
-"""Counts of bursts with a smaller expectation are not normally distributed."""
+FEWEST = 200.0
+"""Bursts with a smaller expected count are too few for the means of batches."""
+BATCHES = 40
+"""Batches of a sample, long enough to be independent."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +50,6 @@ class HiddenChain:
         vector = np.real(vectors[:, np.argmin(np.abs(values - 1.0))])
         return np.asarray(vector / vector.sum())
 
-    @cached_property
-    def history(self) -> int:
-        """Messages after which the state is nearly independent."""
-        second = sorted(np.abs(np.linalg.eigvals(self.steps)))[-2] if len(self.loss) > 1 else 0.0
-        return 1 + int(np.log(1e-8) / np.log(second)) if second > 1e-6 else 2
-
     @property
     def mean(self) -> float:
         return float(self.shares @ self.loss)
@@ -70,78 +67,33 @@ class HiddenChain:
     def _power(self, steps: int) -> Vector:
         return np.asarray(np.linalg.matrix_power(self.steps, steps))
 
-    def _deviation(self, near: list[float], left: Vector, right: Vector, count: int) -> float:
-        """Standard deviation of a mean of `count`, from autocovariances.
-
-        `near` are those at lags 0, 1, …; further ones are left · steps^k · right for k ≥ 1, minus
-        the square of the mean, which is left · 1.
-        """
-        square, total = float(left.sum()) ** 2, near[0]
-        row = left
-        for lag in range(1, len(near) + self.history):
-            if lag < len(near):
-                covariance = near[lag]
-            else:
-                row = row @ self.steps
-                covariance = float(row @ right) - square
-            total += 2.0 * (1.0 - lag / count) * covariance
-        return float(np.sqrt(total / count))
-
     def compared(self, lost: NDArray[np.bool_]) -> Iterator[Mean]:
-        """Loss, autocorrelation of losses, and counts of bursts of a sample.
+        """Loss, autocorrelation of losses, and shares of messages after which a burst begins.
 
-        Lengths before which no burst ends are left out.
+        Bursts before whose length none ends, and too few of them, are left out.
         """
-        yield self._loss_of(lost)
-        for lag in range(1, LAGS + 1):
-            yield self._lag_of(lost, lag)
-        before = 0.0
-        for least in range(1, LAGS + 1):
-            bursts = self._bursts_of(lost, least)
-            if bursts.expected * len(lost) >= FEWEST and not np.isclose(bursts.expected, before):
-                yield bursts
-            before = bursts.expected
-
-    def _loss_of(self, lost: NDArray[np.bool_]) -> Mean:
-        off = self.loss - self.mean
-        variance = self.mean * (1.0 - self.mean)
-        deviation = self._deviation([variance], self.shares * off, off, len(lost))
-        return Mean("loss", float(lost.mean()), self.mean, deviation)
-
-    def _lag_of(self, lost: NDArray[np.bool_], lag: int) -> Mean:
-        """Autocorrelation at `lag`, with the known mean and variance."""
+        yield _mean("loss", lost, self.mean)
         mean, variance = self.mean, self.mean * (1.0 - self.mean)
-        off = self.loss - mean
-        squared = self.loss * (1.0 - mean) ** 2 + (1.0 - self.loss) * mean**2
-        begun, apart = self.shares * off, self._power(lag)
-        left, right = (begun @ apart) * off, off * (apart @ off)
-        square = float(left.sum()) ** 2
-        near = [float((self.shares * squared) @ apart @ squared) - square]
-        for shift in range(1, lag):
-            first = (begun @ self._power(shift)) * off
-            second = (first @ self._power(lag - shift)) * off
-            near.append(float(second @ self._power(shift) @ off) - square)
-        near.append(float(((begun @ apart) * squared) @ apart @ off) - square)
         centred = lost - mean
-        found = float(np.mean(centred[:-lag] * centred[lag:])) / variance
-        deviation = self._deviation(near, left, right, len(lost) - lag) / variance
-        return Mean(f"autocorrelation at {lag}", found, self.autocorrelation(lag), deviation)
+        for lag in range(1, LAGS + 1):
+            products = centred[:-lag] * centred[lag:] / variance
+            yield _mean(f"autocorrelation at {lag}", products, self.autocorrelation(lag))
+        before, begun, expected = 0.0, ~lost, self.shares * (1.0 - self.loss)
+        for least in range(1, LAGS + 1):
+            begun = begun[:-1] & lost[least:]
+            expected = (expected @ self.steps) * self.loss
+            share = float(expected.sum())
+            if share * len(lost) >= FEWEST and not np.isclose(share, before):
+                yield _mean(f"bursts of {least} or more", begun, share)
+            before = share
 
-    def _bursts_of(self, lost: NDArray[np.bool_], least: int) -> Mean:
-        """Share of messages after which a burst of at least this length begins."""
-        left, right = self.shares * (1.0 - self.loss), self.loss
-        for place in range(least):
-            left = (left @ self.steps) * self.loss
-            if place:
-                right = self.loss * (self.steps @ right)
-        right = (1.0 - self.loss) * (self.steps @ right)
-        mean = float(left.sum())
-        near = [mean - mean**2, *[-(mean**2)] * least]  # two bursts cannot begin this close
-        begins = ~lost[:-least]
-        for ahead in range(1, least + 1):
-            begins = begins[: len(lost) - least] & lost[ahead : len(lost) - least + ahead]
-        deviation = self._deviation(near, left, right, len(begins))
-        return Mean(f"bursts of {least} or more", float(begins.mean()), mean, deviation)
+
+def _mean(label: str, values: NDArray[Any], expected: float) -> Mean:
+    """Mean of dependent values, with the deviation of the means of batches."""
+    batches = np.array_split(np.asarray(values, dtype=float), BATCHES)
+    means = np.array([batch.mean() for batch in batches])
+    deviation = float(means.std(ddof=1) / np.sqrt(BATCHES))
+    return Mean(label, float(np.mean(values)), expected, deviation)
 
 
 def independent(loss: float) -> HiddenChain:

