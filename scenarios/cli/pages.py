@@ -33,7 +33,7 @@ from transport.topics import (
 from vehicles.messages import MODES, RunEnd, RunStart
 
 FOLDERS_AND_LOGS = (
-    ("MCAP", "a run.mcap (path.vehicle), or foxglove.LocationFix or NavSatFix (path.topic)"),
+    ("MCAP", "a run.mcap (path.vehicle), or LocationFix, NavSatFix, Odometry, PoseStamped"),
 )
 
 KEYS = (

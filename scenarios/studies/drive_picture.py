@@ -1,7 +1,6 @@
 """Picture of a recorded drive: its plan, and its speed over the distance."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +32,7 @@ PLAN_IN, SPEED_IN = (1.8, 4.5), 2.6
 """Smallest and largest height (inches) of the plan, and that of the speeds, title and legend."""
 MARGIN, LEAST_EXTENT = 0.08, 20.0
 """Margin of the plan, a share of the drive's extent, and its smallest extent (m)."""
-MOST_POINTS, MOST_MARKED = 3000, 500
+POINTS_MAX, MARKED_MAX = 3000, 500
 """Recorded points, and marks of one kind, that are drawn at most."""
 RECORDED: Any = {"marker": "o", "markersize": 2.6, "markeredgewidth": 0.0, "color": "#a8a8a8"}
 RECORDED |= {"linestyle": "none", "zorder": 1.5, "label": "recorded"}
@@ -43,22 +42,12 @@ LEFT_OUT: Sequence[Any] = [
     for marker in ("x", "+", "1", "d")
     for colour in (RED, PURPLE, GREY)
 ]
+PAUSED: Any = {"marker": "s", "color": "black", "markersize": 4.0, "linestyle": "none"}
 SPEED_TITLES = {
     "recorded": "speed",
     "derived": "speed, from the recorded times",
     None: "speed, not recorded",
 }
-PAUSED: Any = {"marker": "s", "color": "black", "markersize": 4.0, "linestyle": "none"}
-
-
-@dataclass(frozen=True, slots=True)
-class _Planned:
-    """Path (2, n) of the lead at distances `along` (m), its holes, and its speed (2, m) there."""
-
-    path: FloatArray
-    along: FloatArray
-    holes: Sequence[tuple[float, float]]
-    speed: FloatArray
 
 
 def draw_drive(drive: DriveInPlane, scenario: Scenario | None, path: Path) -> None:
@@ -77,61 +66,63 @@ def drive_figure(drive: DriveInPlane, scenario: Scenario | None) -> Figure:
     """
     points, table = drive.points, drive.table
     start, along = points[:, :1], driven_m(drive, scenario)
-    planned = _planned(scenario) if scenario is not None else None
-    middle = 0.5 * (points.min(axis=1) + points.max(axis=1)) - start[:, 0]
-    extent = np.ptp(points, axis=1)
-    half = 0.5 * extent + MARGIN * max(float(extent.max()), LEAST_EXTENT)
+    half = 0.5 * np.ptp(points, axis=1) + MARGIN * max(*np.ptp(points, axis=1), LEAST_EXTENT)
     height = float(np.clip((PAGE_IN - 0.7) * half[1] / half[0], *PLAN_IN))
     figure = Figure(figsize=(PAGE_IN, height + SPEED_IN), layout="constrained")
     plan, speed = figure.subplots(2, 1, height_ratios=(height, 0.65 * SPEED_IN))
     plan.plot(*_thinned(drive.record_m - start), **RECORDED)
-    if planned is not None:
-        plan.plot(*planned.path, **DRIVEN)
-        for begin, end in planned.holes[:MOST_MARKED]:
-            hole = slice(*np.searchsorted(planned.along, (begin, end)).tolist())
-            label = "hole: the road is a guess" if begin == planned.holes[0][0] else None
-            plan.plot(*planned.path[:, hole], color=ORANGE, linewidth=3.0, label=label)
+    speeds, source = speeds_mps(drive, along)
+    speed.plot(*_thinned(np.stack((along[: len(speeds)], speeds[: len(along)]))), **RECORDED)
+    driven = points - start
+    if scenario is not None and scenario.route.smoothed is not None:
+        driven = _draw_planned(plan, speed, scenario, start)
     for style, (kind, count) in zip(LEFT_OUT, drive.left_out.counts.most_common(), strict=False):
-        places = _places(drive, kind) - start
-        plan.plot(*places[:, :MOST_MARKED], label=f"{kind}: {count}", **style)
-    _draw_ends(plan, points - start if planned is None else planned.path)
+        places = _places(drive, kind)[:, :MARKED_MAX] - start
+        plan.plot(*places, label=f"{kind}: {count}", **style)
+    _draw_ends(plan, driven)
     if table.pause_points:
         numbers = np.array(table.pause_points)
         plan.plot(*(points - start)[:, numbers], **PAUSED, label="pause")
         at = along[np.minimum(numbers, len(along) - 1)]  # a lap ends before the recording
-        speed.plot(at, np.zeros(len(numbers)), **PAUSED, clip_on=False, zorder=3)
+        speed.plot(at, np.zeros(numbers.size), **PAUSED, clip_on=False, zorder=3)
+    middle = 0.5 * (points.min(axis=1) + points.max(axis=1)) - start[:, 0]
     plan.set(xlabel="east of the start, m", ylabel="north, m")
     plan.set(xlim=middle[0] + (-half[0], half[0]), ylim=middle[1] + (-half[1], half[1]))
     plan.set_aspect("equal")
-    _draw_speed(speed, drive, planned, along)
+    speed.set_title(SPEED_TITLES[source], loc="left")
+    speed.set(xlabel="distance, m", ylabel="speed, m/s", ylim=(0.0, max(1.0, speed.get_ylim()[1])))
+    speed.set_xlim(0.0, max(float(along[-1]), 1.0))
     duration = f", {table.time_s[-1]:.0f} s" if table.time_s else ""
     plan.set_title(f"{Path(table.source).name}: {along[-1]:.0f} m{duration}", loc="left")
     figure.legend(*plan.get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure
 
 
-def _planned(scenario: Scenario) -> _Planned | None:
+def _draw_planned(plan: Axes, speed: Axes, scenario: Scenario, start: FloatArray) -> FloatArray:
+    """Draw path and speed of the lead, and the holes in them; return the path (2, n)."""
     route, table = scenario.route, scenario.tables.path
     profile, road = route.profile, route.smoothed
     if road is None or not isinstance(table, PointsPath):
-        return None
-    driven = route.path.station >= road.start
+        return start - start
+    on_drive = route.path.station >= road.start
     path = np.stack((route.path.east - table.east_m[0], route.path.north - table.north_m[0]))
-    holes = [(road.stations[hole.point], road.stations[hole.point + 1]) for hole in road.holes]
+    path, along = path[:, on_drive], route.path.station[on_drive] - road.start
+    plan.plot(*path, **DRIVEN)
     times = np.unique(np.append(profile.times, scenario.duration_s))
-    times = times[times <= scenario.duration_s]
-    speeds = np.interp(times, profile.times, profile.speeds)
-    distance = np.append(0.0, np.cumsum(0.5 * (speeds[1:] + speeds[:-1]) * np.diff(times)))
-    return _Planned(
-        path=path[:, driven],
-        along=route.path.station[driven] - road.start,
-        holes=[(begin - road.start, end - road.start) for begin, end in holes],
-        speed=np.stack((route.start - road.start + distance, speeds)),
-    )
+    times = times[times <= scenario.duration_s].tolist()
+    driven = [route.start - road.start + profile.distance(time) for time in times]
+    speed.plot(driven, [profile.at(time)[0] for time in times], **DRIVEN)
+    for k, hole in enumerate(road.holes[:MARKED_MAX]):
+        begin, end = road.stations[hole.point : hole.point + 2] - road.start
+        part = slice(*np.searchsorted(along, (begin, end)).tolist())
+        label = None if k else "hole: the road is a guess"
+        plan.plot(*path[:, part], color=ORANGE, linewidth=3.0, label=label)
+        speed.axvspan(begin, end, color=ORANGE, alpha=0.25, linewidth=0)
+    return path
 
 
 def _thinned(points: FloatArray) -> FloatArray:
-    return points[:, :: points.shape[1] // MOST_POINTS + 1]
+    return points[:, :: points.shape[1] // POINTS_MAX + 1]
 
 
 def _places(drive: DriveInPlane, kind: str) -> FloatArray:
@@ -152,17 +143,3 @@ def _draw_ends(axes: Axes, driven: FloatArray) -> None:
     axes.annotate("", ahead, begin, arrowprops=arrow, zorder=4)
     axes.plot(*begin, "o", color=GREEN, markersize=5.0, zorder=4, label="start")
     axes.plot(*driven[:, -1], "o", color=SKY, markersize=5.0, zorder=3.5, label="end")
-
-
-def _draw_speed(
-    axes: Axes, drive: DriveInPlane, planned: _Planned | None, along: FloatArray
-) -> None:
-    speeds, source = speeds_mps(drive, along)
-    axes.plot(*_thinned(np.stack((along[: len(speeds)], speeds[: len(along)]))), **RECORDED)
-    if planned is not None:
-        axes.plot(*planned.speed, **DRIVEN)
-        for begin, end in planned.holes[:MOST_MARKED]:
-            axes.axvspan(begin, end, color=ORANGE, alpha=0.25, linewidth=0)
-    axes.set_title(SPEED_TITLES[source], loc="left")
-    axes.set(xlabel="distance, m", ylabel="speed, m/s", ylim=(0.0, max(1.0, axes.get_ylim()[1])))
-    axes.set_xlim(0.0, max(float(along[-1]), 1.0))

@@ -1,11 +1,15 @@
 """The path through recorded points."""
 
+from contextlib import suppress
+
 import numpy as np
 
 from scenarios.definition.errors import SettingError
 from scenarios.definition.schema.path_tables import PointsPath, SegmentsPath
 from scenarios.definition.traces.drive import (
+    PARTS_MAX,
     PATH_KEYS,
+    TOUCH,
     bounds,
     listed_parts,
     recorded_times,
@@ -105,9 +109,6 @@ SHORTEST = 30.0
 MARGIN = 1.0
 """Distance (m) along the points that is left out on either side of a section without a path."""
 
-TRIED_MAX = 20
-"""Number of parts that are tried, unless they have more points than the drive."""
-
 
 def drivable_parts(table: PointsPath, sections: Sections, lead_in: float, keys: str) -> str:
     """List the parts of a drive between `sections` without a path, each confirmed by smoothing.
@@ -117,38 +118,28 @@ def drivable_parts(table: PointsPath, sections: Sections, lead_in: float, keys: 
     points = np.array((table.east_m, table.north_m))
     along, unit = distances_along(points), "s" if table.time_s else "m"
     axis = recorded_times(table) if table.time_s else table.begin_m + along
-    waiting, parts, tried = _between(sections, 0, along.size - 1, along), [], 0
-    for _ in range(TRIED_MAX):
-        if not waiting or tried > along.size:
-            break
-        longest = max(waiting, key=lambda ends: along[ends[1]] - along[ends[0]])
-        waiting.remove(longest)
-        begin, end = bounds(*longest, axis)
-        first = int(np.searchsorted(axis, begin - 1e-6))
-        last = int(np.searchsorted(axis, end + 1e-6, side="right")) - 1
-        tried += last - first
-        try:
+    parts = []
+    for ends in _between(sections, along):
+        begin, end = bounds(*ends, axis)
+        first = int(np.searchsorted(axis, begin - TOUCH))
+        last = int(np.searchsorted(axis, end + TOUCH, side="right")) - 1
+        with suppress(ValueError):
             road_through(points[:, first : last + 1], table, lead_in)
             parts.append((first, last))
-        except UndrivableError as error:
-            inner = tuple((first + begun, first + ended) for begun, ended in error.sections)
-            waiting += _between(inner, first, last, along)
-        except ValueError:
-            continue
     return listed_parts(parts, axis, along, unit, keys) if parts else ""
 
 
-def _between(sections: Sections, first: int, last: int, along: FloatArray) -> list[tuple[int, int]]:
-    """Return the first and last point of each long part between sections and both ends."""
-    result, begin = [], first
-    for left, right in (*sections, (along.size, last)):
-        end = last
+def _between(sections: Sections, along: FloatArray) -> list[tuple[int, int]]:
+    """Return the first and last point of the longest parts between sections and both ends."""
+    result, begin = [], 0
+    for left, right in (*sections, (along.size, along.size - 1)):
+        end = along.size - 1
         if left < along.size:
             end = int(np.searchsorted(along, along[left] - MARGIN, side="right")) - 1
         if end - begin >= MIN_POINTS and along[end] - along[begin] >= SHORTEST:
             result.append((begin, end))
         begin = max(begin, int(np.searchsorted(along, along[right] + MARGIN)))
-    return result
+    return sorted(result, key=lambda ends: along[ends[0]] - along[ends[1]])[:PARTS_MAX]
 
 
 # ---- Point path

@@ -14,7 +14,6 @@ from scenarios.definition.road.point_path import check_span, smoothed_points
 from scenarios.definition.road.route import Route, longest_run
 from scenarios.definition.schema.path_tables import PointsPath
 from scenarios.definition.schema.scenario_tables import ScenarioTables, VehicleTable
-from vehicles.driver.speed import SpeedProfile
 from vehicles.geometry.sampled_path import FloatArray as Floats
 from vehicles.geometry.sampled_path import PathPoint
 from vehicles.geometry.smoothing import NEIGHBOURS, SmoothedPath, local_cubic
@@ -164,26 +163,20 @@ def _lost_in_pauses(t: Floats, s: Floats) -> tuple[Floats, Floats, Floats]:
 def _begun(
     tables: ScenarioTables, own: VehicleTable, drive: PointsPath, route: Route
 ) -> tuple[float, bool]:
-    """Return the time (s) in the record at which the run starts, and whether clocks are common."""
-    lead = tables.path
-    later = own.replay_offset_s + route.run_in
-    if isinstance(lead, PointsPath) and tables.speed.lead == "recorded":
-        apart = _apart(lead, drive)
-        if apart is not None and -drive.time_s[-1] < apart < lead.time_s[-1]:
+    """Return the time (s) in the record at which the run starts, and whether clocks are common.
+
+    Files without absolute times count from the same instant.
+    """
+    lead, later = tables.path, own.replay_offset_s + route.run_in
+    if not isinstance(lead, PointsPath) or tables.speed.lead != "recorded":
+        return -later, False
+    if (lead.clock is None) == (drive.clock is None):
+        apart = drive.epoch_s - lead.epoch_s
+        if "day" in {lead.clock, drive.clock}:  # no date: use the nearer of two days
+            apart = math.remainder(apart, DAY)
+        if -drive.time_s[-1] < apart < lead.time_s[-1]:
             return -apart - later, True
     return -later, False
-
-
-def _apart(lead: PointsPath, drive: PointsPath) -> float | None:
-    """Return the start (s) of a drive after the lead's; None if only one has absolute times.
-
-    Without absolute times both files count from the same instant.
-    """
-    if (lead.clock is None) != (drive.clock is None):
-        return None
-    apart = drive.epoch_s - lead.epoch_s
-    # Times of day have no date: use the nearer of two days.
-    return math.remainder(apart, DAY) if "day" in {lead.clock, drive.clock} else apart
 
 
 def whole_run(route: Route, drives: Iterable[ReplayedDrive]) -> float:
@@ -213,55 +206,13 @@ def replay_warnings(
     tables: ScenarioTables, name: str, drive: ReplayedDrive, route: Route, duration: float
 ) -> Iterator[str]:
     """Warn of a replayed vehicle off the lead's path, in a neighbour, or that ends the run."""
-    longest = longest_run(route)
+    key, lead, longest = f"vehicle.{name}.replay", tables.path, longest_run(route)
     if tables.duration_s is None and duration < longest and drive.lasts < duration + 0.1:
         yield (
             f"{name}: its recorded drive ends {duration:g} s after the start, which ends the run "
             f"before the lead's drive of {longest:g} s. Set duration_s or trim the files."
         )
-    yield from _clock_warnings(tables, name, drive)
-    names = tables.convoy.vehicle_names
-    behind = dict(pairwise(names)).get(name, "")
-    seen = list(_looks(drive, route, duration))
-    farthest = max(seen, key=lambda look: abs(look.offset))
-    if abs(farthest.offset) > FAR_OFF:
-        yield (
-            f"{name}: the replayed drive is {abs(farthest.offset):.1f} m off the lead's path at "
-            f"{farthest.at:.1f} s: is it on the same road?"
-        )
-    early = max(seen, key=lambda look: look.station - look.lead)
-    if early.lead - early.station < LEAST_SPACING:
-        by = f"{abs(early.lead - early.station):.1f} m"
-        side = "ahead of" if early.station > early.lead else "behind"
-        where = f"{by} {side} the lead at {early.at:.1f} s"
-        yield (
-            f"{name}: the replayed drive is {where}: they overlap. Raise "
-            f"vehicle.{name}.replay_offset_s."
-        )
-    own = tables.vehicle.get(behind)
-    if not behind or (own is not None and own.replay is not None):
-        return
-    # Followers that keep a gap follow it anyway.
-    compared = seen if tables.speed.followers == "same" else seen[:1]
-    place = names.index(behind)
-    distance = route.start - route.start_station(place)
-    late = min(compared, key=lambda look: look.station - look.lead)
-    left = late.station - (late.lead - distance)
-    if left < LEAST_SPACING:
-        where = f"{abs(left):.1f} m {'ahead of' if left > 0.0 else 'behind'} {behind}"
-        wider = route.gaps[place] + route.spacings[place] - left
-        yield (
-            f"{name}: the replayed drive is {where}, its follower, at {late.at:.1f} s: they "
-            f"overlap. Set vehicle.{behind}.gap_m to {math.ceil(wider)}, or change "
-            f"vehicle.{name}.replay_offset_s."
-        )
-
-
-def _clock_warnings(tables: ScenarioTables, name: str, drive: ReplayedDrive) -> Iterator[str]:
-    lead = tables.path
-    if not drive.common or not isinstance(lead, PointsPath) or lead.pauses != "cut":
-        return
-    if lead.pause_points:
+    if drive.common and isinstance(lead, PointsPath) and lead.pauses == "cut" and lead.pause_points:
         first = lead.time_s[lead.pause_points[0]]
         yield (
             f"{name}: the lead's pauses are cut, {sum(lead.pause_lost_s):.1f} s in total, those of "
@@ -269,40 +220,53 @@ def _clock_warnings(tables: ScenarioTables, name: str, drive: ReplayedDrive) -> 
             f'different times of the recordings. Set path.pauses = "keep", or end the drive before '
             "its first pause with path.to_s."
         )
+    at, stations, offsets = _along_lead(drive, route, duration)
+    leads = route.start + np.array([route.profile.distance(t) for t in at.tolist()])
+    k = int(np.argmax(np.abs(offsets)))
+    if abs(offsets[k]) > FAR_OFF:
+        yield (
+            f"{name}: the replayed drive is {abs(offsets[k]):.1f} m off the lead's path at "
+            f"{at[k]:.1f} s: is it on the same road?"
+        )
+    behind_lead = leads - stations
+    k = int(np.argmin(behind_lead))
+    if behind_lead[k] < LEAST_SPACING:
+        side = "ahead of" if behind_lead[k] < 0.0 else "behind"
+        yield (
+            f"{name}: the replayed drive is {abs(behind_lead[k]):.1f} m {side} the lead at "
+            f"{at[k]:.1f} s: they overlap. Raise {key}_offset_s."
+        )
+    names = tables.convoy.vehicle_names
+    behind = dict(pairwise(names)).get(name, "")
+    own = tables.vehicle.get(behind)
+    if not behind or (own is not None and own.replay is not None):
+        return
+    place = names.index(behind)
+    # Followers that keep a gap follow it anyway.
+    compared = slice(None) if tables.speed.followers == "same" else slice(1)
+    left = route.start - route.start_station(place) - behind_lead[compared]
+    k = int(np.argmin(left))
+    if left[k] < LEAST_SPACING:
+        wider = math.ceil(route.gaps[place] + route.spacings[place] - left[k])
+        yield (
+            f"{name}: the replayed drive is {abs(left[k]):.1f} m "
+            f"{'ahead of' if left[k] > 0.0 else 'behind'} {behind}, its follower, at {at[k]:.1f} "
+            f"s: they overlap. Set vehicle.{behind}.gap_m to {wider}, or change {key}_offset_s."
+        )
 
 
-@dataclass(frozen=True, slots=True)
-class _Look:
-    """Stations (m) of a replayed vehicle and of the lead on its path, `at` s after the start.
-
-    `offset` (m) is the distance of the vehicle from the path, left positive.
-    """
-
-    at: float
-    station: float
-    lead: float
-    offset: float
-
-
-def _looks(drive: ReplayedDrive, route: Route, duration: float) -> Iterator[_Look]:
+def _along_lead(
+    drive: ReplayedDrive, route: Route, duration: float
+) -> tuple[Floats, Floats, Floats]:
+    """Return times (s) of a run, and station and offset (m, left positive) on the lead's path."""
     step = max(LOOK, duration / MOST_LOOKS)
     times = step * np.arange(int(duration / step) + 1, dtype=np.float64)
-    leads = route.start + _distances(route.profile, times)
-    near: float | None = None
-    before = 0.0
-    for at, lead in zip(times.tolist(), leads.tolist(), strict=True):
+    near, before, feet = None, 0.0, []
+    for at in times.tolist():
         point, _, gone = drive.at(at)
         near = None if near is None else near + gone - before
         foot = route.path.project(point.east, point.north, near, window=NEAR)
         near, before = foot.station, gone
-        yield _Look(at, foot.station, lead, foot.lateral)
-
-
-def _distances(profile: SpeedProfile, times: Floats) -> Floats:
-    """Distances (m) driven from time 0 to each of `times` (s), as `SpeedProfile.distance`."""
-    knots = np.array([0.0, *(time for time in profile.times if time > 0.0)])
-    speeds = np.interp(knots, profile.times, profile.speeds)
-    driven = np.append(0.0, np.cumsum(0.5 * (speeds[1:] + speeds[:-1]) * np.diff(knots)))
-    last = np.searchsorted(knots, times, side="right") - 1
-    here = np.interp(times, profile.times, profile.speeds)
-    return np.asarray(driven[last] + 0.5 * (speeds[last] + here) * (times - knots[last]))
+        feet.append((foot.station, foot.lateral))
+    stations, offsets = np.array(feet).T
+    return times, stations, offsets

@@ -62,9 +62,9 @@ class TracePath(SmoothedPathTable):
     A step longer than 5 m and than four times the usual step is a hole: a gap in the recording,
     bridged by a smooth curve. `convoy check` lists removed points and holes.
 
-    file         CSV, GPX, KML, GeoJSON, NMEA 0183, RTKLIB .pos, or MCAP with LocationFix or of a
-                 run; relative to the scenario, or a shipped drive
-    vehicle      vehicle of a run.mcap; without it the lead
+    file         CSV, GPX, KML, GeoJSON, NMEA 0183, RTKLIB .pos, SUMO FCD, or MCAP with positions or
+                 of a run; relative to the scenario, or a shipped drive
+    vehicle      vehicle of a file with several; of a run.mcap the lead by default
     topic        topic of the positions in another MCAP file, where it has several
     from_s       start of the part that is driven, since the first point of the drive
     to_s         end of that part

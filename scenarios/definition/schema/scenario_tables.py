@@ -461,7 +461,7 @@ class VehicleTable(Table):
     Otherwise both start at the same time.
 
     replay              recorded drive, of any kind that path.file may be
-    replay_vehicle      vehicle of a run.mcap; without it the lead
+    replay_vehicle      vehicle of a file with several; of a run.mcap the lead by default
     replay_topic        topic of the positions in another MCAP file, where it has several
     replay_from_s       start of the part that is replayed, since the first point of the drive
     replay_to_s         end of that part

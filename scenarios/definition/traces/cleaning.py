@@ -231,11 +231,8 @@ FEWEST = 8
 SLOWEST = 0.5
 """Mean speed (m/s) below which a car may be standing."""
 
-SLOW_SHARE, USUAL = 0.25, 20
-"""The same for points without times, as a share of their progress over this number of points."""
-
 LEAST_STAND = 3.0
-"""Shortest standstill (s); without times, the number of points."""
+"""Shortest standstill (s)."""
 
 DRIFTS = (10.0, 20.0)
 """Times (s) over which the drift of a receiver averages out."""
@@ -243,9 +240,9 @@ DRIFTS = (10.0, 20.0)
 LEAST_RADIUS = 0.5
 """Radius (m) of a standstill, or UNLIKELY times the noise if that is more."""
 
-STILL, SURELY_STILL = 0.6, 0.9
-"""Smallest share of a slow stretch within the radius, with and without times; the rest is driven
-before and after."""
+STILL, DRIFTED = 0.6, 0.9
+"""Smallest share of a slow stretch within the radius, as the rest is driven before and after, and
+share of a drift that sets the radius."""
 
 WANDERING = 0.5
 """Progress over distance below which a stretch is no slow drive, however far it drifts."""
@@ -273,26 +270,19 @@ class Stand(NamedTuple):
     wander: float
 
 
-def stands_in(points: Floats, at: Floats, *, timed: bool) -> list[Stand]:
-    """Return the standstills in `points` (2, n) at times or numbers `at`, in order."""
-    noise, gone, slowest = noise_deviation(points), np.diff(at), SLOWEST
+def stands_in(points: Floats, at: Floats) -> list[Stand]:
+    """Return the standstills in `points` (2, n) at times `at` (s), in order."""
+    noise, gone = noise_deviation(points), np.diff(at)
     usual = float(np.median(gone[gone > 0.0])) if (gone > 0.0).any() else 1.0
-    if not timed:
-        ahead = min(USUAL, at.size - 1)
-        slowest = SLOW_SHARE / ahead
-        slowest *= float(np.median(np.hypot(*(points[:, ahead:] - points[:, :-ahead]))))
-    if slowest <= 0.0:
-        return []
     # Noise of one half of a window against the other: 4 noise / (span sqrt(points)).
-    count = (10.0 * noise / (slowest * usual)) ** (2.0 / 3.0)
-    span = max(LEAST_STAND, count * usual) if timed else max(FEWEST, count)
+    span = max(LEAST_STAND, usual * (10.0 * noise / (SLOWEST * usual)) ** (2.0 / 3.0))
     radius = max(LEAST_RADIUS, UNLIKELY * noise)
     free, stands = np.ones(at.size, dtype=bool), list[Stand]()
     # Drift looks like motion in short windows; short standstills vanish in long ones.
-    for window in sorted({span, *(DRIFTS if timed else ())}, reverse=True):
-        slow = _slow(points, at, max(window, span), slowest) & free
+    for window in sorted({span, *DRIFTS}, reverse=True):
+        slow = _slow(points, at, max(window, span)) & free
         for run in _joined(points, slow, radius):
-            stand = _stand(points, at, run, radius, window if timed else math.inf)
+            stand = _stand(points, at, run, radius, window)
             if stand is not None and free[stand.first : stand.last + 1].all():
                 free[stand.first : stand.last + 1] = False
                 stands.append(stand)
@@ -311,7 +301,7 @@ def stands_in(points: Floats, at: Floats, *, timed: bool) -> list[Stand]:
     return result
 
 
-def _slow(points: Floats, at: Floats, span: float, slowest: float) -> Mask:
+def _slow(points: Floats, at: Floats, span: float) -> Mask:
     """Mark points in a window of `span` s without progress."""
     last = np.searchsorted(at, at + span * (1.0 - 1e-9))
     first = np.flatnonzero(last < at.size)
@@ -320,7 +310,7 @@ def _slow(points: Floats, at: Floats, span: float, slowest: float) -> Mask:
     sums = np.concatenate((np.zeros((2, 1)), np.cumsum(points, axis=1)), axis=1)
     early = (sums[:, middle] - sums[:, first]) / np.maximum(middle - first, 1)
     late = (sums[:, last + 1] - sums[:, middle]) / np.maximum(last + 1 - middle, 1)
-    quiet = np.hypot(*(late - early)) < slowest * 0.5 * span
+    quiet = np.hypot(*(late - early)) < SLOWEST * 0.5 * span
     marks = np.zeros(at.size + 1, dtype=np.int64)
     np.add.at(marks, first[quiet], 1)
     np.add.at(marks, last[quiet] + 1, -1)
@@ -348,18 +338,18 @@ def _stand(
 ) -> Stand | None:
     """Return the standstill in a slow `run` of points; None for a slow drive.
 
-    If its points drift further than noise, it includes all points among them. `span` is infinite
-    without times, where drift and slow driving look alike.
+    If its points drift further than noise in windows of `span` s, it includes all points among
+    them.
     """
     first, last = run
     if last < first + 2:  # a pause of the recording: it does not show the noise
         return None
     core = points[:, first : last + 1]
     away = np.hypot(*(core - np.median(core, axis=1)[:, None]))
-    if float(np.quantile(away, SURELY_STILL if math.isinf(span) else STILL)) > radius:
-        if math.isinf(span) or not _wanders(core, at[first : last + 1], span):
+    if float(np.quantile(away, STILL)) > radius:
+        if not _wanders(core, at[first : last + 1], span):
             return None
-        radius = float(np.quantile(away, SURELY_STILL))
+        radius = float(np.quantile(away, DRIFTED))
     # The windows include driven points before and after.
     still = np.flatnonzero(away <= radius) + first
     first, last = int(still[0]), int(still[-1])
@@ -419,11 +409,10 @@ def cleaned(points: Floats, times: Floats, time_error_s: float = 0.0) -> Cleaned
     if speeds.size and float(np.quantile(speeds, MOVING_SHARE)) < CRAWL:
         times = np.zeros(0)
     jumps, left = find_jumps(points, times, time_error_s)
-    at = times[left] if times.size else left.astype(np.float64)
     places, kept = points.copy(), np.zeros(count, dtype=bool)
     kept[left] = True
     stands = []
-    for stand in stands_in(points[:, left], at, timed=times.size > 0):
+    for stand in stands_in(points[:, left], times[left]) if times.size else ():
         first, last, begun, ended = left[[stand.first, stand.last, *stand.core]].tolist()
         starts, stops = stand.first == 0, stand.last == left.size - 1
         ends = [ended] if starts else [begun] if stops or begun == ended else [begun, ended]
