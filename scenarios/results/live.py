@@ -1,6 +1,6 @@
 """Metrics of a running convoy: the same functions over the last seconds of its tables."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from operator import attrgetter
@@ -27,7 +27,7 @@ from scenarios.results.true_motion import (
     gaps,
     path_feet,
 )
-from transport.columns import Columns, Floats, joined
+from transport.columns import Columns, columns_from, joined
 from transport.topics import counts_as_loss
 from vehicles.messages import (
     Change,
@@ -91,7 +91,8 @@ class LiveRun:
         self._collector = Collector(self.kinds)
         self._parts: defaultdict[tuple[str, str], list[Columns]] = defaultdict(list)
         self._passed = dict.fromkeys(scenario.vehicle_names, 0)
-        self._known: dict[tuple[str, ...], int] = {}
+        self._newest_events: dict[tuple[str, ...], int] = {}
+        self._late_messages: Counter[str] = Counter()
 
     def listen(self, at: int, message: Message) -> None:
         if type(message) is TruePose and message.vehicle in self._passed:
@@ -140,38 +141,27 @@ class LiveRun:
         return columns
 
     def _values(self, name: str) -> LiveValues:
-        run, before = self.window, self.values[name]
-        truth, tracking = run.table(name, "truth"), run.table(name, "tracking")
-        error, worst = np.nan, before.error_m_max
-        gap, least = np.nan, before.gap_m_min
+        run, before, unknown = self.window, self.values[name], np.zeros(0)
+        tables = [run.table(name, topic) for topic in ("truth", "tracking", "health")]
+        truth, tracking, health = tables
+        errors, distances = unknown, unknown
         if name != run.lead:
             errors, distances = cross_track_error(run, name), gaps(run, name).distance
-            error, gap = _last_known(errors), _last_known(distances)
-            worst = float(np.fmax.reduce(np.abs(errors), initial=worst))
-            least = float(np.fmin.reduce(distances, initial=least))
-        verdicts, health = self.new_rows.get((name, "verdict")), run.table(name, "health")
-        is_delivered = _rows(verdicts, "outcome") == "delivered"
-        reasons = _rows(verdicts, "reason")[~is_delivered]
-        late_ticks = int(health["late_ticks"][-1]) if len(health) else 0
-        known_late = before.late + int(_rows(verdicts, "late", bool).sum())
+        verdicts = self.new_rows.get((name, "verdict"), columns_from("verdict", [], []))
+        is_delivered = verdicts["outcome"] == "delivered"
+        self._late_messages[name] += int(verdicts["late"].sum())
         return LiveValues(
-            error_m=error,
-            error_m_max=worst,
-            gap_m=gap,
-            gap_m_min=least,
-            estimated_error_m=_last(tracking, "lateral_error_m", np.nan),
-            speed_mps=_last(truth, "speed_mps", np.nan),
-            mode=_last(tracking, "mode", ""),
+            error_m=_last(errors[~np.isnan(errors)], np.nan),
+            error_m_max=float(np.fmax.reduce(np.abs(errors), initial=before.error_m_max)),
+            gap_m=_last(distances[~np.isnan(distances)], np.nan),
+            gap_m_min=float(np.fmin.reduce(distances, initial=before.gap_m_min)),
+            estimated_error_m=_last(tracking["lateral_error_m"], np.nan),
+            speed_mps=_last(truth["speed_mps"], np.nan),
+            mode=_last(tracking["mode"], ""),
             delivered=before.delivered + int(is_delivered.sum()),
-            dropped=before.dropped + sum(map(counts_as_loss, reasons.tolist())),
-            late=known_late + late_ticks - self._late_ticks(name, late_ticks),
+            dropped=before.dropped + sum(map(counts_as_loss, verdicts["reason"][~is_delivered])),
+            late=self._late_messages[name] + _last(health["late_ticks"], 0),
         )
-
-    def _late_ticks(self, name: str, now: int) -> int:
-        """Late ticks that the last update counted."""
-        key = ("late_ticks", name)
-        before, self._known[key] = self._known.get(key, 0), now
-        return before
 
     def _find_events(self, since: int) -> None:
         """Add new events; near misses once they have ended without a collision."""
@@ -184,12 +174,9 @@ class LiveRun:
         begin = self.evaluated_until - WINDOW_NS + QUIET_NS if since else 0
         for event in in_time_order(found):
             key = (event.kind, *event.vehicles)
-            if event.at_ns < begin:  # it may have begun before the window
-                continue
-            if event.kind == "near_miss" and self._may_continue(event):
-                continue
-            if event.at_ns > self._known.get(key, -1):
-                self._known[key] = event.at_ns
+            is_known = event.at_ns < begin or event.at_ns <= self._newest_events.get(key, -1)
+            if not is_known and not (event.kind == "near_miss" and self._may_continue(event)):
+                self._newest_events[key] = event.at_ns
                 self.events.append(event)
 
     def _may_continue(self, event: Event) -> bool:
@@ -226,14 +213,5 @@ def deviations(run: RunTables, since: int, until: int) -> list[Deviation]:
     return sorted(found, key=attrgetter("at_ns"))
 
 
-def _rows(columns: Columns | None, field: str, kind: type = object) -> NDArray[Any]:
-    return np.zeros(0, kind) if columns is None else columns[field]
-
-
-def _last(columns: Columns, field: str, unknown: Any) -> Any:
-    return columns[field][-1] if len(columns) else unknown
-
-
-def _last_known(values: Floats) -> float:
-    known = values[~np.isnan(values)]
-    return float(known[-1]) if len(known) else np.nan
+def _last(values: NDArray[Any], unknown: Any) -> Any:
+    return [unknown, *values[-1:].tolist()][-1]

@@ -1,6 +1,6 @@
 """What the record of a run lacks: missing poses, decisions and verdicts, by their numbers."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from math import ceil
@@ -57,10 +57,6 @@ class RecordHole:
     """Number of missing poses."""
     kind: HoleKind = "pose"
     """pose; or true pose, where poses were recorded meanwhile."""
-
-    def covers(self, other: "RecordHole", slack_s: float) -> bool:
-        """Whether another hole lies within this one, up to `slack_s` (s) at each end."""
-        return other.from_s >= self.from_s - slack_s and other.to_s <= self.to_s + slack_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,12 +234,8 @@ def scheduled(run: RunTables, name: str, rate_hz: float | None, *, whole_run: bo
 
 def expected_poses(until_ns: int, rate_hz: float) -> int:
     """Count the instants of a schedule of `rate_hz` in the first `until_ns` (ns)."""
-    count = max(ceil(until_ns * rate_hz / SECOND), 0)
-    while count and instant(0, count - 1, rate_hz) >= until_ns:
-        count -= 1
-    while instant(0, count, rate_hz) < until_ns:
-        count += 1
-    return count
+    about = max(ceil(until_ns * rate_hz / SECOND) - 1, 0)  # an instant is rounded
+    return about + sum(instant(0, k, rate_hz) < until_ns for k in range(about, about + 3))
 
 
 # ---- Vehicles out of reach of the recorder
@@ -315,15 +307,10 @@ def missing_poses(run: RunTables, name: str) -> int:
 
 def pose_holes(run: RunTables, name: str) -> list[RecordHole]:
     """Holes in the poses of a vehicle, up to its end or that of the run."""
-    poses, rate_hz, start_at = poses_of(run, name), pose_rate_hz(run, name), run.beginning
-    if rate_hz is None:
-        return [
-            _hole(name, gap, gap.before - start_at, gap.after - start_at)
-            for gap in gaps(poses, begin=start_at)
-        ]
-    is_absent = never_seen(run, name) and not len(poses)
-    due = scheduled(run, name, rate_hz, whole_run=is_absent)
-    return [_scheduled_hole(name, gap, rate_hz) for gap in gaps(poses, due)]
+    poses, rate_hz = poses_of(run, name), pose_rate_hz(run, name)
+    due = scheduled(run, name, rate_hz, whole_run=never_seen(run, name) and not len(poses))
+    found = gaps(poses, due, begin=run.beginning)
+    return [_hole(run, name, "pose", gap, rate_hz) for gap in found]
 
 
 def _true_holes(run: RunTables, name: str, known: Sequence[RecordHole]) -> Iterator[RecordHole]:
@@ -332,18 +319,19 @@ def _true_holes(run: RunTables, name: str, known: Sequence[RecordHole]) -> Itera
     slack_s = 1.0 / (pose_rate_hz(run, name) or USUAL_RATE_HZ)
     due = scheduled(run, name, rate_hz, whole_run=never_seen(run, name))
     for gap in gaps(run.table(name, "truth"), due):
-        hole = _scheduled_hole(name, gap, rate_hz, "true pose")
-        if not any(other.covers(hole, slack_s) for other in known):
+        hole = _hole(run, name, "true pose", gap, rate_hz)
+        if not any(
+            other.from_s - slack_s <= hole.from_s and hole.to_s <= other.to_s + slack_s
+            for other in known
+        ):
             yield hole
 
 
-def _scheduled_hole(name: str, gap: Gap, rate_hz: float, kind: HoleKind = "pose") -> RecordHole:
-    begin, end = instant(0, gap.first, rate_hz), instant(0, gap.last, rate_hz)
-    return _hole(name, gap, begin, end, kind)
-
-
-def _hole(name: str, gap: Gap, begin: int, end: int, kind: HoleKind = "pose") -> RecordHole:
-    """Hole between two times (ns) from the start."""
+def _hole(run: RunTables, name: str, kind: HoleKind, gap: Gap, rate_hz: float | None) -> RecordHole:
+    """Hole between two instants of a schedule, or without one between the messages around it."""
+    begin, end = gap.before - run.beginning, gap.after - run.beginning
+    if rate_hz is not None:
+        begin, end = instant(0, gap.first, rate_hz), instant(0, gap.last, rate_hz)
     return RecordHole(
         vehicle=name, from_s=begin / SECOND, to_s=end / SECOND, poses=gap.size, kind=kind
     )
@@ -356,32 +344,31 @@ def unseen(run: RunTables) -> tuple[UnseenSpan, ...]:
 
 def _unseen(run: RunTables, name: str) -> Iterator[UnseenSpan]:
     start_at, truth = run.beginning, run.table(name, "truth")
-    spans: list[tuple[RecordKind, Gap]] = [
-        *(("true pose", gap) for gap in gaps(truth, begin=start_at)),
-        *(("decision", gap) for gap in gaps(run.table(name, "tracking"), begin=start_at)),
+    tables: Mapping[RecordKind, Columns] = {
+        "true pose": truth,
+        "decision": run.table(name, "tracking"),
+    }
+    spans: list[tuple[RecordKind, Gap, float]] = [
+        (kind, gap, gap.size / (gap.size + 1) if gap.first else 1.0)
+        for kind, table in tables.items()
+        for gap in gaps(table, begin=start_at)
     ]
-    until, last_at = _due_until(run, name), int(truth.at_ns[-1]) if len(truth) else start_at
+    last_at = int(truth.at_ns[-1]) if len(truth) else start_at
+    health, until = last_health(run, name), ran_until(run, name)
+    is_open = health is not None and not health.final and not ended_early(run, name)
+    if (is_open and silent_from_s(run, name) is not None) or never_seen(run, name):
+        until = run.ran_ns
     step = LONGEST_STEP * SECOND / run.scenario.control_rate_hz
     if until is not None and until - (last_at - start_at) > step:
-        spans.append(("true pose", Gap(0, 0, last_at, start_at + until)))
-    for kind, gap in spans:
-        span_s = (gap.after - gap.before) / SECOND
+        spans.append(("true pose", Gap(0, 0, last_at, start_at + until), 1.0))
+    for kind, gap, share in spans:
         yield UnseenSpan(
             vehicle=name,
             kind=kind,
             from_s=(gap.before - start_at) / SECOND,
             to_s=(gap.after - start_at) / SECOND,
-            missing_s=span_s * gap.size / (gap.size + 1) if gap.first else span_s,
+            missing_s=(gap.after - gap.before) / SECOND * share,
         )
-
-
-def _due_until(run: RunTables, name: str) -> int | None:
-    """Time (ns) up to which true poses are due, that of the run for a silent or unseen vehicle."""
-    health = last_health(run, name)
-    is_open = health is not None and not health.final and not ended_early(run, name)
-    if (is_open and silent_from_s(run, name) is not None) or never_seen(run, name):
-        return run.ran_ns
-    return ran_until(run, name)
 
 
 def hole_lines(holes: Sequence[RecordHole], most: int) -> Iterator[str]:
