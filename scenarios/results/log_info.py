@@ -1,7 +1,7 @@
 """What a log holds: duration, topics with rates and gaps, bytes, damage, identity."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +12,11 @@ from scenarios.definition.schema.change_tables import AnyChange, VehicleChangeTa
 from scenarios.definition.schema.limit_tables import DEADLINES
 from scenarios.definition.schema.scenario_tables import ReplayTable
 from scenarios.results.log_summary import METADATA_NAME, PARTIAL, scenario_in
+from scenarios.results.tables import RunTables
 from transport.log.errors import LogError, UnwritableError
 from transport.log.mcap_file import write_again
 from transport.log.reader import LogReader
 from transport.topics import RUN_SENDER
-from vehicles.messages import Change, RunStart
 from vehicles.schedule import SECOND
 
 # ---- `convoy recover`: the readable messages of a truncated or damaged log as a new log
@@ -126,14 +126,6 @@ USED = ("start", "change")
 """Topics that repeat a run."""
 
 
-@dataclass(slots=True)
-class _LiveChange:
-    """A change made by hand, and the vehicles that carried it out."""
-
-    change: AnyChange
-    by: list[str] = field(default_factory=list)
-
-
 def session_of(
     log: Path, warn: Callable[[str], None] = lambda _: None, *, partial: bool = False
 ) -> Scenario:
@@ -149,20 +141,21 @@ def session_of(
     if faults := reader.faults_in(USED) or reader.faults:
         warn(faults)
     scenario = scenario_in(reader)
-    start_at: int | None = None
-    done: dict[tuple[int, str], _LiveChange] = {}
-    for _, _, message in reader.messages(USED):
-        if isinstance(message, RunStart):
-            start_at = message.start_at_ns
-        elif isinstance(message, Change) and message.by_hand:
-            if start_at is None:
-                raise LogError(f"{log}: a change before the start of the run")
-            at = message.effective_at_ns, message.table
-            change = change_from_json(message.table)
-            exact = change.model_copy(update={"at_s": (at[0] - start_at) / SECOND})
-            done.setdefault(at, _LiveChange(exact)).by.append(message.vehicle)
-    made = sorted(done.items(), key=lambda entry: entry[0][0])
-    added = [change for _, done in made for change in _as_carried_out(done, scenario)]
+    run = RunTables(scenario, reader.columns(USED))
+    by: dict[tuple[int, str], list[str]] = {}
+    for name in run.names:
+        rows = run.table(name, "change")
+        hand = rows["by_hand"]
+        for at, table in zip(rows.at_ns[hand].tolist(), rows["table"][hand], strict=True):
+            by.setdefault((at, table), []).append(name)
+    if by and run.start_at is None:
+        raise LogError(f"{log}: a change before the start of the run")
+    made = sorted(by.items(), key=lambda entry: entry[0][0])
+    added = [
+        change
+        for (at, table), names in made
+        for change in _as_carried_out(change_from_json(table), run.seconds(at), names, scenario)
+    ]
     update = {"change": (*scenario.tables.change, *added)} if added else {}
     changed = scenario.tables.model_copy(update=update)
     # Parsed again, which checks it.
@@ -205,12 +198,14 @@ def replayed_session(
     return scenario_from_text(text, label=str(log), overrides=overrides, seed=seed)
 
 
-def _as_carried_out(done: _LiveChange, scenario: Scenario) -> Sequence[AnyChange]:
+def _as_carried_out(
+    change: AnyChange, at_s: float, names: Sequence[str], scenario: Scenario
+) -> Sequence[AnyChange]:
     """One change, or one per receiver if not all of them carried it out."""
-    change = done.change
+    exact = change.model_copy(update={"at_s": at_s})
     if not isinstance(change, LINK_CHANGES):
-        return [change]
+        return [exact]
     about = {to for _, to in links_of(change, scenario.vehicle_names, scenario.links)}
-    if about == set(done.by):
-        return [change]
-    return [change.model_copy(update={"receiver": receiver}) for receiver in done.by]
+    if about == set(names):
+        return [exact]
+    return [exact.model_copy(update={"receiver": receiver}) for receiver in names]

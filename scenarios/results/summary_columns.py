@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from scenarios.results.events import EventKind
@@ -16,6 +17,8 @@ from scenarios.results.vehicle_figures import VehicleSummary
 if TYPE_CHECKING:
     from rich.text import Text
 
+    Cell = float | str | Text | tuple[float | None, ...] | None
+
 Row = TypeVar("Row")
 
 
@@ -23,12 +26,13 @@ Row = TypeVar("Row")
 class Column(Generic[Row]):
     """A column: its heading, with the unit, and the value of a row.
 
-    A number is printed as `format`, `scale` times as large, and None as "-"; several numbers are
-    printed with slashes between them. Figures are aligned right and never wrap.
+    `of` is a function of the row, or the name of its attribute, or several names. A number is
+    printed as `format`, `scale` times as large, and None as "-"; several numbers are printed with
+    slashes between them. Figures are aligned right and never wrap.
     """
 
     heading: str
-    value: "Callable[[Row], float | str | Text | tuple[float | None, ...] | None]"
+    of: "Callable[[Row], Cell] | str | tuple[str, ...]"
     format: str = ""
     scale: float = 1
     left: bool = False
@@ -36,6 +40,13 @@ class Column(Generic[Row]):
     max_width: int | None = None
     optional: bool = False
     """Whether the column is left out if all its cells are empty or 0."""
+
+    def value(self, row: Row) -> "Cell":
+        if callable(self.of):
+            return self.of(row)
+        names = (self.of,) if isinstance(self.of, str) else self.of
+        value: Cell = attrgetter(*names)(row)
+        return value
 
     def is_empty(self, rows: Iterable[Row]) -> bool:
         return all(set(str(self.cell(row)).split(" / ")) <= {"-", "0"} for row in rows)
@@ -95,8 +106,9 @@ EVENT_FIGURES: dict[str, Callable[[float], str]] = {
 """Figures of events in words."""
 
 
-def _pair(first: float | None, second: float | None) -> tuple[float | None, ...] | None:
-    return None if first is None else (first, second)
+def _pair(first: str, second: str) -> "Callable[[VehicleSummary], Cell]":
+    """Two metrics of a vehicle, or None if there is no first one."""
+    return lambda row: None if getattr(row, first) is None else attrgetter(first, second)(row)
 
 
 def _figures_of(event: RunEvent) -> str:
@@ -121,59 +133,44 @@ def _fresh_column(age_ms: str) -> Column[LinkSummary]:
     return Column(f"≤ {age_ms}\nms, %", lambda row: row.safe_time_ratio.get(age_ms), ".1f", 100.0)
 
 
-VEHICLE: Column[VehicleSummary] = Column("vehicle", lambda row: row.name, left=True)
+VEHICLE: Column[VehicleSummary] = Column("vehicle", "name", left=True)
 VEHICLE_COLUMNS: Sequence[Column[VehicleSummary]] = (
     VEHICLE,
     Column(
         "true\nerror, cm\nmax / rms",
-        lambda row: _pair(row.cross_track_error_m_max, row.cross_track_error_m_rms),
+        _pair("cross_track_error_m_max", "cross_track_error_m_rms"),
         ".1f",
         100.0,
     ),
-    Column("road\nerror\nmax, cm", lambda row: row.road_error_m_max, ".1f", 100.0),
-    Column(
-        "true\ngap, m\nmin / max",
-        lambda row: _pair(row.true_gap_m_min, row.true_gap_m_max),
-        ".1f",
-    ),
+    Column("road\nerror\nmax, cm", "road_error_m_max", ".1f", 100.0),
+    Column("true\ngap, m\nmin / max", _pair("true_gap_m_min", "true_gap_m_max"), ".1f"),
     Column(
         "estimated\nerror, cm\nmax / rms",
-        lambda row: _pair(row.lateral_error_m_max, row.lateral_error_m_rms),
+        _pair("lateral_error_m_max", "lateral_error_m_rms"),
         ".1f",
         100.0,
     ),
-    Column("estimated\ngap, m\nmin", lambda row: row.estimated_gap_m_min, ".1f"),
-    Column("friction\nused, %\nmax", lambda row: row.friction_ratio_max, ".0f", 100.0),
+    Column("estimated\ngap, m\nmin", "estimated_gap_m_min", ".1f"),
+    Column("friction\nused, %\nmax", "friction_ratio_max", ".0f", 100.0),
 )
 """True figures of each vehicle next to its estimates."""
 DETAIL_COLUMNS: Sequence[Column[VehicleSummary]] = (
     VEHICLE,
-    Column("largest\nerror\nat, s", lambda row: row.cross_track_error_max_at_s, ".2f"),
-    Column("least\ngap\nat, s", lambda row: row.true_gap_min_at_s, ".2f"),
-    Column(
-        "estimate\nminus true\nerror, cm",
-        lambda row: row.self_estimate_error_m_max,
-        ".1f",
-        100.0,
-    ),
-    Column("own\n3σ\ncm", lambda row: row.lateral_deviation_m_max, ".1f", 300.0),
-    Column(
-        "lateral\nacceleration\nmax, m/s²", lambda row: row.lateral_acceleration_mps2_max, ".1f"
-    ),
-    Column("braking\nheld\nmin, m/s²", lambda row: row.held_braking_mps2_min, ".1f"),
-    Column("distance\nm", lambda row: row.distance_m, ".0f"),
+    Column("largest\nerror\nat, s", "cross_track_error_max_at_s", ".2f"),
+    Column("least\ngap\nat, s", "true_gap_min_at_s", ".2f"),
+    Column("estimate\nminus true\nerror, cm", "self_estimate_error_m_max", ".1f", 100.0),
+    Column("own\n3σ\ncm", "lateral_deviation_m_max", ".1f", 300.0),
+    Column("lateral\nacceleration\nmax, m/s²", "lateral_acceleration_mps2_max", ".1f"),
+    Column("braking\nheld\nmin, m/s²", "held_braking_mps2_min", ".1f"),
+    Column("distance\nm", "distance_m", ".0f"),
 )
 PROCESS_COLUMNS: Sequence[Column[VehicleSummary]] = (
     VEHICLE,
-    Column("poses\nrecorded", lambda row: row.poses),
-    Column("poses not\nrecorded", lambda row: row.missing_poses),
-    Column("late\nticks", lambda row: row.late_ticks),
-    Column("messages\nrefused", lambda row: row.rejected_messages),
-    Column(
-        "memory\nMB",
-        lambda row: row.memory_bytes_max / 1e6 if row.memory_bytes_max else None,
-        ".0f",
-    ),
+    Column("poses\nrecorded", "poses"),
+    Column("poses not\nrecorded", "missing_poses"),
+    Column("late\nticks", "late_ticks"),
+    Column("messages\nrefused", "rejected_messages"),
+    Column("memory\nMB", lambda row: row.memory_bytes_max or None, ".0f", 1e-6),
     Column(
         "processor\n%", lambda row: row.cpu_ratio if row.memory_bytes_max else None, ".1f", 100.0
     ),
@@ -181,18 +178,18 @@ PROCESS_COLUMNS: Sequence[Column[VehicleSummary]] = (
 """Poses of each vehicle in the log, and figures of its process."""
 REACTION_COLUMNS: Sequence[Column[VehicleSummary]] = (
     VEHICLE,
-    Column("mode\nchanges", lambda row: row.reaction.mode_changes),
-    Column("recoveries", lambda row: row.reaction.recoveries),
+    Column("mode\nchanges", "reaction.mode_changes"),
+    Column("recoveries", "reaction.recoveries"),
     Column(
         "time to\nrecover, s\nmean / max",
-        lambda row: (row.reaction.recovery_s_mean, row.reaction.recovery_s_max),
+        ("reaction.recovery_s_mean", "reaction.recovery_s_max"),
         ".1f",
     ),
-    Column("over-\nridden\n%", lambda row: row.overridden_ratio, ".0f", 100.0),
-    Column("stops\nbegun", lambda row: row.reaction.stops),
+    Column("over-\nridden\n%", "overridden_ratio", ".0f", 100.0),
+    Column("stops\nbegun", "reaction.stops"),
     Column(
         "blind distance, m\ndriven / predicted\nwhen braking began",
-        lambda row: (row.reaction.blind_m, row.reaction.predicted_blind_m_max),
+        ("reaction.blind_m", "reaction.predicted_blind_m_max"),
         ".1f",
     ),
 )
@@ -230,14 +227,14 @@ LINK_COLUMNS: Sequence[Column[LinkSummary]] = (
 )
 MESSAGE_COLUMNS: Sequence[Column[LinkSummary]] = (
     Column("link", link_name, left=True),
-    Column("sent", lambda row: row.sent, wraps=True),
-    Column("delivered", lambda row: row.delivered, wraps=True),
-    Column("late", lambda row: row.late, wraps=True),
-    Column("reordered", lambda row: row.reordered, wraps=True),
+    Column("sent", "sent", wraps=True),
+    Column("delivered", "delivered", wraps=True),
+    Column("late", "late", wraps=True),
+    Column("reordered", "reordered", wraps=True),
     Column("dropped", lambda row: _counts(row.dropped), wraps=True),
     Column("not arrived", lambda row: _counts(row.not_arrived).replace("_", " "), wraps=True),
-    Column("in flight", lambda row: row.in_flight, wraps=True),
-    Column("unrecorded", lambda row: row.unrecorded, wraps=True, optional=True),
+    Column("in flight", "in_flight", wraps=True),
+    Column("unrecorded", "unrecorded", wraps=True, optional=True),
     Column("copied or\naltered", _altered, wraps=True, optional=True),
 )
 """Each sent message is delivered, dropped, not arrived, in flight at the end or unrecorded."""
@@ -245,29 +242,19 @@ FRESHNESS_COLUMNS: Sequence[Column[LinkSummary]] = (
     Column("link", link_name, left=True),
     Column(
         "between\narrivals, ms",
-        lambda row: (row.arrival_gap_ms_mean, row.arrival_gap_ms_p95, row.arrival_gap_ms_max),
+        ("arrival_gap_ms_mean", "arrival_gap_ms_p95", "arrival_gap_ms_max"),
         ".0f",
     ),
-    Column(
-        "age at a\ncommand, ms",
-        lambda row: (row.age_ms_mean, row.age_ms_p95, row.age_ms_max),
-        ".0f",
-    ),
+    Column("age at a\ncommand, ms", ("age_ms_mean", "age_ms_p95", "age_ms_max"), ".0f"),
     *map(_fresh_column, SHOWN_AGES_MS),
-    Column("false\nlosses of\nsource", lambda row: row.false_alarms.counted, optional=True),
+    Column("false\nlosses of\nsource", "false_alarms.counted", optional=True),
     Column(
         "real\ntransport, ms",
-        lambda row: (row.transport_ms_mean, row.transport_ms_p95, row.transport_ms_max),
+        ("transport_ms_mean", "transport_ms_p95", "transport_ms_max"),
         ".1f",
         optional=True,
     ),
-    Column(
-        "above the\nfloor, %",
-        lambda row: row.transport_above_floor_ratio,
-        ".1f",
-        100.0,
-        optional=True,
-    ),
+    Column("above the\nfloor, %", "transport_above_floor_ratio", ".1f", 100.0, optional=True),
 )
 """How often messages arrived over each link, and how old data was when it was used."""
 
