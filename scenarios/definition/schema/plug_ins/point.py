@@ -149,8 +149,6 @@ class PlugInPoint:
     types      documented types of the arguments
     base       class that the class must inherit from; if it has one, the class itself is the
                dataclass or the Pydantic model of its parameters
-    draws      whether the constructor of a user's class may have a parameter `draw`, for random
-               numbers of the control instant
     calls      whether it selects a function, whose result is that of `results[""]`
     """
 
@@ -162,7 +160,6 @@ class PlugInPoint:
     arguments: tuple[str, ...] = ()
     types: tuple[type, ...] = ()
     base: type | None = None
-    draws: bool = False
     calls: bool = False
 
     @cached_property

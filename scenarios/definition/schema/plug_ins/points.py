@@ -37,42 +37,50 @@ from vehicles.preview.trajectory import Fit, SourceWindow
 # ---- Results of methods
 
 
-def _is_command(value: object, *_: object) -> bool:
-    if not isinstance(value, SteeringCommand):
-        return False
-    return all(map(is_finite, (value.steering, value.feedforward, value.feedback)))
+def all_finite(*values: object) -> bool:
+    return all(map(is_finite, values))
 
 
-def _is_fused(value: object, *_: object) -> bool:
-    return isinstance(value, list | tuple) and all(
-        isinstance(entry, tuple)
-        and len(entry) == 2
-        and is_finite(entry[0])
-        and isinstance(entry[1], Fit)
-        for entry in value
-    )
-
-
-def _is_verdict(value: object, *_: object) -> bool:
-    if isinstance(value, str):
-        return value in REASONS and REASONS[value].is_drop
-    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
-
-
-def _is_position(value: object, *_: object) -> bool:
-    return isinstance(value, tuple) and len(value) == 2 and all(map(is_finite, value))
-
-
-COMMAND = Result("a SteeringCommand of finite angles (rad)", _is_command)
-FUSED = Result("a list of tuples (share, Fit)", _is_fused)
+COMMAND = Result(
+    "a SteeringCommand of finite angles (rad)",
+    lambda value, *_: (
+        isinstance(value, SteeringCommand)
+        and all_finite(value.steering, value.feedforward, value.feedback)
+    ),
+)
+FUSED = Result(
+    "a list of tuples (share, Fit)",
+    lambda value, *_: (
+        isinstance(value, list | tuple)
+        and all(
+            isinstance(entry, tuple) and is_finite(entry[0]) and isinstance(entry[-1], Fit)
+            for entry in value
+        )
+    ),
+)
 MODE = Result(
     f"the usual mode or one of {', '.join(CHOSEN)}",
     lambda value, _situation, usual, _speed: value in (usual, *CHOSEN),
 )
 VERDICT = Result(
-    'a whole number of ns of at least 0, or the reason of a drop, such as "loss"', _is_verdict
+    'a whole number of ns of at least 0, or the reason of a drop, such as "loss"',
+    lambda value, *_: (
+        REASONS[value].is_drop if value in REASONS else type(value) is int and value >= 0
+    ),
 )
-POSITION = Result("a tuple of two finite numbers: east and north (m)", _is_position)
+POSITION = Result(
+    "a tuple of two finite numbers: east and north (m)",
+    lambda value, *_: isinstance(value, tuple) and len(value) == 2 and all_finite(*value),
+)
+SPANS = Result("tuples (vehicle, first ns, last ns)", lambda value, *_: isinstance(value, Iterable))
+FIGURES = Result(
+    "a finite number, or one or None by vehicle",
+    lambda value, *_: (
+        all_finite(*(one for one in value.values() if one is not None))
+        if isinstance(value, Mapping)
+        else is_finite(value)
+    ),
+)
 
 
 # ---- Control of a vehicle
@@ -91,7 +99,6 @@ LATERAL = PlugInPoint(
     results={"steer": COMMAND},
     arguments=("parameters", "gains"),
     types=(TrackingErrors, SteeringCommand, VehicleParameters, Gains),
-    draws=True,
 )
 LONGITUDINAL = PlugInPoint(
     name="controller",
@@ -111,7 +118,6 @@ LONGITUDINAL = PlugInPoint(
     results={"acceleration": NUMBER},
     arguments=("setup",),
     types=(LongitudinalSetup, VehiclesAhead, OwnMotion, SourceState),
-    draws=True,
 )
 FUSION = PlugInPoint(
     name="fusion",
@@ -123,7 +129,6 @@ FUSION = PlugInPoint(
     contract=SourceFusion,
     results={"fuse": FUSED},
     types=(SourceWindow,),
-    draws=True,
 )
 REACTION = PlugInPoint(
     name="reaction",
@@ -137,7 +142,6 @@ REACTION = PlugInPoint(
     contract=ReactionPolicy,
     results={"mode": MODE, "steering": COMMAND, "acceleration": NUMBER},
     types=(SteeringCommand,),
-    draws=True,
 )
 
 
@@ -228,22 +232,12 @@ class OwnFigure(Protocol):
         ...
 
 
-def _is_figure(value: object, *_: object) -> bool:
-    if not isinstance(value, Mapping):
-        return is_finite(value)
-    return all(one is None or is_finite(one) for one in value.values())
-
-
-def _are_spans(value: object, *_: object) -> bool:
-    return isinstance(value, Iterable)
-
-
 EVENT = PlugInPoint(
     name="event",
     key="event",
     shipped={},
     contract=OwnEvent,
-    results={"": Result("tuples (vehicle, first ns, last ns)", _are_spans)},
+    results={"": SPANS},
     arguments=("run",),
     calls=True,
 )
@@ -252,7 +246,7 @@ FIGURE = PlugInPoint(
     key="figure",
     shipped={},
     contract=OwnFigure,
-    results={"": Result("a finite number, or one or None by vehicle", _is_figure)},
+    results={"": FIGURES},
     arguments=("run",),
     calls=True,
 )

@@ -149,12 +149,8 @@ def _generated_from_itself(point: PlugInPoint, plugged: type[Any], use: str) -> 
 
 
 def default_of(point: PlugInPoint) -> PlugInTable:
-    """Return the table of the first shipped class."""
-    return named(point, next(iter(point.shipped)))
-
-
-def named(point: PlugInPoint, use: str) -> PlugInTable:
-    """Return the table of a class that is constructed, by its name, with default parameters."""
+    """Return the table of the first shipped class, with default parameters."""
+    use = next(iter(point.shipped))
     return cast("PlugInTable", plug_in_table(point, use).model_validate({"use": use}))
 
 
