@@ -12,6 +12,7 @@ from scenarios.definition.schema.change_tables import AnyChange, VehicleChangeTa
 from scenarios.definition.schema.limit_tables import DEADLINES
 from scenarios.definition.schema.scenario_tables import ReplayTable
 from scenarios.results.log_summary import METADATA_NAME, PARTIAL, scenario_in
+from scenarios.results.summary import MadeChange, made_changes
 from scenarios.results.tables import RunTables
 from transport.log.errors import LogError, UnwritableError
 from transport.log.mcap_file import write_again
@@ -142,20 +143,10 @@ def session_of(
         warn(faults)
     scenario = scenario_in(reader)
     run = RunTables(scenario, reader.columns(USED))
-    by: dict[tuple[int, str], list[str]] = {}
-    for name in run.names:
-        rows = run.table(name, "change")
-        hand = rows["by_hand"]
-        for at, table in zip(rows.at_ns[hand].tolist(), rows["table"][hand], strict=True):
-            by.setdefault((at, table), []).append(name)
-    if by and run.start_at is None:
+    made = [change for change in made_changes(run) if change.by_hand]
+    if made and run.start_at is None:
         raise LogError(f"{log}: a change before the start of the run")
-    made = sorted(by.items(), key=lambda entry: entry[0][0])
-    added = [
-        change
-        for (at, table), names in made
-        for change in _as_carried_out(change_from_json(table), run.seconds(at), names, scenario)
-    ]
+    added = [one for change in made for one in _as_carried_out(change, run, scenario)]
     update = {"change": (*scenario.tables.change, *added)} if added else {}
     changed = scenario.tables.model_copy(update=update)
     # Parsed again, which checks it.
@@ -198,14 +189,13 @@ def replayed_session(
     return scenario_from_text(text, label=str(log), overrides=overrides, seed=seed)
 
 
-def _as_carried_out(
-    change: AnyChange, at_s: float, names: Sequence[str], scenario: Scenario
-) -> Sequence[AnyChange]:
+def _as_carried_out(made: MadeChange, run: RunTables, scenario: Scenario) -> Sequence[AnyChange]:
     """One change, or one per receiver if not all of them carried it out."""
-    exact = change.model_copy(update={"at_s": at_s})
+    change = change_from_json(made.table)
+    exact = change.model_copy(update={"at_s": run.seconds(made.at_ns)})
     if not isinstance(change, LINK_CHANGES):
         return [exact]
     about = {to for _, to in links_of(change, scenario.vehicle_names, scenario.links)}
-    if about == set(names):
+    if about == set(made.vehicles):
         return [exact]
-    return [exact.model_copy(update={"receiver": receiver}) for receiver in names]
+    return [exact.model_copy(update={"receiver": receiver}) for receiver in made.vehicles]

@@ -6,7 +6,7 @@ the fields document them, see `documented_fields`.
 
 import ast
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import MISSING, dataclass, field, fields
 from inspect import getsource
@@ -14,7 +14,7 @@ from itertools import pairwise
 from math import nan
 from textwrap import dedent
 from types import NoneType
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -58,48 +58,54 @@ class RunChange:
     """Vehicles that carried the change out."""
 
 
-def run_changes(run: RunTables) -> tuple[RunChange, ...]:
-    """List the changes in order of time; equal ones of several vehicles at an instant are one."""
-    by: dict[tuple[int, str], list[tuple[str, str, bool]]] = {}
+class MadeChange(NamedTuple):
+    """A change at an instant (ns) as JSON, and the vehicles that carried it out."""
+
+    at_ns: int
+    table: str
+    kind: str
+    by_hand: bool
+    vehicles: tuple[str, ...]
+
+
+def made_changes(run: RunTables) -> list[MadeChange]:
+    """Changes in order of time; equal ones of several vehicles at an instant are one."""
+    by: dict[tuple[int, str], MadeChange] = {}
+    tables = [(name, run.table(name, "change")) for name in run.names]
     rows = [
-        (order, at, table, (name, kind, by_hand))
-        for name in run.names
-        for changes in [run.table(name, "change")]
-        for order, at, table, kind, by_hand in zip(
-            changes.order.tolist(),
-            changes.at_ns.tolist(),
-            changes["table"],
-            changes["kind"],
-            changes["by_hand"].tolist(),
-            strict=True,
-        )
+        (rows.order[row], int(rows.at_ns[row]), rows["table"][row], rows["kind"][row], hand, name)
+        for name, rows in tables
+        for row, hand in enumerate(rows["by_hand"].tolist())
     ]
-    for _, at, table, change in sorted(rows):
-        if (at, table) in by or len(by) < MOST_CHANGES:
-            by.setdefault((at, table), []).append(change)
-    return tuple(
-        _run_change(table, same, run.seconds(at)) for (at, table), same in sorted(by.items())
-    )
+    for _, at, table, kind, hand, name in sorted(rows):
+        before = by[at, table].vehicles if (at, table) in by else ()
+        names = before if name in before else (*before, name)
+        by[at, table] = MadeChange(at, table, kind, hand, names)
+    return [by[key] for key in sorted(by)]
 
 
-def _run_change(table: str, same: Sequence[tuple[str, str, bool]], at_s: float) -> RunChange:
-    """Join equal changes, each of a vehicle, with its kind and whether it was made by hand."""
-    _, kind, by_hand = same[0]
-    target, for_s = "", None
-    with suppress(ScenarioError):  # of a later version
-        change = change_from_json(table)
-        for_s = getattr(change, "for_s", None)
-        target = getattr(change, "vehicle", "")
-        if isinstance(change, LINK_CHANGES):
-            target = f"{change.sender} → {change.receiver}"
-    return RunChange(
-        at_s=at_s,
-        kind=kind,
-        target=target,
-        for_s=for_s,
-        by_hand=by_hand,
-        vehicles=tuple(dict.fromkeys(name for name, _, _ in same)),
-    )
+def run_changes(run: RunTables) -> tuple[RunChange, ...]:
+    """Changes as the summary lists them; one of a later version has no target."""
+    listed = []
+    for made in made_changes(run)[:MOST_CHANGES]:
+        target, for_s = "", None
+        with suppress(ScenarioError):  # of a later version
+            change = change_from_json(made.table)
+            for_s = getattr(change, "for_s", None)
+            target = getattr(change, "vehicle", "")
+            if isinstance(change, LINK_CHANGES):
+                target = f"{change.sender} → {change.receiver}"
+        listed.append(
+            RunChange(
+                at_s=run.seconds(made.at_ns),
+                kind=made.kind,
+                target=target,
+                for_s=for_s,
+                by_hand=made.by_hand,
+                vehicles=made.vehicles,
+            )
+        )
+    return tuple(listed)
 
 
 # ---- Summary

@@ -65,7 +65,9 @@ MODE = Result(
 VERDICT = Result(
     'a whole number of ns of at least 0, or the reason of a drop, such as "loss"',
     lambda value, *_: (
-        REASONS[value].is_drop if value in REASONS else type(value) is int and value >= 0
+        value in REASONS and REASONS[value].is_drop
+        if isinstance(value, str)
+        else type(value) is int and value >= 0
     ),
 )
 POSITION = Result(

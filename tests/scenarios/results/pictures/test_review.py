@@ -9,7 +9,6 @@ import pytest
 from mcap.reader import make_reader
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.results.live import LiveRun
 from scenarios.results.run_drawing import Excerpt, open_drawing, review
 from scenarios.results.summary import RunSummary
 from scenarios.results.true_motion import BodySize
@@ -65,25 +64,6 @@ def reviewed(log: Path, warnings: list[str] | None = None) -> Table:
 
 def without_start_time(table: Table) -> Table:
     return {entity: rows for entity, rows in table.items() if entity != "/__properties"}
-
-
-def test_a_reviewed_log_is_drawn_as_the_run_was(tmp_path: Path) -> None:
-    live = tmp_path / "live.rrd"
-    driven, metrics = scenario(), LiveRun(scenario())
-    with open_drawing(parse_rerun_option(f"save={live}"), driven, tmp_path / "run.mcap") as view:
-        for number, (now, message) in enumerate(recorded()):
-            for observer in (metrics, view):
-                if type(message) in observer.kinds:
-                    observer.listen(now, message)
-            if number % 500 == 499 and metrics.update():
-                view.update(metrics)
-        metrics.update()
-        view.update(metrics)
-    write_log(tmp_path / "run.mcap", attached=scenario().text.encode())
-    again = reviewed(tmp_path / "run.mcap")
-    assert without_start_time(again) == without_start_time(columns(live))
-    assert "/world/road/path" in again
-    assert len(again["/world/cars/v3"]["run_time"]) == 50
 
 
 @pytest.mark.parametrize("attached", [None, b'name = "written by a later version"\nx = 1\n'])
