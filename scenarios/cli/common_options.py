@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import wraps
+from functools import reduce, wraps
 from math import isfinite
 from pathlib import Path
 from typing import Any, Literal, TypeVar
@@ -133,19 +133,18 @@ def time_option(
     )
 
 
-def scenario_options(command: Command) -> Command:
-    scenario = click.argument("scenario", default="lane_change", shell_complete=scenarios)
-    return scenario(setting_options(command))
+def together(*options: Callable[[Command], Command]) -> Callable[[Command], Command]:
+    """Several options as one decorator, in the order of the help."""
+
+    def decorate(command: Command) -> Command:
+        return reduce(lambda decorated, option: option(decorated), reversed(options), command)
+
+    return decorate
 
 
-def seed_option(command: Command) -> Command:
-    return click.option(
-        "--seed", type=click.IntRange(min=0), metavar="N", help="Replace the scenario's seed."
-    )(command)
-
-
-def setting_options(command: Command) -> Command:
-    return override_options(seed_option(command))
+seed_option = click.option(
+    "--seed", type=click.IntRange(min=0), metavar="N", help="Replace the scenario's seed."
+)
 
 
 def override_options(command: Command) -> Command:
@@ -164,30 +163,35 @@ def override_options(command: Command) -> Command:
         return command(*args, overrides=(*overrides, *given), **options)
 
     decorated: Any = with_overrides
-    for decorate in (
-        click.option(
-            "--loss",
-            "loss_ratio",
-            type=Ratio(),
-            metavar="RATIO",
-            help="Loss ratio of the links, 0 to 1. Short for --set links.loss_ratio=RATIO.",
-        ),
-        time_option(
-            "--duration",
-            help_text="Length of the run. Same as --set duration_s=SECONDS, but accepts 20, 20s or"
-            " 500ms.",
-        ),
-        click.option(
-            "--set",
-            "overrides",
-            multiple=True,
-            metavar="KEY=VALUE",
-            help="Override a key of the scenario, such as convoy.gap_m=12. Repeatable.",
-        ),
-    ):
-        decorated = decorate(decorated)
-    chosen: Command = decorated
+    chosen: Command = SHORT_SETTINGS(decorated)
     return chosen
+
+
+SHORT_SETTINGS = together(
+    click.option(
+        "--set",
+        "overrides",
+        multiple=True,
+        metavar="KEY=VALUE",
+        help="Override a key of the scenario, such as convoy.gap_m=12. Repeatable.",
+    ),
+    time_option(
+        "--duration",
+        help_text="Length of the run. Same as --set duration_s=SECONDS, but accepts 20, 20s or"
+        " 500ms.",
+    ),
+    click.option(
+        "--loss",
+        "loss_ratio",
+        type=Ratio(),
+        metavar="RATIO",
+        help="Loss ratio of the links, 0 to 1. Short for --set links.loss_ratio=RATIO.",
+    ),
+)
+setting_options = together(override_options, seed_option)
+scenario_options = together(
+    click.argument("scenario", default="lane_change", shell_complete=scenarios), setting_options
+)
 
 
 def tables_option(default: str) -> Callable[[Command], Command]:
@@ -199,21 +203,6 @@ def tables_option(default: str) -> Callable[[Command], Command]:
         help="news: the table of vehicles, and tables with something unusual, such as late ticks,"
         " cut links, stops or events. all: every table.",
     )
-
-
-def log_options(command: Command) -> Command:
-    for decorate in (
-        click.option("--quiet", is_flag=True, help="Print errors and warnings only."),
-        tables_option("news"),
-        rerun_option("off", "Show the run in Rerun while it is recorded"),
-        click.option(
-            "--out",
-            type=click.Path(file_okay=False, path_type=Path),
-            help="Folder for run.mcap and summary.json. Default: runs/START-SCENARIO-OVERRIDES.",
-        ),
-    ):
-        command = decorate(command)
-    return command
 
 
 def rerun_option(default: str, purpose: str, usual: str = "") -> Callable[[Command], Command]:
@@ -274,33 +263,38 @@ def _destinations(purpose: str, usual: str) -> list[click.Option]:
     ]
 
 
-def zenoh_options(command: Command) -> Command:
-    for decorate in (
-        click.option(
-            "--cfg", multiple=True, metavar="KEY:VALUE", help="Zenoh setting in JSON5. Repeatable."
-        ),
-        click.option(
-            "-c",
-            "--config",
-            type=click.Path(exists=True, dir_okay=False, path_type=Path),
-            help="Zenoh configuration file.",
-        ),
-        click.option(
-            "-l", "--listen", multiple=True, metavar="ENDPOINT", help="Listen on this endpoint."
-        ),
-        click.option(
-            "-e",
-            "--connect",
-            multiple=True,
-            metavar="ENDPOINT",
-            help="Connect to this endpoint, such as tcp/127.0.0.1:7447.",
-        ),
-        click.option(
-            "-m", "--mode", type=click.Choice(["client", "peer"]), help="Zenoh session mode."
-        ),
-    ):
-        command = decorate(command)
-    return command
+log_options = together(
+    click.option(
+        "--out",
+        type=click.Path(file_okay=False, path_type=Path),
+        help="Folder for run.mcap and summary.json. Default: runs/START-SCENARIO-OVERRIDES.",
+    ),
+    rerun_option("off", "Show the run in Rerun while it is recorded"),
+    tables_option("news"),
+    click.option("--quiet", is_flag=True, help="Print errors and warnings only."),
+)
+zenoh_options = together(
+    click.option("-m", "--mode", type=click.Choice(["client", "peer"]), help="Zenoh session mode."),
+    click.option(
+        "-e",
+        "--connect",
+        multiple=True,
+        metavar="ENDPOINT",
+        help="Connect to this endpoint, such as tcp/127.0.0.1:7447.",
+    ),
+    click.option(
+        "-l", "--listen", multiple=True, metavar="ENDPOINT", help="Listen on this endpoint."
+    ),
+    click.option(
+        "-c",
+        "--config",
+        type=click.Path(exists=True, dir_okay=False, path_type=Path),
+        help="Zenoh configuration file.",
+    ),
+    click.option(
+        "--cfg", multiple=True, metavar="KEY:VALUE", help="Zenoh setting in JSON5. Repeatable."
+    ),
+)
 
 
 def folder_option(default: str, help_text: str) -> Callable[[Command], Command]:
@@ -313,14 +307,13 @@ def folder_option(default: str, help_text: str) -> Callable[[Command], Command]:
     )
 
 
-def picture_format_option(command: Command) -> Command:
-    return click.option(
-        "--picture-format",
-        type=click.Choice(PICTURE_FORMATS),
-        default="png",
-        show_default=True,
-        help="Format of the plots.",
-    )(command)
+picture_format_option = click.option(
+    "--picture-format",
+    type=click.Choice(PICTURE_FORMATS),
+    default="png",
+    show_default=True,
+    help="Format of the plots.",
+)
 
 
 def output_option(help_text: str) -> Callable[[Command], Command]:
@@ -337,20 +330,15 @@ def json_option(help_text: str) -> Callable[[Command], Command]:
     return click.option("--json", "as_json", is_flag=True, help=help_text)
 
 
-def partial_option(command: Command) -> Command:
-    return click.option(
-        "--partial",
-        is_flag=True,
-        help="Use a damaged or incomplete log; the result states what is missing.",
-    )(command)
+partial_option = click.option(
+    "--partial",
+    is_flag=True,
+    help="Use a damaged or incomplete log; the result states what is missing.",
+)
 
 
 def link_option(help_text: str) -> Callable[[Command], Command]:
-    return click.option(
-        "--link",
-        metavar="SENDER:RECEIVER",
-        help=help_text,
-    )
+    return click.option("--link", metavar="SENDER:RECEIVER", help=help_text)
 
 
 def print_or_write(text: str, file: Path | None) -> None:
@@ -364,45 +352,43 @@ def print_or_write(text: str, file: Path | None) -> None:
     click.echo(f"written: {file}")
 
 
-def run_option(command: Command) -> Command:
-    return click.option(
-        "--run",
-        "run_name",
-        metavar="NAME",
-        help="Name of the run, which keeps convoys on one router apart. Default: the scenario's"
-        " name, with a random suffix in `convoy run`.",
-    )(command)
+run_option = click.option(
+    "--run",
+    "run_name",
+    metavar="NAME",
+    help="Name of the run, which keeps convoys on one router apart. Default: the scenario's"
+    " name, with a random suffix in `convoy run`.",
+)
 
 
-def clock_option(command: Command) -> Command:
-    return click.option(
-        "--clock",
-        type=click.Choice(["wall", "virtual"]),
-        default="wall",
-        show_default=True,
-        help="Real time with one process per vehicle (wall), or as fast as possible (virtual).",
-    )(command)
+clock_option = click.option(
+    "--clock",
+    type=click.Choice(["wall", "virtual"]),
+    default="wall",
+    show_default=True,
+    help="Real time with one process per vehicle (wall), or as fast as possible (virtual).",
+)
 
 
-def open_run_options(command: Command) -> Command:
-    named = click.option(
+open_run_options = together(
+    click.option(
         "--run",
         "run_name",
         metavar="NAME",
         help="Name of the run. Default: the only run that `convoy run` started on this machine.",
-    )
-    return named(zenoh_options(command))
+    ),
+    zenoh_options,
+)
 
 
-def parent_watch_option(command: Command) -> Command:
-    """Hidden option of processes that must not outlive their parent."""
-    return click.option(
-        "--parent-watch",
-        "launched",
-        is_flag=True,
-        hidden=True,
-        help="Stop when standard input ends.",
-    )(command)
+parent_watch_option = click.option(
+    "--parent-watch",
+    "launched",
+    is_flag=True,
+    hidden=True,
+    help="Stop when standard input ends.",
+)
+"""Hidden option of processes that must not outlive their parent."""
 
 
 def zenoh_from(flags: dict[str, Any], run: str = "") -> ZenohOptions:

@@ -1,58 +1,38 @@
 """Options that the commands of many runs share."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
-from scenarios.definition.errors import require
-from scenarios.definition.schema.limit_rows import WORDS, words_with_examples
-
-if TYPE_CHECKING:
-    from scenarios.studies.workers import OpenWorkers
-from pathlib import Path
-from typing import TYPE_CHECKING
-
 from scenarios.cli import common_options
 from scenarios.cli.common_options import (
+    Command,
     FiniteRange,
     Ratio,
     folder_option,
+    output_option,
     override_options,
     picture_format_option,
+    together,
 )
-from scenarios.cli.output import clear_errors, print_whole, table_of
+from scenarios.cli.output import clear_errors, print_error, print_whole, table_of
+from scenarios.definition.errors import ScenarioError, require
+from scenarios.definition.schema.limit_rows import WORDS, words_with_examples
 from scenarios.results.summary_columns import Column
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from rich.console import Console
-
-    from scenarios.studies.many.boundary import BoundaryQuery, BoundaryResult, SharePoint
-from typing import TYPE_CHECKING, cast
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from rich.console import Console
-
-    from scenarios.studies.many.blame import BlameResult
-    from scenarios.studies.many.trials import Attribution, FigureName
-from dataclasses import replace
-
-from scenarios.cli.common_options import output_option
-from scenarios.cli.output import print_error
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from scenarios.studies.many.blame import BlameResult
+    from scenarios.studies.many.boundary import BoundaryQuery, BoundaryResult, SharePoint
     from scenarios.studies.many.cell_table import SweepCell, SweepTable
-
-
-Command = TypeVar("Command", bound=Callable[..., Any])
+    from scenarios.studies.many.trials import Attribution, FigureName
+    from scenarios.studies.workers import OpenWorkers
 
 SEARCHED = ("cross_track_error_m_max", "true_gap_m_min")
 LIMIT_WORDS = (
@@ -88,31 +68,28 @@ def figure_option(help_text: str) -> Callable[[Command], Command]:
     )
 
 
-def limit_option(command: Command) -> Command:
-    return click.option(
-        "--limit",
-        "limit_text",
-        default="lane",
-        show_default=True,
-        metavar="LIMIT",
-        help=f"Limit to test: {LIMIT_WORDS}.",
-    )(command)
-
-
-def engine_options(command: Command) -> Command:
-    scheduler = click.option(
-        "--scheduler",
-        metavar="tcp://HOST:PORT",
-        default="",
-        help="Simulate on the workers of a running dask scheduler.",
-    )
-    workers = click.option(
+limit_option = click.option(
+    "--limit",
+    "limit_text",
+    default="lane",
+    show_default=True,
+    metavar="LIMIT",
+    help=f"Limit to test: {LIMIT_WORDS}.",
+)
+engine_options = together(
+    click.option(
         "--workers",
         type=click.IntRange(0, 1024),
         metavar="N",
         help="Number of worker processes. Default: one per core. 0: simulate in this process.",
-    )
-    return workers(scheduler(command))
+    ),
+    click.option(
+        "--scheduler",
+        metavar="tcp://HOST:PORT",
+        default="",
+        help="Simulate on the workers of a running dask scheduler.",
+    ),
+)
 
 
 def selected_workers(workers: int | None, scheduler: str) -> "OpenWorkers":
@@ -205,8 +182,6 @@ def bisect(
 
 
 def _bounds_of(span: str) -> tuple[float, float]:
-    from scenarios.definition.errors import ScenarioError
-
     low, _, high = span.partition(":")
     try:
         return float(low), float(high)
