@@ -143,7 +143,7 @@ NO_ALARMS = AlarmSummary()
 class LinkSummary:
     """Figures of one directed link, requested and achieved; None where they are unknown.
 
-    Intervals are of 95 %; those of the loss allow for its bursts.
+    The interval of the loss is of 95 % and allows for its bursts.
     """
 
     sender: str
@@ -159,8 +159,6 @@ class LinkSummary:
     """Requested mean number of messages lost in a row."""
     requested_latency_ms_mean: float | None = None
     """Requested mean time from sending to reception of delivered messages."""
-    requested_latency_ms_deviation: float | None = None
-    """Standard deviation of the same."""
     sent: int
     """Messages sent over the link: delivered, dropped, not arrived, in flight and unrecorded."""
     judged: int
@@ -206,18 +204,10 @@ class LinkSummary:
     """Upper end of the same."""
     burst_messages_mean: float | None = None
     """Mean number of messages lost in a row."""
-    burst_messages_low: float | None = None
-    """Lower end of its 95 % interval."""
-    burst_messages_high: float | None = None
-    """Upper end of the same; null where a single burst does not determine it."""
     burst_messages_max: int = 0
     """Largest number of messages lost in a row."""
     latency_ms_mean: float | None
     """Achieved mean latency of delivered messages; null if none was delivered."""
-    latency_ms_low: float | None = None
-    """Lower end of its 95 % interval, as if the delays were independent."""
-    latency_ms_high: float | None = None
-    """Upper end of the same."""
     latency_ms_deviation: float | None = None
     """Standard deviation of the achieved latency."""
     latency_ms_p95: float | None = None
@@ -304,11 +294,12 @@ def _summary(run: RunTables, account: LinkAccount, channel: ExpectedChannel) -> 
     sender, receiver = account.link
     source = None if receiver == run.lead else sources(run, receiver).get(sender)
     requested, verdicts = run.scenario.links[account.link], account.verdicts
-    loss, burst, longest = _losses(account, CONFIDENCE)
+    lost = carried_losses(account)
+    lengths, count = bursts(lost), int(lost.sum())
+    burst = count / len(lengths) if count else None
+    loss = share(count, len(lost), CONFIDENCE, inflation(count / max(len(lost), 1), burst or 1.0))
     delivered, delays = verdicts.of(account.is_delivered), account.latencies
     latency, numbers = spread(delays), delivered["pose_seq"]
-    mean = _mean_ms(delays)
-    half = _half_of_mean(latency.deviation, len(delays), channel, CONFIDENCE) if latency else 0.0
     between = np.diff(delivered["received_at_ns"])
     transport = account.transport_delays
     if not len(transport):
@@ -320,7 +311,6 @@ def _summary(run: RunTables, account: LinkAccount, channel: ExpectedChannel) -> 
         requested_loss_ratio=channel.loss_ratio,
         requested_burst_messages=channel.burst_messages,
         requested_latency_ms_mean=channel.latency_ms_mean,
-        requested_latency_ms_deviation=channel.latency_ms_deviation,
         sent=account.sent,
         judged=len(verdicts),
         delivered=len(delivered),
@@ -336,13 +326,9 @@ def _summary(run: RunTables, account: LinkAccount, channel: ExpectedChannel) -> 
         loss_ratio=loss.value,
         loss_ratio_low=loss.low,
         loss_ratio_high=loss.high,
-        burst_messages_mean=burst.value if burst else None,
-        burst_messages_low=burst.low if burst else None,
-        burst_messages_high=burst.high if burst and burst.high < inf else None,
-        burst_messages_max=longest,
-        latency_ms_mean=mean,
-        latency_ms_low=None if mean is None else mean - half,
-        latency_ms_high=None if mean is None else mean + half,
+        burst_messages_mean=burst,
+        burst_messages_max=int(lengths.max(initial=0)),
+        latency_ms_mean=int(delays.sum()) / len(delays) / MILLISECOND if len(delays) else None,
         latency_ms_deviation=latency.deviation if latency else None,
         latency_ms_p95=latency.p95 if latency else None,
         latency_ms_max=max(int(delays.max()), 0) / MILLISECOND if latency else None,
@@ -369,34 +355,12 @@ def _counts(words: Array) -> dict[str, int]:
     return dict(sorted(Counter(words.tolist()).items()))
 
 
-def _mean_ms(times_ns: Integers) -> float | None:
-    return int(times_ns.sum()) / len(times_ns) / MILLISECOND if len(times_ns) else None
-
-
 def _recorder_delays(run: RunTables, sender: str) -> Integers:
     """Times (ns) that the poses of a vehicle took to the recorder, none in virtual time."""
     poses = poses_of(run, sender)
     delays = poses.logged_at_ns - poses.at_ns
     plausible: Integers = delays[(delays != 0) & (np.abs(delays) < LONGEST_NS)]
     return plausible
-
-
-def _losses(
-    account: LinkAccount, confidence: float
-) -> tuple[ConfidenceInterval, ConfidenceInterval | None, int]:
-    """Loss and mean burst length with their intervals, and the longest burst."""
-    lost = carried_losses(account)
-    lengths, count = bursts(lost), int(lost.sum())
-    burst = mean_length(lengths, confidence)
-    spread_by = inflation(count / len(lost), burst.value) if burst else 1.0
-    return share(count, len(lost), confidence, spread_by), burst, int(lengths.max(initial=0))
-
-
-def _half_of_mean(
-    deviation: float, count: int, channel: ExpectedChannel, confidence: float
-) -> float:
-    """Half the width of the interval of a mean delay with the requested correlation."""
-    return quantile_of_normal(confidence) * deviation * sqrt(channel.latency_inflation / count)
 
 
 def _above_floor(delays_ns: Integers, requested: LinkTable) -> float | None:
