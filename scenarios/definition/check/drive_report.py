@@ -243,6 +243,12 @@ def _path_warnings(scenario: Scenario) -> Iterator[str]:
         return
     yield from recording_warnings(table, smoothed)
     yield from _width_warnings(table, smoothed, PATH_KEYS)
+    speed = scenario.tables.speed
+    if table.source and not table.time_s and not speed.model_fields_set & {"set_mps", "profile"}:
+        yield (
+            f"{table.source}: the drive has no times, the lead drives {speed.set_mps:g} m/s. Set "
+            "speed.set_mps."
+        )
     if smoothed.deviation_max > FAR_FROM_POINTS:
         yield (
             f"the path lies up to {smoothed.deviation_max:.1f} m from the recorded points "

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, StringConstraints
+from pydantic import BeforeValidator, Field, StringConstraints
 
 from scenarios.definition.schema.settings_table import Table
 
@@ -52,6 +52,11 @@ class SmoothedPathTable(Table):
     laps: Laps = 1
 
 
+VehicleName = Annotated[
+    str | None, BeforeValidator(lambda name: str(name) if isinstance(name, int | float) else name)
+]
+"""Name of a vehicle of a file, which may be a number."""
+
 Bound = Annotated[float | None, Field(ge=0, le=1e9)]
 
 
@@ -80,7 +85,7 @@ class TracePath(SmoothedPathTable):
 
     kind: Literal["trace"]
     file: Annotated[str, StringConstraints(min_length=1)]
-    vehicle: str | None = None
+    vehicle: VehicleName = None
     topic: str | None = None
     from_s: Bound = None
     to_s: Bound = None

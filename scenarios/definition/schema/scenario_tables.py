@@ -13,7 +13,7 @@ from pydantic import AwareDatetime, BeforeValidator, Field, StringConstraints, m
 from scenarios.definition.schema.change_tables import Changes
 from scenarios.definition.schema.limit_tables import LimitsTable
 from scenarios.definition.schema.link_tables import InformationFlowTable, LinkEntry, LinkTable
-from scenarios.definition.schema.path_tables import Bound, PathTable, PointsPath
+from scenarios.definition.schema.path_tables import Bound, PathTable, PointsPath, VehicleName
 from scenarios.definition.schema.plug_ins.points import (
     EVENT,
     FIGURE,
@@ -484,7 +484,7 @@ class VehicleTable(Table):
     """
 
     replay: Annotated[str, StringConstraints(min_length=1)] | None = None
-    replay_vehicle: str | None = None
+    replay_vehicle: VehicleName = None
     replay_topic: str | None = None
     replay_from_s: Bound = None
     replay_to_s: Bound = None

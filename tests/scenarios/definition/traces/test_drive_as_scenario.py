@@ -53,6 +53,18 @@ def test_the_speed_is_set_without_times_and_where_it_is_configured(tmp_path: Pat
         assert load_scenario(timed, [override]).tables.speed.lead == "set"
 
 
+def test_one_file_gives_lead_and_follower(tmp_path: Path) -> None:
+    rows = "".join(f"{t},1,{e},{n}\n{t},2,{e - 20.0},{n}\n" for t, e, n, _ in drive()[:80])
+    path = tmp_path / "two.csv"
+    path.write_text(f"t_s,id,x_m,y_m\n{rows}")
+    names = ["path.vehicle=1", f"vehicle.v2.replay={str(path)!r}", "vehicle.v2.replay_vehicle=2"]
+    scenario = load_scenario(path, [*names, "convoy.vehicles=3"])
+    table, second = scenario.tables.path, scenario.tables.vehicle["v2"].drive
+    assert isinstance(table, PointsPath)
+    assert second is not None
+    assert np.subtract(table.east_m, second.east_m) == pytest.approx([20.0] * 80)
+
+
 @pytest.mark.parametrize("speed", [8.0, 30.0])
 def test_noise_of_the_points_is_no_bend_of_the_road(tmp_path: Path, speed: float) -> None:
     """Bends are no harder than the true 1.5 m/s² by more than half of it, at any speed."""
