@@ -12,11 +12,10 @@ from scenarios.definition.traces.drive import (
     FASTEST,
     METRES_PER_DEGREE,
     NO_TIMES,
+    NOT_A_POSITION,
     DriveTable,
     Floats,
     Ints,
-    LeftOut,
-    LeftOutRecords,
     TraceError,
 )
 from scenarios.definition.traces.formats.cells import (
@@ -102,29 +101,38 @@ def read_table(text: str, vehicle: str | None = None) -> DriveTable:
     columns = layout.columns
     used = [*columns.position, columns.altitude, columns.speed, columns.vehicle, columns.height]
     used += layout.source.columns if layout.source else ()
-    places = [column.place for column in used if column]
-    cells: dict[int, list[str]] = {place: [] for place in places}
+    cells: dict[int, list[str]] = {column.place: [] for column in used if column}
     numbers: list[int] = []
-    bad: dict[int, tuple[str, str]] = {}
+    bad: dict[int, str] = {}
     for start in range(layout.first, len(lines), BLOCK):
         rows = [
             (number, _cells(line, layout.separator))
             for number, line in enumerate(lines[start : start + BLOCK], start + 1)
             if _is_row(line)
         ]
-        for k, (_, row) in enumerate(rows, len(numbers)):
+        for number, row in rows:
             if len(row) < len(columns.names):
                 row.extend([""] * (len(columns.names) - len(row)))
             elif len(row) > layout.most and any(cell.strip() for cell in row[layout.most :]):
-                bad[k] = "too many cells", f"{len(row)} cells, {layout.most} expected"
+                bad[number] = f"{len(row)} cells, {layout.most} expected"
         numbers += [number for number, _ in rows]
         for place, column in cells.items():
             column.extend([row[place] for _, row in rows])
     last = len(_cells(lines[-1], layout.separator)) if numbers else 0
     is_cut = last < len(columns.names) and not text.endswith(("\n", "\r"))
     if is_cut and last - 1 in {column.place for column in columns.position}:
-        bad[len(numbers) - 1] = "cut row", "the file ends within the position"
+        bad[numbers[-1]] = "the file ends within the position"
     del lines
+    if columns.vehicle:
+        names = [cell.strip() for cell in cells[columns.vehicle.place]]
+        distinct = [name for name in dict.fromkeys(names) if name]
+        if 2 * len(distinct) <= len(names):  # otherwise they number the records
+            wanted = (chosen_vehicle(distinct, layout.vehicle), "")
+            mine = [k for k, name in enumerate(names) if name in wanted]
+            cells = {place: [column[k] for k in mine] for place, column in cells.items()}
+            numbers = [numbers[k] for k in mine]
+            layout = layout._replace(vehicle=None)
+    chosen_vehicle([], layout.vehicle)
     return _drive(cells, np.array(numbers, dtype=np.int64), bad, layout)
 
 
@@ -335,28 +343,12 @@ def _median_speed(seconds: Floats, position: Floats) -> tuple[float, float]:
 
 
 def _drive(
-    cells: dict[int, list[str]],
-    numbers: Ints,
-    bad: dict[int, tuple[str, str]],
-    layout: TableLayout,
+    cells: dict[int, list[str]], numbers: Ints, bad: dict[int, str], layout: TableLayout
 ) -> DriveTable:
-    """Return the drive of the cells by place of their column; `bad` rows have kind and reason."""
+    """Return the drive of the cells by place of their column; `bad` are reasons by line."""
     columns, source, remarks = layout.columns, layout.source, list[str]()
-    names = [cell.strip() for cell in cells[columns.vehicle.place]] if columns.vehicle else []
-    distinct = [name for name in dict.fromkeys(names) if name]
-    if 2 * len(distinct) > len(names):  # numbers of records
-        distinct = []
-    chosen = chosen_vehicle(distinct, layout.vehicle)
-    mine = np.array([not distinct or name in (chosen, "") for name in names or numbers], dtype=bool)
     raw = np.array([as_numbers(cells[column.place]) for column in columns.position])
-    raw[:, list(bad)] = np.nan
-    for k in np.flatnonzero(~np.isfinite(raw).all(axis=0)).tolist():
-        column = columns.position[int((~np.isfinite(raw[:, k])).argmax())]
-        cell = cells[column.place][k].strip()
-        reason = ("not a number", f"{column.name} is {cell[:20]!r}")
-        bad.setdefault(k, reason if cell else ("no position", f"{column.name} is empty"))
-    position = _scaled_position(raw, columns, remarks)
-    geodetic = columns.geodetic
+    position, geodetic = _scaled_position(raw, columns, remarks), columns.geodetic
     if columns.height and not geodetic:
         _refuse_ecef(position, as_numbers(cells[columns.height.place]))
     if not geodetic and columns.position[0].unit is None and _in_degrees(position):
@@ -378,25 +370,27 @@ def _drive(
     altitude[~usable | np.isin(altitude, NO_ALTITUDES)] = np.nan
     speed = np.abs(_scaled(cells, columns.speed, SPEEDS, numbers.size, remarks))
     speed[speed > FASTEST] = np.nan
-    left_out = LeftOutRecords()
-    good = mine.copy()
-    for k in sorted(bad):
-        if mine[k]:
-            left_out.add(LeftOut(int(numbers[k]), *bad[k], float(times.seconds[k])))
-        good[k] = False
-    return DriveTable(
+    drive = DriveTable(
         geodetic=geodetic,
         unit="line",
-        numbers=numbers[good],
-        position=position[:, good],
-        altitude_m=altitude[good],
-        time_s=times.seconds[good],
-        speed_mps=speed[good],
+        numbers=numbers,
+        position=position,
+        altitude_m=altitude,
+        time_s=times.seconds,
+        speed_mps=speed,
         clock=times.clock,
         zero_s=times.zero_s,
-        left_out=left_out,
         remarks=(*times.remarks, *remarks),
     )
+
+    def reason(k: int) -> str:
+        column = columns.position[int((~np.isfinite(raw[:, k])).argmax())]
+        cell = cells[column.place][k].strip()
+        fault = f"{column.name} is {cell[:20]!r}" if cell else f"{column.name} is empty"
+        return bad.get(int(numbers[k]), fault)
+
+    unusable = ~np.isfinite(raw).all(axis=0) | np.isin(numbers, list(bad))
+    return drive.without(unusable, NOT_A_POSITION, reason)
 
 
 def _scaled(
