@@ -13,31 +13,16 @@ from scenarios.studies.paper import calculations, measures
 from scenarios.studies.paper.measures import EMPTY, TOLERANCE_M, Findings, predict_errors, transfer
 from scenarios.studies.paper.runs import (
     ALPHAS,
-    BASE,
     BASE_SPEED,
-    FIELD_NO_INITIAL_ERROR,
-    FIELD_SLIP_COMPENSATED,
-    FIELD_WITH,
-    FIELD_WITHOUT,
     LANE,
     LATENCIES_MS,
-    LONG_WITH,
-    LONG_WITHOUT,
     LOSSES_PERCENT,
-    NO_LEAD_DATA,
-    NOISE_WITH,
-    NOISE_WITHOUT,
     OTHER_LAWS,
     PREVIEW_S,
     PREVIEWS_S,
     RADII,
     SHORT_PREVIEW_S,
     SIMULATIONS,
-    VARIABLE_SPEED,
-    A,
-    B,
-    C,
-    D,
     at_alpha,
     at_preview,
     at_radius,
@@ -256,7 +241,7 @@ def _over(
 
 
 def _noise(findings: Findings) -> Values:
-    runs, others = findings.noisy(NOISE_WITH), findings.noisy(NOISE_WITHOUT)
+    runs, others = findings.noisy("noise_along/with"), findings.noisy("noise_along/without")
     figures = {
         "with_m_rms": measures.rms_after(5.0, *runs),
         "without_m_rms": measures.rms_after(5.0, *others),
@@ -293,8 +278,8 @@ MANY = 60
 
 def _bounded_figures(findings: Findings) -> dict[str, float]:
     """Linear theory of the base case's convoy with the lead's data (α = 0.5) and without."""
-    car, last = transfer(), len(findings.trials[LONG_WITH].followers)
-    lead = findings.trials[BASE].lead
+    car, last = transfer(), len(findings.trials["long/with"].followers)
+    lead = findings.trials["base"].lead
     return {
         "alpha_norm_f_ratio": 0.5 * peak(car).magnitude,
         "alpha_norm_f_of_empty_cars_ratio": 0.5 * peak(EMPTY).magnitude,
@@ -305,7 +290,7 @@ def _bounded_figures(findings: Findings) -> dict[str, float]:
 
 
 def _alphas(findings: Findings) -> Values:
-    lead, car = findings.trials[BASE].lead, transfer()
+    lead, car = findings.trials["base"].lead, transfer()
     theory = {f"{alpha:g}": predict_errors(lead, car, alpha, 7)[1][-1] for alpha in ALPHAS}
     steps = [measures.excess_of_last_step(findings.trials[at_alpha(a)]) for a in ALPHAS if a < 1.0]
     figures = {
@@ -333,7 +318,7 @@ def _rms_figures(key: str, findings: Findings) -> dict[str, Any]:
 
 
 def _settled_figures(findings: Findings) -> dict[str, Any]:
-    keys = (FIELD_WITH, FIELD_WITHOUT, FIELD_NO_INITIAL_ERROR, FIELD_SLIP_COMPENSATED)
+    keys = ("field/with", "field/without", "field/no_initial_error", "field/slip_compensated")
     return {
         f"{key.removeprefix('field/')}_m_rms": measures.rms_after(
             measures.SETTLING_S, findings.trials[key]
@@ -344,7 +329,10 @@ def _settled_figures(findings: Findings) -> dict[str, Any]:
 
 
 def _shares(findings: Findings) -> dict[str, float]:
-    keys = {"share_ratio": FIELD_WITH, "share_without_initial_error_ratio": FIELD_NO_INITIAL_ERROR}
+    keys = {
+        "share_ratio": "field/with",
+        "share_without_initial_error_ratio": "field/no_initial_error",
+    }
     return {name: measures.share_farther_off(findings.trials[key]) for name, key in keys.items()}
 
 
@@ -375,6 +363,7 @@ FIT_DESCRIPTION = (
     "paper's recipe fits a line if all samples pass the test, else one circle"
 )
 
+
 # fmt: off
 CLAIMS: tuple[Claim, ...] = (
     # Sections II and III: car, samples, trajectory, feedforward
@@ -394,32 +383,33 @@ CLAIMS: tuple[Claim, ...] = (
     calculated("preview", "III-A", "L_preview = 0.8 v ≈ 30 m at highway speed",
         lambda: (PREVIEW_S * BASE_SPEED, {"speed_for_30_m_mps": 30.0 / PREVIEW_S}),
         Expected("≈", 30.0, "m", 3.0),
-        "24 m is used here. 30 m change the results little (row on the preview below)", need=BASE,
+        "24 m is used here. 30 m change the results little (row on the preview below)", need="base",
         misprint=True),
     calculated("signs", "III-B",
         "e_lat = R − distance from the centre; on a line (Y − m X − c) / √(1 + m²)",
         calculations.printed_error_in_a_right_turn, Expected("≈", 1.0, "m", 0.01),
         "of a car 1 m to the left of its path in a right turn. y = m x + c does not exist for a "
         "road to the north. Correct with the sign of the turn and a line given by its heading",
-        need=BASE, misprint=True),
+        need="base", misprint=True),
     Claim("preview_samples", "III-A",
         "At 20 Hz the preview contains M, N < 20 samples, about a metre apart", _samples,
-        Expected("<", 20, "samples"), (BASE,),
+        Expected("<", 20, "samples"), ("base",),
         "1.5 m apart; fewer of the predecessor, which is only 15 m ahead"),
     Claim("one_change", "III-A", "There is at most one change of curvature within a second",
-        _changes, Expected("≤", 1, "changes"), (BASE,),
+        _changes, Expected("≤", 1, "changes"), ("base",),
         "the road was chosen accordingly. A lane change of 3.6 m at 30 m/s needs arcs of less "
         "than a second on radii up to 400 m"),
     calculated("ten_centimetres", "III-A, III-B",
         "Samples within 10 cm of their chord are a straight line", calculations.hidden_curvature,
         Expected("≤", 1e-5, "1/m"),
-        f"arcs of this curvature also pass the line test at 30 m/s: {FIT_DESCRIPTION}", need=BASE),
+        f"arcs of this curvature also pass the line test at 30 m/s: {FIT_DESCRIPTION}",
+        need="base"),
     calculated("circle", "III-A.1, eq. (5)",
         "X_c, Y_c and R that minimise J come from three linear equations in X_c, Y_c, R² − X_c² − "
         "Y_c²; at α = 0.5 both sources have equal weight", calculations.circle,
         Expected("≈", 0.0, "of R", 1e-6),
         "solved relative to the samples, against a solution as printed. With 2 cm of noise the "
-        "circle is too small: e is a distance times 2R, so J favours small circles", need=BASE),
+        "circle is too small: e is a distance times 2R, so J favours small circles", need="base"),
     Claim("recipe_suffices", "III-A, III-B",
         "Line test and circle suffice: radii are hundreds of metres, positions accurate to 2 cm",
         partial(_over, "radii", {at_radius(r): r for r in RADII}, measures.largest_tracking), LIMIT,
@@ -427,7 +417,8 @@ CLAIMS: tuple[Claim, ...] = (
         f"judged by the paper's 9 cm on each road; {FIT_DESCRIPTION}"),
     Claim("two_samples", "III-B",
         "θ_R is the direction of the closest and the second closest point",
-        lambda findings: Values([findings.samples.rule_error]), Expected("<", 0.05, "rad"), (BASE,),
+        lambda findings: Values([findings.samples.rule_error]), Expected("<", 0.05, "rad"),
+        ("base",),
         "against the car's heading in the base case: samples of lead and predecessor are side by "
         "side. Here θ_R is the direction of the fit"),
     # Sections III-F and IV: polynomial, Proposition 1, G(jω)
@@ -495,68 +486,68 @@ CLAIMS: tuple[Claim, ...] = (
     # Section V-C: simulations
     Claim("road", "V-C, target trajectory",
         "A double lane change on 1 km: first from 5 s to before 10 s, then from 20 s to 25 s",
-        _nothing, None, (BASE,),
+        _nothing, None, ("base",),
         "the paper does not specify radius, lane width and gaps. Here 3.6 m to the right from 5 s "
         "and back from 20 s on, on arcs of 500 m radius and straights of one second each"),
     row("base_below_9_cm", "V-C.1, errors with n_f = 1, n_r = 3",
         "Four cars, 30 m/s: the largest lateral error is under 9 cm", measures.largest_tracking,
-        (BASE,), LIMIT, "depends on the road, see the table of runs for other radii"),
+        ("base",), LIMIT, "depends on the road, see the table of runs for other radii"),
     row("base_where", "V-C.1", "The largest error occurs where the curved section begins or ends",
-        measures.largest_lag, (BASE,), Expected("<", 0.2, "s"),
+        measures.largest_lag, ("base",), Expected("<", 0.2, "s"),
         "with 0.8 s of preview a trajectory curves before the road does"),
     row("base_decreasing", "V-C.1; IV-B, Definition 1",
-        "The largest errors decrease from the first follower on", measures.tracking_growth, (BASE,),
-        NO_GROWTH, TWO_EFFECTS),
+        "The largest errors decrease from the first follower on", measures.tracking_growth,
+        ("base",), NO_GROWTH, TWO_EFFECTS),
     row("base_true", "V-C.1; IV-B (no car will be off-track)",
         "Lateral string stability: no car is farther off the track than the car ahead",
-        measures.true_growth, (BASE,), NO_GROWTH, f"{OWN_ERRORS} (row on bounded errors below)"),
+        measures.true_growth, ("base",), NO_GROWTH, f"{OWN_ERRORS} (row on bounded errors below)"),
     row("amplified_without_lead_data", "I, IV-B, in simulation",
         "With the predecessor's data only, cross-track errors amplify",
-        lambda run: run.cross_track[-1] - run.cross_track[0], (NO_LEAD_DATA,), GROWTH,
+        lambda run: run.cross_track[-1] - run.cross_track[0], ("no_lead_data",), GROWTH,
         "as predicted by linear theory"),
     row("reduced_by_lead_data", "I, V-C, in simulation",
         "The lead's data reduce the propagation of cross-track errors", measures.step_against,
-        (LONG_WITH, LONG_WITHOUT), Expected("<", 1.0),
+        ("long/with", "long/without"), Expected("<", 1.0),
         "of eight cars the last adds less than a tenth of its error without the data, and is "
         "closer to the lead's path"),
-    decreasing(A, "V-C.2, scenario A", " (10 m/s, n_r = 2)"),
-    decreasing(B, "V-C.2, scenario B", " (10 m/s, n_r = 0)"),
-    decreasing(C, "V-C.2, scenario C", " (20 m/s, n_r = 0)"),
-    decreasing(D, "V-C.2, scenario D", " (30 m/s, two heavier cars, two lighter)"),
+    decreasing("a", "V-C.2, scenario A", " (10 m/s, n_r = 2)"),
+    decreasing("b", "V-C.2, scenario B", " (10 m/s, n_r = 0)"),
+    decreasing("c", "V-C.2, scenario C", " (20 m/s, n_r = 0)"),
+    decreasing("d", "V-C.2, scenario D", " (30 m/s, two heavier cars, two lighter)"),
     row("uneven", "V-C.2, scenario D", "An uneven convoy does not impact lateral string stability",
-        measures.more_than(measures.head_to_tail), (BASE, D), Expected("≤", 0.0),
+        measures.more_than(measures.head_to_tail), ("base", "d"), Expected("≤", 0.0),
         "growth of true errors along the convoy, less that of the uniform convoy"),
     row("faster", "V-C.2, A against C", "Errors are larger at 20 m/s than at 10 m/s",
-        measures.more_than(measures.largest_tracking), (A, C), Expected(">", 0.0, "m"),
+        measures.more_than(measures.largest_tracking), ("a", "c"), Expected(">", 0.0, "m"),
         "in a curve a car has a slip angle, against which the law steers, more at 10 m/s. The "
         "paper's recipe fits a line to a curve, whose deviation grows with the preview. Runs "
         "`same_times` drive curves with the same lateral acceleration"),
     row("mass", "V-C.2, A against B", "The effect of the mass is negligible",
-        measures.relative_difference, (A, B), Expected("<", 1.0),
+        measures.relative_difference, ("a", "b"), Expected("<", 1.0),
         "difference over a tenth of the error. At 30 m/s the load, unknown to the feedforward, "
         "has a larger effect"),
     row("small", "V-C.2", "Errors remain minimal compared to the lane width", measures.largest_true,
         SIMULATIONS, Expected("<", 0.1 * LANE, "m")),
     row("variable_below_11_cm", "V-C.3", "With acceleration up to 30 m/s no error exceeds 11 cm",
-        measures.largest_tracking, (VARIABLE_SPEED,), Expected("<", 0.11, "m")),
+        measures.largest_tracking, ("variable_speed",), Expected("<", 0.11, "m")),
     Claim("slightly_more", "V-C.3", "Errors are slightly larger than at constant speed",
-        of_runs(measures.more_than(measures.largest_tracking), BASE, VARIABLE_SPEED), None,
-        (BASE, VARIABLE_SPEED),
+        of_runs(measures.more_than(measures.largest_tracking), "base", "variable_speed"), None,
+        ("base", "variable_speed"),
         "depends on the speed profile, which the paper only plots: on the same curves, a lower "
         "speed needs less lateral acceleration and a higher speed more"),
-    decreasing(VARIABLE_SPEED, "V-C.3",
+    decreasing("variable_speed", "V-C.3",
         note="all cars have the same speed at the same time, so each enters a curve faster than "
         "its predecessor did. The composite also has an effect, as in the base case"),
     # Section IV-B: string stability of the simulated convoys
     row("definition_1", "IV-B, Definition 1, with heading",
         "‖(e_lat, θ̃)‖∞ of a follower does not exceed that of its predecessor",
-        measures.definition_1_growth, (BASE,), NO_GROWTH,
+        measures.definition_1_growth, ("base",), NO_GROWTH,
         "the norm combines metres and radians: in these units the heading is never decisive. "
         "Judged by tracking errors, as the figures of V-C; in Section IV-B e_lat is the distance "
         "from the common line, for which the row on true errors stands"),
     row("bounded_along_the_convoy", "IV-B; weaker senses, eight cars",
         "With the lead's data, errors are bounded for any number of cars",
-        measures.excess_of_last_step, (LONG_WITH,), Expected("≤", 0.0, "m"),
+        measures.excess_of_last_step, ("long/with",), Expected("≤", 0.0, "m"),
         "step of the last car beyond half the second follower's. If it levels off, the convoy is "
         "string stable in the sense of Swaroop and Hedrick (1996, largest errors) and of Ploeg et "
         "al. (2014, L2), though Definition 1, the strict form from car to car, fails. Linear "
@@ -567,12 +558,12 @@ CLAIMS: tuple[Claim, ...] = (
         measures.true_growth, SIMULATIONS[1:], NO_GROWTH, OWN_ERRORS),
     row("amplified_in_l2", "IV-B, in L2 (whose induced norm is ‖G‖∞), at equal arc length",
         "With the predecessor's data only, errors amplify from car to car", measures.rms_growth,
-        (NO_LEAD_DATA,), GROWTH, "rms of true errors over the same section of the lead's path",
-        figures=partial(_rms_figures, NO_LEAD_DATA)),
+        ("no_lead_data",), GROWTH, "rms of true errors over the same section of the lead's path",
+        figures=partial(_rms_figures, "no_lead_data")),
     row("not_amplified_in_l2", "V-C.1, in L2, at equal arc length",
-        "With the lead's data, errors do not amplify from car to car", measures.rms_growth, (BASE,),
-        NO_GROWTH, "rms of true errors over the same section of the lead's path",
-        figures=partial(_rms_figures, BASE)),
+        "With the lead's data, errors do not amplify from car to car", measures.rms_growth,
+        ("base",), NO_GROWTH, "rms of true errors over the same section of the lead's path",
+        figures=partial(_rms_figures, "base")),
     Claim("propagation_measured", "IV-B, in the emulated convoy",
         "Errors amplify at low frequencies with the predecessor's data only", _measured_propagation,
         Expected(">", 1.0), ("propagation",),
@@ -581,25 +572,25 @@ CLAIMS: tuple[Claim, ...] = (
         "feedforward (F), and the fit smooths wavelengths shorter than the preview"),
     # Section V-D: field experiment
     Claim("field_course", "V-D, reference path and errors",
-        "Plots of the path and of the lateral errors", _nothing, None, (FIELD_WITH,),
+        "Plots of the path and of the lateral errors", _nothing, None, ("field/with",),
         "the text states neither the course, nor the initial errors, nor any number. Here an oval "
         "with curves of 200 m and a double lane change"),
     row("field_amplified", "V-D.1, without lead data", "Cross-track errors amplify from PL2 to PL3",
-        measures.settled_growth, (FIELD_WITHOUT,), GROWTH, "rms of true errors after 10 s",
+        measures.settled_growth, ("field/without",), GROWTH, "rms of true errors after 10 s",
         figures=_settled_figures),
     row("field_not_amplified", "V-D.2, with lead data",
         "Cross-track errors of the followers do not amplify", measures.settled_growth,
-        (FIELD_WITH,), NO_GROWTH,
+        ("field/with",), NO_GROWTH,
         "rms of true errors after 10 s. Two followers do not show whether errors level off",
         figures=_settled_figures),
     row("field_initial_error", "V-D.2, with lead data",
         "Where they appear to amplify, the initial error of the second car is the cause",
-        measures.excess_of_share, (FIELD_WITH, FIELD_NO_INITIAL_ERROR), Expected("<", 0.0),
+        measures.excess_of_share, ("field/with", "field/no_initial_error"), Expected("<", 0.0),
         "share of the road on which PL3 is farther off than PL2: the cause would remove at least "
         "half. PL2's error decays within seconds; PL3 adds its own error to half of PL2's",
         figures=_shares),
     row("field_on_the_road", "V-D.2", "All followers stay on the road throughout",
-        measures.largest_true, (FIELD_WITH,), Expected("<", measures.LANE_MARGIN, "m"),
+        measures.largest_true, ("field/with",), Expected("<", measures.LANE_MARGIN, "m"),
         "including the start; a lane has this width on each side of a car"),
     # Not in the paper: other laws, weight, noise, preview, loss and latency
     *(
@@ -608,7 +599,7 @@ CLAIMS: tuple[Claim, ...] = (
             "not in the paper",
             f"The paper's law has no larger tracking errors than {words}",
             measures.more_than(measures.largest_tracking),
-            (f"{BASE}/{law}", BASE),
+            (f"base/{law}", "base"),
             NO_GROWTH,
         )
         for law, words in zip(
@@ -622,14 +613,14 @@ CLAIMS: tuple[Claim, ...] = (
     ),
     Claim("alpha_chain", "III-A.1, V-C; not in the paper: α varied, eight cars",
         "With any weight of the lead (α < 1), true errors level off along the convoy", _alphas,
-        Expected("≤", 0.0, "m"), (BASE, *map(at_alpha, ALPHAS)),
+        Expected("≤", 0.0, "m"), ("base", *map(at_alpha, ALPHAS)),
         "each car passes on the share α of its error. Theory ensures this at every frequency "
         "below α* = 1/‖F‖∞; the fit smooths the steering's mode, where empty cars exceed it. "
         "`convoy check` prints α* of the paper's G"),
     Claim("noise_along_the_convoy",
         "III-A (positions accurate to 2 cm); not in the paper: eight cars on a straight",
         "With the lead's data, receiver noise does not grow along the convoy", _noise,
-        Expected("≤", 1.1), (f"{NOISE_WITH}/noise/1", f"{NOISE_WITHOUT}/noise/1"),
+        Expected("≤", 1.1), ("noise_along/with/noise/1", "noise_along/without/noise/1"),
         "rms of the last of eight cars over that of the third; up to 10 % more is chance"),
     Claim("preview_suffices", "III-A; limited preview varied, base case",
         "A preview of 0.8 s suffices", _previews, LIMIT, tuple(map(at_preview, PREVIEWS_S)),
@@ -640,7 +631,7 @@ CLAIMS: tuple[Claim, ...] = (
             f"At the lead's speed, errors stay under 9 cm if links {verb}",
             partial(_over, "values", {f"{name}/{v:g}": v for v in values},
                 measures.tracking_at_speed),
-            LIMIT, (BASE, *(f"{name}/{value:g}" for value in values)),
+            LIMIT, ("base", *(f"{name}/{value:g}" for value in values)),
             "the paper assumes reliable connectivity; all other runs have 20 ms and no loss. A car "
             "that knows too little of the path slows down, which does not count as holding")
         for name, values, verb in (
@@ -650,4 +641,5 @@ CLAIMS: tuple[Claim, ...] = (
     ),
 )
 # fmt: on
+
 """All claims in the order of the paper, followed by additional ones."""

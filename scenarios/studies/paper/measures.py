@@ -13,20 +13,7 @@ import numpy as np
 
 from scenarios.results.drives import Drive, Trial
 from scenarios.results.tables import RunTables
-from scenarios.studies.paper.runs import (
-    BASE,
-    BASE_SPEED,
-    LANE,
-    NO_LEAD_DATA,
-    PERIODS,
-    SINES,
-    SPACING,
-    A,
-    B,
-    C,
-    D,
-    at_sine,
-)
+from scenarios.studies.paper.runs import BASE_SPEED, LANE, PERIODS, SINES, SPACING, at_sine
 from transport.columns import Floats
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, Loading, loaded
 from vehicles.preview.curve_fit import Trajectory
@@ -290,17 +277,17 @@ SAMPLES = 4096
 """Number of samples of the lead's path; a power of two for the FFT."""
 BASE_CAR = (BASE_SPEED, Loading(front_passengers=1, rear_passengers=3))
 CARS = {
-    A: (10.0, Loading(front_passengers=1, rear_passengers=2)),
-    B: (10.0, Loading(front_passengers=1)),
-    C: (20.0, Loading(front_passengers=1)),
-    D: (30.0, Loading(front_passengers=1, rear_passengers=2)),
+    "a": (10.0, Loading(front_passengers=1, rear_passengers=2)),
+    "b": (10.0, Loading(front_passengers=1)),
+    "c": (20.0, Loading(front_passengers=1)),
+    "d": (30.0, Loading(front_passengers=1, rear_passengers=2)),
 }
 """Speed (m/s) and load of the cars of a case (in D, of the first two), if not the base case's."""
 EMPTY = trace_propagation(LINCOLN_MKZ, NOMINAL_GAINS, BASE_SPEED)
 """F(jω) of empty cars at the speed of the base case."""
 
 
-def transfer(key: str = BASE) -> Transfer:
+def transfer(key: str = "base") -> Transfer:
     """F(jω) of a case: a car's own path over the path it follows, with the load unknown to it."""
     speed, loading = CARS.get(key, BASE_CAR)
     car = loaded(LINCOLN_MKZ, loading)
@@ -309,7 +296,7 @@ def transfer(key: str = BASE) -> Transfer:
 
 def predict_case(findings: Findings, key: str) -> tuple[list[float], list[float]]:
     """Predict the largest tracking and true errors (m) of the followers of a case."""
-    alpha = 1.0 if key == NO_LEAD_DATA else 0.5
+    alpha = 1.0 if key == "no_lead_data" else 0.5
     return predict_errors(findings.trials[key].lead, transfer(key), alpha, 3)
 
 

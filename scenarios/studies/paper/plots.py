@@ -1,14 +1,14 @@
 """Plots of the report on the paper's experiments."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from scenarios.results.drives import Trial
 from scenarios.results.figure_style import BLUE, GREEN, GREY, ORANGE, PAGE_IN, PURPLE, RED, STYLE
 from scenarios.studies.paper.measures import (
     AFTER_START_S,
@@ -20,24 +20,11 @@ from scenarios.studies.paper.measures import (
 )
 from scenarios.studies.paper.runs import (
     ALPHAS,
-    BASE,
     BASE_SPEED,
-    FIELD_WITH,
-    FIELD_WITHOUT,
-    LONG_WITH,
-    LONG_WITHOUT,
-    NO_LEAD_DATA,
-    NOISE_WITH,
-    NOISE_WITHOUT,
     PREVIEW_S,
     RADII,
     SHORT_PREVIEW_S,
     SIMULATIONS,
-    VARIABLE_SPEED,
-    A,
-    B,
-    C,
-    D,
     at_alpha,
     at_radius,
     label,
@@ -49,37 +36,79 @@ from vehicles.theory.linear_model import propagation
 COLOURS = (GREY, BLUE, ORANGE, GREEN, PURPLE)
 DASHES = ("-", "-", "--", "-.", ":")
 """The lead first; colour and dashes distinguish the cars."""
-TRACKING, TRUE = "lateral_error", "cross_track"
-"""Errors of a `Drive`: to the car's own trajectory, and to the lead's path."""
-WORDS = {TRACKING: "off the own trajectory, cm", TRUE: "off the lead's path, cm"}
+TRACKING, TRUE, SPEED, COURSE = "lateral_error", "cross_track", "speed", "north"
+QUANTITIES = {
+    TRACKING: (100.0, "off the own trajectory, cm"),
+    TRUE: (100.0, "off the lead's path, cm"),
+    SPEED: (1.0, "speed, m/s"),
+    COURSE: (1.0, "north, m"),
+}
+"""Arrays of a `Drive` to plot over time (the course over east), with factor and label."""
 
 
-def _panels(
-    rows: int, columns: int, height: float, *, share: bool = False
-) -> tuple[Figure, list[Axes]]:
+class PaperPanel(NamedTuple):
+    key: str
+    quantity: str
+    title: str = ""
+
+
+PANELS: Mapping[str, tuple[PaperPanel, ...]] = {
+    "road": (PaperPanel("base", COURSE, "Arcs of 500 m radius, lanes of 3.6 m"),),
+    "errors_base": (
+        PaperPanel("base", TRACKING, "Base case: 30 m/s, n_f = 1, n_r = 3 (the paper: 9 cm)"),
+    ),
+    "errors_a_to_d": (
+        PaperPanel("a", TRACKING, "A: 10 m/s, n_f = 1, n_r = 2"),
+        PaperPanel("b", TRACKING, "B: 10 m/s, n_f = 1, n_r = 0"),
+        PaperPanel("c", TRACKING, "C: 20 m/s, n_f = 1, n_r = 0"),
+        PaperPanel("d", TRACKING, "D: 30 m/s, two heavier cars, two lighter"),
+    ),
+    "errors_variable_speed": (
+        PaperPanel("variable_speed", SPEED),
+        PaperPanel("variable_speed", TRACKING),
+    ),
+    "lead_data": (
+        PaperPanel("no_lead_data", TRUE, "Without the lead's data"),
+        PaperPanel("base", TRUE, "With the lead's data"),
+    ),
+    "field": (
+        PaperPanel("field/without", TRACKING, "Without the lead's data"),
+        PaperPanel("field/with", TRACKING, "With the lead's data"),
+        PaperPanel("field/without", TRUE),
+        PaperPanel("field/with", TRUE),
+        PaperPanel("field/with", COURSE),
+    ),
+}
+"""Pictures of quantities of all cars over time."""
+
+
+def _panels(rows: int, columns: int, height: float) -> tuple[Figure, list[Axes]]:
     figure = Figure(figsize=(PAGE_IN, height), layout="constrained")
-    axes = figure.subplots(rows, columns, sharey=share, squeeze=False)
-    return figure, list(axes.flat)
+    return figure, list(figure.subplots(rows, columns, squeeze=False).flat)
 
 
-def _legend(figure: Figure, axes: Axes) -> None:
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4)
-
-
-def _over_time(axes: Axes, trial: Trial, title: str, measure: str = TRACKING) -> None:
-    for place, drive in enumerate(trial.drives):
-        values = getattr(drive, measure)
-        axes.plot(
-            drive.at[: len(values)],
-            100.0 * values,
-            color=COLOURS[place],
-            linestyle=DASHES[place],
-            linewidth=1.0,
-            label=drive.name,
-        )
-    axes.set_xlabel("time, s")
-    axes.set_ylabel(WORDS[measure])
-    axes.set_title(title)
+def over_time(panels: Sequence[PaperPanel], findings: Findings) -> Figure:
+    """Draw the panels, two in a row."""
+    columns = min(2, len(panels))
+    rows = -(-len(panels) // columns)
+    figure, places = _panels(rows, columns, 0.8 + 2.4 * rows)
+    for place in places[len(panels) :]:
+        place.set_axis_off()
+    for axes, panel in zip(places, panels, strict=False):
+        factor, label = QUANTITIES[panel.quantity]
+        is_course = panel.quantity == COURSE
+        for drive, colour, line in zip(
+            findings.trials[panel.key].drives, COLOURS, DASHES, strict=False
+        ):
+            values = factor * getattr(drive, panel.quantity)
+            along = drive.east if is_course else drive.at
+            style: dict[str, Any] = {"color": colour, "linestyle": line}
+            axes.plot(along[: len(values)], values, label=drive.name, linewidth=1.0, **style)
+        axes.set_xlabel("east, m" if is_course else "time, s")
+        axes.set_ylabel(label)
+        axes.set_title(panel.title)
+    figure.legend(*places[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return figure
 
 
 def _along(axes: Axes, values: Iterable[float], colour: str, text: str, style: str = "o-") -> None:
@@ -90,111 +119,35 @@ def _along(axes: Axes, values: Iterable[float], colour: str, text: str, style: s
     axes.set_xlabel("car")
 
 
-def _limit(axes: Axes, value: float, text: str) -> None:
-    axes.axhline(value, color=RED, linewidth=0.8, linestyle=":", label=text)
-
-
-def road(findings: Findings) -> Figure:
-    lead = findings.trials[BASE].lead
-    figure, (axes,) = _panels(1, 1, 2.4)
-    axes.plot(lead.east, lead.north, color=BLUE)
-    for second in (5, 10, 20, 25):
-        at = int(np.searchsorted(lead.at, second))
-        point = (lead.east[at], lead.north[at])
-        axes.plot(*point, "o", color=RED, markersize=4)
-        axes.annotate(f"{second} s", point, (0, 7), textcoords="offset points", color=RED)
-    axes.set_ylim(-4.4, 1.4)
-    axes.set_xlabel("along the road, m")
-    axes.set_ylabel("to the left, m")
-    return figure
-
-
-def base(findings: Findings) -> Figure:
-    figure, (axes,) = _panels(1, 1, 3.4)
-    _over_time(axes, findings.trials[BASE], "30 m/s, one passenger in front, three in the rear")
-    _limit(axes, -9.0, "the paper's 9 cm")
-    _legend(figure, axes)
-    return figure
-
-
-def a_to_d(findings: Findings) -> Figure:
-    titles = {
-        A: "A: 10 m/s, n_f = 1, n_r = 2",
-        B: "B: 10 m/s, n_f = 1, n_r = 0",
-        C: "C: 20 m/s, n_f = 1, n_r = 0",
-        D: "D: 30 m/s, two heavier cars before two lighter",
-    }
-    figure, panels = _panels(2, 2, 5.6, share=True)
-    for axes, (key, title) in zip(panels, titles.items(), strict=True):
-        _over_time(axes, findings.trials[key], title)
-    _legend(figure, panels[0])
-    return figure
-
-
-def variable_speed(findings: Findings) -> Figure:
-    trial = findings.trials[VARIABLE_SPEED]
-    figure, (above, below) = _panels(2, 1, 4.8)
-    above.plot(trial.lead.at, trial.lead.speed, color=BLUE)
-    above.set_ylabel("speed, m/s")
-    _over_time(below, trial, "")
-    _legend(figure, below)
-    return figure
-
-
-def field(findings: Findings) -> Figure:
-    figure, panels = _panels(1, 5, 3.4)
-    for place, drive in enumerate(findings.trials[FIELD_WITH].drives):
-        panels[0].plot(drive.east, drive.north, color=COLOURS[place], linestyle=DASHES[place])
-    panels[0].set_aspect("equal")
-    panels[0].set_title("Course")
-    runs = ((FIELD_WITHOUT, "Predecessor only"), (FIELD_WITH, "With lead data"))
-    shown = [(key, title, measure) for measure in WORDS for key, title in runs]
-    for axes, (key, title, measure) in zip(panels[1:], shown, strict=True):
-        _over_time(axes, findings.trials[key], title, measure)
-    _legend(figure, panels[1])
-    return figure
-
-
-def lead_data(findings: Findings) -> Figure:
-    """True errors without and with the lead's data, and their maxima along eight cars."""
-    figure, (left, middle, right) = _panels(1, 3, 3.6)
-    _over_time(left, findings.trials[NO_LEAD_DATA], "Without the lead's data", TRUE)
-    _over_time(middle, findings.trials[BASE], "With the lead's data", TRUE)
-    middle.sharey(left)
-    for key, colour, word in ((LONG_WITHOUT, RED, "without"), (LONG_WITH, BLUE, "with")):
-        trial = findings.trials[key]
-        _along(right, trial.cross_track, colour, f"{word}: off the lead's path")
-        _along(right, trial.tracking, colour, f"{word}: off the own trajectory", "s:")
-    right.set_title("Largest errors of eight cars, cm")
-    right.legend(fontsize=6.0)
-    _legend(figure, left)
-    return figure
-
-
 def along_the_convoy(findings: Findings) -> Figure:
-    """True errors of eight cars for each α, and noise with and without the lead's data."""
-    figure, (left, right) = _panels(1, 2, 3.4)
+    """Eight cars: both errors, true errors for each α, and noise, with and without lead data."""
+    figure, places = _panels(1, 3, 3.4)
+    both, weights, noise = places
+    for with_data, without, colour in (
+        ("long/with", "noise_along/with", BLUE),
+        ("long/without", "noise_along/without", RED),
+    ):
+        trial, word = findings.trials[with_data], with_data.split("/")[1]
+        _along(both, trial.cross_track, colour, f"{word}: off the lead's path")
+        _along(both, trial.tracking, colour, f"{word}: off the own trajectory", "s:")
+        rms = rms_after(AFTER_START_S, *findings.noisy(without))
+        _along(noise, rms, colour, f"{word} the lead's data")
     for place, alpha in enumerate(ALPHAS):
         run, colour = findings.trials[at_alpha(alpha)], COLOURS[place]
-        _along(left, run.cross_track, colour, f"α = {alpha:g}")
-        lead, followers = findings.trials[BASE].lead, len(run.followers)
-        expected = predict_errors(lead, transfer(), alpha, followers)[1]
-        _along(left, expected, colour, "", ":")
-    left.set_title("Largest true error in a lane change, cm")
-    for key, colour in ((NOISE_WITHOUT, RED), (NOISE_WITH, BLUE)):
-        rms = rms_after(AFTER_START_S, *findings.noisy(key))
-        _along(right, rms, colour, f"{key.split('/')[1]} the lead's data")
-    right.set_title("Noise of receivers on a straight: rms, cm")
-    left.set_ylim(0.0, 50.0)  # cars that have lost their path are beyond
-    right.set_ylim(bottom=0.0)
-    for axes in (left, right):
-        axes.legend()
+        _along(weights, run.cross_track, colour, f"α = {alpha:g}")
+        lead, followers = findings.trials["base"].lead, len(run.followers)
+        _along(weights, predict_errors(lead, transfer(), alpha, followers)[1], colour, "", ":")
+    titles = ("Largest errors, cm", "Largest true error, cm", "Noise on a straight: rms, cm")
+    for axes, title, top in zip(places, titles, (None, 50.0, None), strict=True):
+        axes.set_title(title)
+        axes.set_ylim(0.0, top)  # cars that have lost their path are beyond
+        axes.legend(fontsize=6.0)
     return figure
 
 
 def maxima(findings: Findings) -> Figure:
     """Largest errors: exact (bars), with the road moved (dashes), with noise (dots)."""
-    cases = [key for key in (*SIMULATIONS, NO_LEAD_DATA) if findings.has(key)]
+    cases = [key for key in (*SIMULATIONS, "no_lead_data") if findings.has(key)]
     figure, panels = _panels(2, 1, 5.2)
     for axes, measure in zip(panels, ("tracking", "cross_track"), strict=True):
         for column, key in enumerate(cases):
@@ -205,8 +158,8 @@ def maxima(findings: Findings) -> Figure:
                     values = [100.0 * getattr(run, measure)[place] for run in runs]
                     axes.plot([x] * len(values), values, mark, color="black")
         axes.set_xticks(range(len(cases)), list(map(label, cases)))
-    panels[0].set_ylabel(WORDS[TRACKING])
-    panels[1].set_ylabel(WORDS[TRUE])
+    panels[0].set_ylabel(QUANTITIES[TRACKING][1])
+    panels[1].set_ylabel(QUANTITIES[TRUE][1])
     return figure
 
 
@@ -223,7 +176,7 @@ def radius(findings: Findings) -> Figure:
             for run in findings.noisy(key)
         ]
         left.plot(*np.transpose(noisy), linestyle="", markersize=2.5, alpha=0.6, **style)
-    _limit(left, 9.0, "the paper's 9 cm")
+    left.axhline(9.0, color=RED, linewidth=0.8, linestyle=":", label="the paper's 9 cm")
     left.set_title("Off the own trajectory, cm (small: with noise)")
     for suffix, colour, text in (
         ("/no_lead_data", RED, "without the lead's data"),
@@ -263,19 +216,17 @@ def measured_propagation(findings: Findings) -> Figure:
 Draw = Callable[[Findings], Figure]
 
 PICTURES: Mapping[str, tuple[Sequence[str], Draw]] = {
-    "road": ((BASE,), road),
-    "errors_base": ((BASE,), base),
-    "errors_a_to_d": ((A, B, C, D), a_to_d),
-    "errors_variable_speed": ((VARIABLE_SPEED,), variable_speed),
-    "maxima": ((BASE,), maxima),
-    "lead_data": ((BASE, NO_LEAD_DATA, LONG_WITH, LONG_WITHOUT), lead_data),
+    **{
+        name: ([panel.key for panel in panels], partial(over_time, panels))
+        for name, panels in PANELS.items()
+    },
+    "maxima": (("base",), maxima),
     "along_the_convoy": (
-        (BASE, *map(at_alpha, ALPHAS), f"{NOISE_WITH}/noise/1", f"{NOISE_WITHOUT}/noise/1"),
+        ("base", *map(at_alpha, ALPHAS), "noise_along/with/noise/1", "noise_along/without/noise/1"),
         along_the_convoy,
     ),
     "radius": (tuple(map(at_radius, RADII)), radius),
     "propagation": (("propagation",), measured_propagation),
-    "field": ((FIELD_WITH, FIELD_WITHOUT), field),
 }
 """Needs of each picture, and the function that draws it."""
 
@@ -288,8 +239,9 @@ CAPTIONS = {
     "(dots). Noisy runs of some cases cover the first lane change only.",
     "lead_data": "With the predecessor's data only, true errors grow from car to car, which "
     "tracking errors hardly show. With the lead's data, true errors level off.",
-    "along_the_convoy": "Eight cars: true errors for several weights α, simulated and (dotted) by "
-    "linear theory, which neglects the fit; and noise of receivers on a straight.",
+    "along_the_convoy": "Eight cars: errors with and without the lead's data, true errors for "
+    "several weights α, simulated and (dotted) by linear theory, which neglects the fit; and noise "
+    "of receivers on a straight.",
     "radius": "Largest errors over the radius of the curves, first lane change.",
     "propagation": "The paper's G(jω) and F(jω) in closed form, and measured ratios of the convoy, "
     "which follow F at low frequencies. At high frequencies the fit smooths the path (at 7 rad/s a "

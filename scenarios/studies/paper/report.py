@@ -21,18 +21,7 @@ from scenarios.studies.paper.measures import (
     predict_case,
 )
 from scenarios.studies.paper.plots import CAPTIONS, draw_all
-from scenarios.studies.paper.runs import (
-    BASE,
-    NO_LEAD_DATA,
-    RUNS_OF_CASE,
-    SINES,
-    TRAJECTORIES,
-    A,
-    B,
-    C,
-    at_sine,
-    label,
-)
+from scenarios.studies.paper.runs import RUNS_OF_CASE, SINES, TRAJECTORIES, at_sine, label
 from vehicles.preview.curve_fit import Trajectory
 
 SCHEMA = "convoy.reproduction/4"
@@ -228,7 +217,8 @@ def _value(claim: Claim, values: Values) -> str:
     unit = claim.expected.unit if claim.expected else "m"
 
     def number(value: float) -> str:
-        return in_cm([value]) if unit == "m" else f"{value:.3g} {unit}".strip()
+        in_length = unit == "m" and claim.simulated
+        return in_cm([value]) if in_length else f"{value:.3g} {unit}".strip()
 
     found = number(values.exact[0])
     if high > low:
@@ -248,7 +238,7 @@ def _text(value: Any) -> str:
 
 def _theory(findings: Findings) -> Iterator[str]:
     """Compare cases of equal cars at constant speed with linear theory."""
-    cases = [key for key in (BASE, NO_LEAD_DATA, A, B, C) if findings.has(key)]
+    cases = [key for key in ("base", "no_lead_data", "a", "b", "c") if findings.has(key)]
     if not cases:
         return
     yield f"\n## Comparison with linear theory ({TRAJECTORIES[findings.trajectory]})\n"

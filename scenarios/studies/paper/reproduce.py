@@ -15,7 +15,7 @@ from scenarios.studies.engine import study_engine
 from scenarios.studies.job import Job, Work, refuse_existing
 from scenarios.studies.paper.claims import counts_text
 from scenarios.studies.paper.measures import Findings, SampleFigures, sample_figures
-from scenarios.studies.paper.runs import BASE, RUNS_OF_CASE, TRAJECTORIES, PaperRun
+from scenarios.studies.paper.runs import RUNS_OF_CASE, TRAJECTORIES, PaperRun
 from scenarios.studies.workers import open_workers
 from vehicles.messages import CompositeTrajectory
 from vehicles.preview.curve_fit import Trajectory
@@ -94,9 +94,9 @@ def simulate(
         return drive_trial(scenario), None
     rmtree(folder, ignore_errors=True)  # of an earlier, killed worker
     collector = Collector(TRIAL_KINDS | {CompositeTrajectory})
-    trial = record_trial(scenario, folder, observers=(collector,) if key == BASE else ())
+    trial = record_trial(scenario, folder, observers=(collector,) if key == "base" else ())
     tables = RunTables(scenario, collector.tables())
-    return trial, sample_figures(tables) if key == BASE else None
+    return trial, sample_figures(tables) if key == "base" else None
 
 
 def _gains(folder: Path, picture_format: str) -> tuple[str, ...]:
@@ -117,7 +117,7 @@ def _findings(
         for name, result in results.items()
         if name.startswith(f"{kind}/")
     }
-    samples = own[BASE][1] if BASE in own else None
+    samples = own["base"][1] if "base" in own else None
     return Findings(
         trajectory=kind,
         trials={key: trial for key, (trial, _) in own.items()},

@@ -3,7 +3,8 @@
 The paper's simulations use exact measurements and cars that know their own state. Additional runs
 use a noisy receiver with several seeds, or change one setting. Every run is simulated with both
 trajectories. A run has a text as its key, such as "base", "radius/300/no_lead_data",
-"base/phase/0.25" (on a shifted road) or "base/noise/1" (with receiver noise).
+"base/phase/0.25" (on a shifted road) or "base/noise/1" (with receiver noise). Runs "long" have
+eight cars with and without the lead's data, and "noise_along" eight noisy cars on a straight.
 """
 
 from collections.abc import Iterable, Mapping
@@ -27,18 +28,8 @@ TRAJECTORIES: dict[Trajectory, str] = {
 }
 """The default fit, and the paper's recipe taken literally; with their names in the report."""
 
-BASE, A, B, C, D, VARIABLE_SPEED = "base", "a", "b", "c", "d", "variable_speed"
+SIMULATIONS = ("base", "a", "b", "c", "d", "variable_speed")
 """The paper's simulations (Section V-C)."""
-SIMULATIONS = (BASE, A, B, C, D, VARIABLE_SPEED)
-NO_LEAD_DATA = "no_lead_data"
-LONG_WITH, LONG_WITHOUT = "long/with", "long/without"
-"""Eight cars with and without the lead's data."""
-NOISE_WITH, NOISE_WITHOUT = "noise_along/with", "noise_along/without"
-"""Eight cars with receiver noise on a straight; there is no exact run."""
-FIELD_WITH, FIELD_WITHOUT = "field/with", "field/without"
-FIELD_NO_INITIAL_ERROR, FIELD_SLIP_COMPENSATED = "field/no_initial_error", "field/slip_compensated"
-"""The field experiment with lead data and without initial errors, by the steering law."""
-
 RADII = (200.0, 250.0, 300.0, 400.0, 500.0, 700.0, 1000.0)
 """Radii (m) of the curves; the paper states only hundreds of metres."""
 ALPHAS = (0.0, 0.5, 0.75, 1.0)
@@ -63,11 +54,11 @@ def at_radius(radius: float) -> str:
 
 
 def at_alpha(alpha: float) -> str:
-    return {0.5: LONG_WITH, 1.0: LONG_WITHOUT}.get(alpha, f"alpha/{alpha:g}")
+    return {0.5: "long/with", 1.0: "long/without"}.get(alpha, f"alpha/{alpha:g}")
 
 
 def at_preview(preview_s: float) -> str:
-    return BASE if preview_s == PREVIEW_S else f"preview/{preview_s:g}"
+    return "base" if preview_s == PREVIEW_S else f"preview/{preview_s:g}"
 
 
 def at_sine(preview_s: float, frequency: float) -> str:
@@ -131,10 +122,10 @@ FIRST_CHANGE = {
 At constant speed and without noise the second lane change mirrors the first one.
 """
 ROADS = {
-    **dict.fromkeys((BASE, D), (30.0, 150.0, 600.0)),
-    **dict.fromkeys((A, B), (10.0, 150.0, 600.0)),
-    C: (20.0, 150.0, 600.0),
-    VARIABLE_SPEED: (20.0, 100.0, 525.0),
+    **dict.fromkeys(("base", "d"), (30.0, 150.0, 600.0)),
+    **dict.fromkeys(("a", "b"), (10.0, 150.0, 600.0)),
+    "c": (20.0, 150.0, 600.0),
+    "variable_speed": (20.0, 100.0, 525.0),
 }
 """Speed (m/s) at the first curve, and distances (m) at which lane changes begin, by case."""
 
@@ -203,7 +194,7 @@ def _noisy(key: str, run: PaperRun, seeds: int) -> Runs:
     }
 
 
-def _with_phases(key: str, exact: PaperRun, *until: str, case: str = BASE) -> Runs:
+def _with_phases(key: str, exact: PaperRun, *until: str, case: str = "base") -> Runs:
     """An exact run, and its repetitions on shifted roads, which may end earlier."""
     speed, first, second = ROADS[case]
     runs = {key: exact}
@@ -218,7 +209,7 @@ def _with_phases(key: str, exact: PaperRun, *until: str, case: str = BASE) -> Ru
 def _repeated(key: str, seeds: int) -> Runs:
     """One of the paper's cases: exact and logged, on shifted roads, and with noise."""
     run, first = PaperRun(scenario=f"paper_{key}", logged=True), FIRST_CHANGE[key]
-    until = () if key == VARIABLE_SPEED else (first,)
+    until = () if key == "variable_speed" else (first,)
     shifted = _with_phases(key, run, *until, case=key)
     return shifted | _noisy(key, run._replace(overrides=(first,)), seeds)
 
@@ -235,7 +226,7 @@ def _paper_case(key: str) -> Runs:
 
 def _base_variants(settings: Mapping[str, Iterable[str]]) -> Runs:
     """The base case with changed settings, up to the end of the first lane change."""
-    return {key: PaperRun((FIRST_CHANGE[BASE], *changes)) for key, changes in settings.items()}
+    return {key: PaperRun((FIRST_CHANGE["base"], *changes)) for key, changes in settings.items()}
 
 
 BASE_VARIANTS = {
@@ -252,29 +243,29 @@ BASE_VARIANTS = {
 
 
 def _laws() -> Runs:
-    runs = _with_phases(BASE, PaperRun(logged=True), FIRST_CHANGE[BASE])
+    runs = _with_phases("base", PaperRun(logged=True), FIRST_CHANGE["base"])
     for law in OTHER_LAWS:
-        run = PaperRun((FIRST_CHANGE[BASE], f'control.controller="{law}"'))
-        runs |= _with_phases(f"{BASE}/{law}", run, FIRST_CHANGE[BASE])
+        run = PaperRun((FIRST_CHANGE["base"], f'control.controller="{law}"'))
+        runs |= _with_phases(f"base/{law}", run, FIRST_CHANGE["base"])
     return runs
 
 
 def _lead_data() -> Runs:
-    first, alone = FIRST_CHANGE[BASE], PaperRun((PREDECESSOR_ONLY,))
+    first, alone = FIRST_CHANGE["base"], PaperRun((PREDECESSOR_ONLY,))
     return {
-        **_repeated(BASE, 3),
-        **_with_phases(NO_LEAD_DATA, alone._replace(logged=True), first),
-        **_noisy(NO_LEAD_DATA, PaperRun((PREDECESSOR_ONLY, first)), 3),
-        **_with_phases(LONG_WITH, PaperRun(EIGHT_CARS)),
-        **_with_phases(LONG_WITHOUT, PaperRun((*EIGHT_CARS, PREDECESSOR_ONLY))),
+        **_repeated("base", 3),
+        **_with_phases("no_lead_data", alone._replace(logged=True), first),
+        **_noisy("no_lead_data", PaperRun((PREDECESSOR_ONLY, first)), 3),
+        **_with_phases("long/with", PaperRun(EIGHT_CARS)),
+        **_with_phases("long/without", PaperRun((*EIGHT_CARS, PREDECESSOR_ONLY))),
         "long/slip_compensated": PaperRun((*EIGHT_CARS, SLIP_COMPENSATED)),
         **{
             at_alpha(alpha): PaperRun((*EIGHT_CARS, f"control.alpha_ratio={alpha}"))
             for alpha in ALPHAS
             if alpha not in {0.5, 1.0}
         },
-        **_noisy(NOISE_WITH, PaperRun(STRAIGHT), 2),
-        **_noisy(NOISE_WITHOUT, PaperRun((*STRAIGHT, PREDECESSOR_ONLY)), 2),
+        **_noisy("noise_along/with", PaperRun(STRAIGHT), 2),
+        **_noisy("noise_along/without", PaperRun((*STRAIGHT, PREDECESSOR_ONLY)), 2),
     }
 
 
@@ -285,7 +276,7 @@ def _information() -> Runs:
         **{f"loss/{loss:g}": (f"links.loss_ratio={loss / 100.0}",) for loss in LOSSES_PERCENT},
         **{f"latency/{ms:g}": (f"links.latency_ms={ms}",) for ms in LATENCIES_MS},
     }
-    return {BASE: PaperRun(logged=True)} | _base_variants(settings)
+    return {"base": PaperRun(logged=True)} | _base_variants(settings)
 
 
 def _radius() -> Runs:
@@ -319,17 +310,17 @@ def _field() -> Runs:
     """
     runs: Runs = {}
     for key, changes, phases in (
-        (FIELD_WITH, (), PHASES),
-        (FIELD_WITHOUT, (PREDECESSOR_ONLY,), PHASES),
-        (FIELD_NO_INITIAL_ERROR, NO_INITIAL_ERROR, PHASES),
-        (FIELD_SLIP_COMPENSATED, (*NO_INITIAL_ERROR, SLIP_COMPENSATED), ()),
+        ("field/with", (), PHASES),
+        ("field/without", (PREDECESSOR_ONLY,), PHASES),
+        ("field/no_initial_error", NO_INITIAL_ERROR, PHASES),
+        ("field/slip_compensated", (*NO_INITIAL_ERROR, SLIP_COMPENSATED), ()),
     ):
         run = PaperRun((*EXACT, *changes, "duration_s=30.0"), "paper_field")
         runs[key] = run
         for phase in phases:
             place = f"path.segments.0.length_m={100.0 + phase * SAMPLING_S * FIELD_SPEED}"
             runs[f"{key}/phase/{phase:g}"] = run._replace(overrides=(*run.overrides, place))
-        if key in {FIELD_WITH, FIELD_WITHOUT}:
+        if key in {"field/with", "field/without"}:
             runs[key] = PaperRun((*EXACT, *changes), "paper_field", logged=True)
             runs |= _noisy(key, PaperRun((*changes, "duration_s=30.0"), "paper_field"), 2)
     return runs
@@ -348,13 +339,13 @@ def _sines() -> Runs:
 
 
 RUNS_OF_CASE: dict[str, Runs] = {
-    "base": _repeated(BASE, 3)
-    | _base_variants({f"{BASE}/{name}": changes for name, changes in BASE_VARIANTS.items()}),
-    "a": _paper_case(A) | {f"{A}/same_times": _at_the_same_times(A)},
-    "b": _paper_case(B),
-    "c": _paper_case(C) | {f"{C}/same_times": _at_the_same_times(C)},
-    "d": _paper_case(D),
-    "variable_speed": _paper_case(VARIABLE_SPEED),
+    "base": _repeated("base", 3)
+    | _base_variants({f"base/{name}": changes for name, changes in BASE_VARIANTS.items()}),
+    "a": _paper_case("a") | {"a/same_times": _at_the_same_times("a")},
+    "b": _paper_case("b"),
+    "c": _paper_case("c") | {"c/same_times": _at_the_same_times("c")},
+    "d": _paper_case("d"),
+    "variable_speed": _paper_case("variable_speed"),
     "lead_data": _lead_data(),
     "information": _information(),
     "laws": _laws(),

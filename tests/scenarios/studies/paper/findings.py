@@ -6,21 +6,7 @@ import numpy as np
 
 from scenarios.results.drives import Drive, Trial
 from scenarios.studies.paper.measures import Findings, SampleFigures
-from scenarios.studies.paper.runs import (
-    FIELD_NO_INITIAL_ERROR,
-    FIELD_SLIP_COMPENSATED,
-    FIELD_WITH,
-    FIELD_WITHOUT,
-    LONG_WITHOUT,
-    NO_LEAD_DATA,
-    RUNS_OF_CASE,
-    SINES,
-    VARIABLE_SPEED,
-    A,
-    B,
-    C,
-    at_sine,
-)
+from scenarios.studies.paper.runs import RUNS_OF_CASE, SINES, at_sine
 
 SPEED = 30.0
 
@@ -52,20 +38,24 @@ def findings_with_all_claims_true() -> Findings:
     keys = [key for runs in RUNS_OF_CASE.values() for key in runs if "phase" not in key]
     trials = dict.fromkeys(keys, falling)
     trials |= {key: falling for key in keys if key.endswith("noise/1")}
-    trials[NO_LEAD_DATA] = trials[LONG_WITHOUT] = trial_of((0.08, 0.08, 0.08), growing)
+    trials["no_lead_data"] = trials["long/without"] = trial_of((0.08, 0.08, 0.08), growing)
     for seed in (1, 2, 3):
-        trials[f"{NO_LEAD_DATA}/noise/{seed}"] = trials[NO_LEAD_DATA]
-    for case, errors in ((A, (0.03, 0.02, 0.01)), (B, (0.03, 0.02, 0.01)), (C, (0.05, 0.04, 0.03))):
+        trials[f"no_lead_data/noise/{seed}"] = trials["no_lead_data"]
+    for case, errors in (
+        ("a", (0.03, 0.02, 0.01)),
+        ("b", (0.03, 0.02, 0.01)),
+        ("c", (0.05, 0.04, 0.03)),
+    ):
         trials |= {key: trial_of(errors) for key in keys if key.split("/")[0] == case}
-    trials[VARIABLE_SPEED] = trial_of((0.10, 0.09, 0.08))
+    trials["variable_speed"] = trial_of((0.10, 0.09, 0.08))
     late = trial_of((0.05, 0.04))
     first, second = late.followers
     later = replace(second, cross_track=np.roll(second.cross_track, 20))
-    for key in (FIELD_WITH, f"{FIELD_WITH}/noise/1", f"{FIELD_WITH}/noise/2"):
+    for key in ("field/with", "field/with/noise/1", "field/with/noise/2"):
         trials[key] = Trial((late.lead, first, later))
-    for key in (FIELD_WITHOUT, f"{FIELD_WITHOUT}/noise/1", f"{FIELD_WITHOUT}/noise/2"):
+    for key in ("field/without", "field/without/noise/1", "field/without/noise/2"):
         trials[key] = trial_of((0.05, 0.06))
-    for key in (FIELD_NO_INITIAL_ERROR, FIELD_SLIP_COMPENSATED):
+    for key in ("field/no_initial_error", "field/slip_compensated"):
         trials[key] = late
     for preview, frequencies in SINES.items():
         for frequency in frequencies:

@@ -16,22 +16,7 @@ from scenarios.studies.paper.measures import (
     rms_after,
     rms_along_the_road,
 )
-from scenarios.studies.paper.runs import (
-    BASE,
-    FIELD_NO_INITIAL_ERROR,
-    FIELD_WITH,
-    FIELD_WITHOUT,
-    LONG_WITH,
-    NO_LEAD_DATA,
-    NOISE_WITH,
-    RADII,
-    VARIABLE_SPEED,
-    A,
-    B,
-    C,
-    D,
-    at_radius,
-)
+from scenarios.studies.paper.runs import RADII, at_radius
 from tests.scenarios.studies.paper.findings import findings_with_all_claims_true, sine_of, trial_of
 from vehicles.theory.linear_model import Transfer
 
@@ -47,7 +32,7 @@ def judgements(findings: Findings) -> dict[str, str]:
 
 def test_claims_without_results_are_not_judged() -> None:
     assert judgements(Findings()) == {}
-    found = judgements(Findings(trials={A: trial_of((0.03, 0.03, 0.03))}))
+    found = judgements(Findings(trials={"a": trial_of((0.03, 0.03, 0.03))}))
     assert set(found) == {"a_decreasing"}
 
 
@@ -70,26 +55,26 @@ def test_five_calculated_claims_are_misprints() -> None:
 @pytest.mark.parametrize(
     ("key", "trial", "falls"),
     [
-        (BASE, trial_of((0.08, 0.091, 0.05)), {"base_below_9_cm", "base_decreasing", "base_true",
+        ("base", trial_of((0.08, 0.091, 0.05)), {"base_below_9_cm", "base_decreasing", "base_true",
             "definition_1", "not_amplified_in_l2", "against_stanley", "against_pure_pursuit",
             "preview_suffices"}),
-        (BASE, trial_of((0.08, 0.06, 0.05), (0.08, 0.09, 0.10)), {"base_true",
+        ("base", trial_of((0.08, 0.06, 0.05), (0.08, 0.09, 0.10)), {"base_true",
             "not_amplified_in_l2"}),
-        (NO_LEAD_DATA, trial_of((0.08, 0.09, 0.1), (0.08,) * 3), {"amplified_without_lead_data",
+        ("no_lead_data", trial_of((0.08, 0.09, 0.1), (0.08,) * 3), {"amplified_without_lead_data",
             "amplified_in_l2"}),
-        (f"{BASE}/stanley", trial_of((0.07, 0.06, 0.05)), {"against_stanley"}),
-        (C, trial_of((0.03, 0.02, 0.01)), {"faster"}),
-        (B, trial_of((0.05, 0.04, 0.03)), {"mass"}),
-        (D, trial_of((0.02, 0.03, 0.05)), {"d_decreasing", "uneven", "others_true"}),
-        (VARIABLE_SPEED, trial_of((0.12, 0.09, 0.08)), {"variable_below_11_cm"}),
-        (VARIABLE_SPEED, trial_of((0.09, 0.10, 0.10)), {"variable_speed_decreasing",
+        ("base/stanley", trial_of((0.07, 0.06, 0.05)), {"against_stanley"}),
+        ("c", trial_of((0.03, 0.02, 0.01)), {"faster"}),
+        ("b", trial_of((0.05, 0.04, 0.03)), {"mass"}),
+        ("d", trial_of((0.02, 0.03, 0.05)), {"d_decreasing", "uneven", "others_true"}),
+        ("variable_speed", trial_of((0.12, 0.09, 0.08)), {"variable_below_11_cm"}),
+        ("variable_speed", trial_of((0.09, 0.10, 0.10)), {"variable_speed_decreasing",
             "others_true"}),
-        (A, trial_of((0.03, 0.02, 0.01), (0.03, 0.02, 0.4)), {"small", "others_true"}),
-        (FIELD_WITH, trial_of((0.05, 0.9)), {"field_not_amplified", "field_on_the_road"}),
-        (FIELD_WITHOUT, trial_of((0.05, 0.05)), {"field_amplified"}),
-        (FIELD_NO_INITIAL_ERROR, trial_of((0.05, 0.06)), {"field_initial_error"}),
+        ("a", trial_of((0.03, 0.02, 0.01), (0.03, 0.02, 0.4)), {"small", "others_true"}),
+        ("field/with", trial_of((0.05, 0.9)), {"field_not_amplified", "field_on_the_road"}),
+        ("field/without", trial_of((0.05, 0.05)), {"field_amplified"}),
+        ("field/no_initial_error", trial_of((0.05, 0.06)), {"field_initial_error"}),
         (at_radius(250.0), trial_of((0.08, 0.10, 0.05)), {"recipe_suffices"}),
-        (LONG_WITH, trial_of((0.05, 0.10, 0.15, 0.20)), {"bounded_along_the_convoy",
+        ("long/with", trial_of((0.05, 0.10, 0.15, 0.20)), {"bounded_along_the_convoy",
             "reduced_by_lead_data", "alpha_chain"}),
         ("sine/0.8_s/1.2_radps", sine_of(1.2, (1.0, 0.9, 0.9, 0.9)), {"propagation_measured"}),
         ("loss/60", trial_of((0.10, 0.05, 0.05)), {"loss_varied"}),
@@ -110,7 +95,7 @@ def test_each_claim_fails_where_it_should(key: str, trial: Trial, falls: set[str
 def test_noise_along_the_convoy_is_judged_over_all_seeds() -> None:
     findings = findings_with_all_claims_true()
     for seed in (1, 2):
-        findings.trials[f"{NOISE_WITH}/noise/{seed}"] = trial_of((0.01, 0.01, 0.02))
+        findings.trials[f"noise_along/with/noise/{seed}"] = trial_of((0.01, 0.01, 0.02))
     assert judgements(findings)["noise_along_the_convoy"] == "does not hold"
 
 
@@ -138,10 +123,10 @@ def test_a_claim_that_holds_on_some_shifted_roads_only_is_undecided(
 ) -> None:
     findings = Findings(
         trials={
-            B: trial_of((0.04, 0.03, last)),
-            f"{B}/phase/0.5": trial_of((0.04, 0.031, last - 0.002)),
-            f"{B}/phase/0.75": trial_of((0.04, 0.03, last - 0.001)),
-            f"{B}/noise/1": trial_of((0.01, 0.02)),
+            "b": trial_of((0.04, 0.03, last)),
+            "b/phase/0.5": trial_of((0.04, 0.031, last - 0.002)),
+            "b/phase/0.75": trial_of((0.04, 0.03, last - 0.001)),
+            "b/noise/1": trial_of((0.01, 0.02)),
         }
     )
     (row,) = judge_all({"fitted": findings})

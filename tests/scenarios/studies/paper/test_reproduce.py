@@ -20,7 +20,6 @@ from scenarios.studies.paper.plots import PICTURES
 from scenarios.studies.paper.report import write_report
 from scenarios.studies.paper.reproduce import chosen_cases, jobs_of, reproduce, simulate
 from scenarios.studies.paper.runs import (
-    BASE,
     FIRST_CHANGE,
     LANE,
     PERIODS,
@@ -28,8 +27,6 @@ from scenarios.studies.paper.runs import (
     ROADS,
     RUNS_OF_CASE,
     TRAJECTORIES,
-    A,
-    C,
     PaperRun,
     at_radius,
     at_sine,
@@ -58,6 +55,12 @@ def test_every_run_is_a_valid_scenario() -> None:
             assert setup.steering.trajectory == recipe, f"{key}: {name}"
         speeds = scenario.route.profile.speeds
         assert max(speeds) == min(speeds) or run.scenario == "paper_variable_speed", key
+
+
+def test_all_that_claims_and_pictures_need_is_run() -> None:
+    needs = {need for claim in CLAIMS for need in claim.needs}
+    needs |= {need for keys, _ in PICTURES.values() for need in keys}
+    assert needs <= RUNS.keys() | {"gains", "propagation"}
 
 
 @pytest.mark.parametrize(
@@ -99,7 +102,7 @@ def test_a_lane_change_is_a_lane_wide(radius: float) -> None:
     assert arc <= 30.0
 
 
-@pytest.mark.parametrize("case", [A, C])
+@pytest.mark.parametrize("case", ["a", "c"])
 def test_a_road_of_the_same_times_has_the_same_lateral_acceleration(case: str) -> None:
     route = RUNS[f"{case}/same_times"].with_trajectory("fitted").route
     speed = route.profile.speeds[0]
@@ -140,20 +143,20 @@ def test_the_lead_drives_the_sine_for_all_the_periods() -> None:
 
 def test_the_paper_s_trajectory_gives_the_paper_s_numbers() -> None:
     largest = {}
-    for key in (A, C, BASE, at_radius(250.0), f"{BASE}/noise/1"):
-        until = (FIRST_CHANGE[key],) if key in {A, C} else ()
+    for key in ("a", "c", "base", at_radius(250.0), "base/noise/1"):
+        until = (FIRST_CHANGE[key],) if key in {"a", "c"} else ()
         run = RUNS[key]._replace(overrides=(*RUNS[key].overrides, *until))
         largest[key] = 100.0 * max(drive_trial(run.with_trajectory("paper")).tracking)
-    assert largest[A] == pytest.approx(4.1, abs=0.3)
-    assert largest[C] == pytest.approx(9.8, abs=0.4)
-    assert largest[BASE] == pytest.approx(6.8, abs=0.5)
+    assert largest["a"] == pytest.approx(4.1, abs=0.3)
+    assert largest["c"] == pytest.approx(9.8, abs=0.4)
+    assert largest["base"] == pytest.approx(6.8, abs=0.5)
     assert largest[at_radius(250.0)] > 12.0
-    assert largest[f"{BASE}/noise/1"] > 9.0
+    assert largest["base/noise/1"] > 9.0
 
 
 def test_the_samples_of_the_base_case_are_counted(tmp_path: Path) -> None:
     short = ("duration_s=6.0", "convoy.vehicles=3", "path.segments=[{length_m=300.0}]")
-    _, samples = simulate(PaperRun(short, logged=True), "fitted", BASE, tmp_path)
+    _, samples = simulate(PaperRun(short, logged=True), "fitted", "base", tmp_path)
     assert samples is not None
     assert samples.lead == 16  # 24 m of preview, a sample each 1.5 m
     assert 0 < samples.predecessor <= 16
@@ -200,7 +203,7 @@ def test_a_whole_report_has_a_row_for_each_claim_and_every_picture(tmp_path: Pat
 def test_a_small_reproduction_from_end_to_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tiny = {BASE: PaperRun(("duration_s=26.0", "convoy.vehicles=2"), logged=True)}
+    tiny = {"base": PaperRun(("duration_s=26.0", "convoy.vehicles=2"), logged=True)}
     monkeypatch.setitem(RUNS_OF_CASE, "base", tiny)
     progress: list[str] = []
     assert reproduce(["base"], tmp_path / "paper", progress.append, workers=0) == 0
