@@ -5,6 +5,8 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from math import ceil
 
+from pydantic import TypeAdapter, ValidationError
+
 from scenarios.definition.changes import ChangeRequest, concerns, describe_change, read_change
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario
@@ -46,15 +48,12 @@ class Confirmation:
     def of(cls, answer: bytes) -> "Confirmation":
         """Parse an answer; raises ValueError."""
         try:
-            fields = json.loads(answer)
-            return cls(
-                str(fields["vehicle"]),
-                float(fields["from_s"]),
-                str(fields["does"]),
-                tuple(map(str, fields["refused"])),
-            )
-        except (KeyError, TypeError, RecursionError) as error:
+            return _READER.validate_json(answer)
+        except ValidationError as error:
             raise ValueError("no answer of a vehicle") from error
+
+
+_READER = TypeAdapter(Confirmation)
 
 
 class LiveControl:

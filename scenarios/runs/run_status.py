@@ -6,6 +6,7 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
 from scenarios.definition.changes import changed_links
 from scenarios.definition.scenario import Scenario
@@ -83,22 +84,12 @@ class RunStatus:
     def of(cls, text: bytes) -> "RunStatus":
         """Parse a status; raises ValueError."""
         try:
-            fields: dict[str, Any] = json.loads(text)
-            vehicles = [
-                VehicleStatus(
-                    **{key: row[key] for key in row.keys() - {"lead", "predecessor", "others"}},
-                    others={name: ReportedSource(**one) for name, one in row["others"].items()},
-                    lead=ReportedSource(**row["lead"]) if row["lead"] else None,
-                    predecessor=ReportedSource(**row["predecessor"])
-                    if row["predecessor"]
-                    else None,
-                )
-                for row in fields.pop("vehicles")
-            ]
-            links = tuple(LinkStatus(**row) for row in fields.pop("links"))
-            return cls(**fields, vehicles=tuple(vehicles), links=links)
-        except (KeyError, TypeError, AttributeError, ValueError, RecursionError) as error:
+            return _READER.validate_json(text)
+        except ValidationError as error:
             raise ValueError("no status of a run") from error
+
+
+_READER = TypeAdapter(RunStatus)
 
 
 class StatusBoard:
