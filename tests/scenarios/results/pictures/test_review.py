@@ -1,12 +1,11 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import hypot, isnan
+from math import hypot
 from pathlib import Path
 from statistics import fmean
 from typing import Any
 
 import pytest
-from mcap.reader import make_reader
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.run_drawing import Excerpt, open_drawing, review
@@ -16,7 +15,6 @@ from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from tests.made.transport import drive
 from tests.made.transport.recording import Table, columns
-from transport.convoy_pb2 import Deviation
 from transport.log.writer import LogWriter
 from transport.picture.layout import EVENTS
 from transport.picture.option import parse_rerun_option
@@ -157,36 +155,6 @@ def test_the_largest_value_drawn_is_the_table_s(drawn: Drawn) -> None:
             assert max(values(table, "gap", name), default=None) == row.estimated_gap_m_max
             assert (row.cross_track_error_m_max is None) == (name == "v1")
             assert (row.true_gap_m_min is None) == (name == "v1")
-
-
-def test_true_values_in_the_log_are_those_drawn(drawn: Drawn) -> None:
-    """The log has them at 10 Hz for each follower, for plots without this project."""
-    with (drawn.folder / "run.mcap").open("rb") as file:
-        records = [
-            Deviation.FromString(record.data)
-            for _, channel, record in make_reader(file).iter_messages()
-            if channel.topic.endswith("/deviation")
-        ]
-    for name in drawn.scenario.vehicle_names[1:]:
-        results = [
-            (one.true_at_ns - drawn.scenario.start_at_ns, one)
-            for one in records
-            if one.vehicle == name
-        ]
-        assert 8.0 < len(results) / drawn.scenario.duration_s < 11.0
-        for quantity, field in (("cross_track", "cross_track_error_m"), ("true_gap", "true_gap_m")):
-            curve = drawn.tables[0][f"/plots/{quantity}/{name}"]
-            at = {
-                ns: one[0]
-                for ns, one in zip(curve["run_time"], curve["Scalars:scalars"], strict=True)
-                if one
-            }
-            known = {
-                ns: getattr(one, field) for ns, one in results if not isnan(getattr(one, field))
-            }
-            first = min(at)  # drawn from the lead's start on
-            assert {ns: one for ns, one in known.items() if ns >= first}.items() <= at.items()
-            assert len(known) > 0.8 * min(len(at) / 5, len(results))
 
 
 def place_of(table: Table, vehicle: str, at: int) -> tuple[float, float]:
