@@ -165,17 +165,13 @@ def transport_lines(
 
     Those that were `away`, out of reach for a while, have a line of their own.
     """
-    ticks = {vehicle.name: vehicle for vehicle in vehicles}
-    slowest: dict[str, LinkSummary] = {}
-    for row in [row for row in links if row.sender not in away]:
+    late = {vehicle.name: late_ratio([vehicle]) for vehicle in vehicles}
+    for sender in dict.fromkeys(row.sender for row in links if row.sender not in away):
+        own = [row for row in links if row.sender == sender]
+        row = max(own, key=lambda row: row.transport_above_floor_ratio or 0.0)
         above = row.transport_above_floor_ratio or 0.0
-        other = slowest.get(row.sender)
-        if above > SLOW_RATIO and above > (other.transport_above_floor_ratio or 0 if other else 0):
-            slowest[row.sender] = row
-    for sender, row in slowest.items():
-        above = row.transport_above_floor_ratio or 0.0
-        ends = (ticks[sender], ticks[row.receiver])
-        if sum([late_ratio([end]) for end in ends]) < 0.5 * above:  # else late ticks delayed them
+        # Otherwise late ticks delayed them.
+        if above > SLOW_RATIO and late[sender] + late[row.receiver] < 0.5 * above:
             yield (
                 f"the network was slow: {100.0 * above:.0f} % of the poses of {sender} took longer "
                 f"than the floor latency of {row.requested.latency_ms:g} ms, "

@@ -1,12 +1,12 @@
 """The metrics of each vehicle, as functions of the run's tables.
 
-A metric of vehicles is a field of `VehicleSummary`, and a signal with a reduction of it, a row of
-METRICS, or a line in one of the functions below.
+A metric of vehicles is a field of `VehicleSummary`: a signal and a reduction of it, or a line in
+one of the functions below.
 """
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from math import inf
 from typing import Any, Literal
 
@@ -21,111 +21,6 @@ from scenarios.results.traffic import overrides
 from scenarios.results.true_motion import cross_track_error, gaps, road_error
 from transport.columns import Floats
 from vehicles.car.tyres import SLIDING_SHARE, linear_range
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleSummary:
-    """Figures of one vehicle; None where there was nothing to measure."""
-
-    name: str
-    """Name of the vehicle; vehicles are in the order of the convoy."""
-    role: Literal["lead", "follower"]
-    """lead (the first vehicle) or follower."""
-    poses: int
-    """Number of GPS poses in the log."""
-    missing_poses: int
-    """Scheduled poses that are not in the log, until the vehicle stopped or the run ended. For
-    vehicles that send without a schedule: missing message numbers."""
-    silent_from_s: float | None = None
-    """Time after which the run continued without records of the vehicle; else null."""
-    lateral_error_m_max: float | None
-    """Largest lateral error relative to the trajectory that the vehicle follows (self-estimate)."""
-    lateral_error_m_rms: float | None
-    """Root mean square of the same."""
-    heading_error_rad_max: float | None
-    """Largest heading error relative to the same trajectory (self-estimate)."""
-    cross_track_error_m_max: float | None
-    """Largest true distance from the path that the lead drove, once the vehicle has passed the
-    lead's start; null for the lead."""
-    cross_track_error_m_rms: float | None
-    """Root mean square of the same."""
-    cross_track_error_max_at_s: float | None = None
-    """Time of the largest cross-track error."""
-    road_error_m_max: float | None = None
-    """Largest true distance from the road: the path of the scenario, or the vehicle's own drive if
-    it is replayed."""
-    road_error_m_rms: float | None = None
-    """Root mean square of the same."""
-    road_error_max_at_s: float | None = None
-    """Time of the largest road error."""
-    self_estimate_error_m_max: float | None = None
-    """Largest difference between the self-estimated and the true lateral error, once the vehicle
-    has a trajectory."""
-    lateral_deviation_m_max: float | None = None
-    """Largest estimated standard deviation of its own lateral position."""
-    true_gap_m_min: float | None = None
-    """Smallest true gap to the predecessor: shortest distance between the bodies, 0 in a
-    collision."""
-    true_gap_min_at_s: float | None = None
-    """Time of the smallest true gap."""
-    true_gap_m_max: float | None = None
-    """Largest true gap to the predecessor."""
-    true_gap_max_at_s: float | None = None
-    """Time of the largest true gap."""
-    estimated_gap_m_min: float | None
-    """Smallest estimated gap to the predecessor, bumper to bumper along the path."""
-    estimated_gap_m_max: float | None = None
-    """Largest estimated gap to the predecessor."""
-    held_braking_mps2_min: float | None = None
-    """Smallest braking of the predecessor that the estimated gap held at the age of its data: from
-    then on until it becomes known, with 8 m/s² of the own tyres (closed form, see `convoy check`).
-    Null with a gap sensor."""
-    overridden_ratio: float | None = None
-    """Share of the time, after the first 2 s, in which the guard overrode the longitudinal law;
-    null for the lead and without recorded commands."""
-    overrides: Mapping[str, float] = field(default_factory=dict)
-    """That share by reason: why the command differed from the law."""
-    distance_m: float
-    """Distance driven."""
-    lateral_acceleration_mps2_max: float | None = None
-    """Largest magnitude of the acceleration across the body."""
-    front_slip_rad_max: float | None = None
-    """Largest magnitude of the slip angle of the front axle."""
-    rear_slip_rad_max: float | None = None
-    """Largest magnitude of the slip angle of the rear axle."""
-    friction_ratio_max: float | None = None
-    """Largest share of the available friction that an axle used; more than 1 is possible with
-    linear tyres only."""
-    sliding_s: float | None = None
-    """Time during which an axle used all of the available friction, or more."""
-    string: StringFigures = NO_STRING
-    """Errors along the string and their gains, see vehicles[].string."""
-    own_figures: Mapping[str, float | None] = field(default_factory=dict)
-    """Figures of the user's classes, by the name of the class."""
-    ticks_by_mode: Mapping[str, int]
-    """Number of steering commands by mode: path (the lead), composite, lead, predecessor, coast,
-    stop or straight."""
-    reaction: ReactionSummary = NO_REACTION
-    """Reaction to missing messages, see vehicles[].reaction."""
-    ticks: int
-    """Executed instants of the vehicle's schedule, for control or GNSS."""
-    late_ticks: int
-    """Ticks that began more than half a control period late."""
-    late_ticks_at_start: int = 0
-    """Late ticks from the first one on: the vehicle started late."""
-    late_ticks_by_network: int = 0
-    """Late ticks after sending blocked; the others are due to the processor."""
-    lateness_ms_max: float
-    """Largest delay of a tick."""
-    rejected_messages: int
-    """Messages that the vehicle received and rejected."""
-    memory_bytes_max: int
-    """Memory of the vehicle's process; 0 in virtual time."""
-    cpu_ratio: float
-    """Mean share of one core that the vehicle's process used; 0 in virtual time."""
-    finished: bool
-    """Whether the final counters of the vehicle were received."""
-
 
 # ---- Signals: values of a vehicle over time
 
@@ -231,31 +126,122 @@ least, most = _value(np.min), _value(np.max)
 largest_at = _at(lambda values: np.argmax(np.abs(values)))
 least_at, most_at = _at(np.argmin), _at(np.argmax)
 
-METRICS: Mapping[str, tuple[SignalOf, Reduction]] = {
-    "lateral_error_m_max": (field_of("tracking", "lateral_error_m"), largest),
-    "lateral_error_m_rms": (field_of("tracking", "lateral_error_m"), rms),
-    "heading_error_rad_max": (field_of("tracking", "heading_error_rad"), largest),
-    "cross_track_error_m_max": (true_errors, largest),
-    "cross_track_error_m_rms": (true_errors, rms),
-    "cross_track_error_max_at_s": (true_errors, largest_at),
-    "road_error_m_max": (road_errors, largest),
-    "road_error_m_rms": (road_errors, rms),
-    "road_error_max_at_s": (road_errors, largest_at),
-    "self_estimate_error_m_max": (self_estimate_errors, largest),
-    "lateral_deviation_m_max": (own_deviations, most),
-    "true_gap_m_min": (true_gaps, least),
-    "true_gap_min_at_s": (true_gaps, least_at),
-    "true_gap_m_max": (true_gaps, most),
-    "true_gap_max_at_s": (true_gaps, most_at),
-    "estimated_gap_m_min": (estimated_gaps, least),
-    "estimated_gap_m_max": (estimated_gaps, most),
-    "held_braking_mps2_min": (held_brakings, least),
-    "lateral_acceleration_mps2_max": (field_of("truth", "lateral_acceleration_mps2"), largest),
-    "front_slip_rad_max": (field_of("truth", "front_slip_rad"), largest),
-    "rear_slip_rad_max": (field_of("truth", "rear_slip_rad"), largest),
-    "friction_ratio_max": (friction, largest),
-}
-"""Metrics that are a reduction of a signal, by their fields."""
+
+def metric(signal: SignalOf, reduce: Reduction) -> Any:
+    """A field of a summary that is a reduction of a signal."""
+    return field(default=None, metadata={METRIC: (signal, reduce)})
+
+
+METRIC = "metric"
+
+
+# ---- Summary
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleSummary:
+    """Figures of one vehicle; None where there was nothing to measure."""
+
+    name: str
+    """Name of the vehicle; vehicles are in the order of the convoy."""
+    role: Literal["lead", "follower"]
+    """lead (the first vehicle) or follower."""
+    poses: int
+    """Number of GPS poses in the log."""
+    missing_poses: int
+    """Scheduled poses that are not in the log, until the vehicle stopped or the run ended. For
+    vehicles that send without a schedule: missing message numbers."""
+    silent_from_s: float | None = None
+    """Time after which the run continued without records of the vehicle; else null."""
+    lateral_error_m_max: float | None = metric(field_of("tracking", "lateral_error_m"), largest)
+    """Largest lateral error relative to the trajectory that the vehicle follows (self-estimate)."""
+    lateral_error_m_rms: float | None = metric(field_of("tracking", "lateral_error_m"), rms)
+    """Root mean square of the same."""
+    heading_error_rad_max: float | None = metric(field_of("tracking", "heading_error_rad"), largest)
+    """Largest heading error relative to the same trajectory (self-estimate)."""
+    cross_track_error_m_max: float | None = metric(true_errors, largest)
+    """Largest true distance from the path that the lead drove, once the vehicle has passed the
+    lead's start; null for the lead."""
+    cross_track_error_m_rms: float | None = metric(true_errors, rms)
+    """Root mean square of the same."""
+    cross_track_error_max_at_s: float | None = metric(true_errors, largest_at)
+    """Time of the largest cross-track error."""
+    road_error_m_max: float | None = metric(road_errors, largest)
+    """Largest true distance from the road: the path of the scenario, or the vehicle's own drive if
+    it is replayed."""
+    road_error_m_rms: float | None = metric(road_errors, rms)
+    """Root mean square of the same."""
+    road_error_max_at_s: float | None = metric(road_errors, largest_at)
+    """Time of the largest road error."""
+    self_estimate_error_m_max: float | None = metric(self_estimate_errors, largest)
+    """Largest difference between the self-estimated and the true lateral error, once the vehicle
+    has a trajectory."""
+    lateral_deviation_m_max: float | None = metric(own_deviations, most)
+    """Largest estimated standard deviation of its own lateral position."""
+    true_gap_m_min: float | None = metric(true_gaps, least)
+    """Smallest true gap to the predecessor: shortest distance between the bodies, 0 in a
+    collision."""
+    true_gap_min_at_s: float | None = metric(true_gaps, least_at)
+    """Time of the smallest true gap."""
+    true_gap_m_max: float | None = metric(true_gaps, most)
+    """Largest true gap to the predecessor."""
+    true_gap_max_at_s: float | None = metric(true_gaps, most_at)
+    """Time of the largest true gap."""
+    estimated_gap_m_min: float | None = metric(estimated_gaps, least)
+    """Smallest estimated gap to the predecessor, bumper to bumper along the path."""
+    estimated_gap_m_max: float | None = metric(estimated_gaps, most)
+    """Largest estimated gap to the predecessor."""
+    held_braking_mps2_min: float | None = metric(held_brakings, least)
+    """Smallest braking of the predecessor that the estimated gap held at the age of its data: from
+    then on until it becomes known, with 8 m/s² of the own tyres (closed form, see `convoy check`).
+    Null with a gap sensor."""
+    overridden_ratio: float | None = None
+    """Share of the time, after the first 2 s, in which the guard overrode the longitudinal law;
+    null for the lead and without recorded commands."""
+    overrides: Mapping[str, float] = field(default_factory=dict)
+    """That share by reason: why the command differed from the law."""
+    distance_m: float
+    """Distance driven."""
+    lateral_acceleration_mps2_max: float | None = metric(
+        field_of("truth", "lateral_acceleration_mps2"), largest
+    )
+    """Largest magnitude of the acceleration across the body."""
+    front_slip_rad_max: float | None = metric(field_of("truth", "front_slip_rad"), largest)
+    """Largest magnitude of the slip angle of the front axle."""
+    rear_slip_rad_max: float | None = metric(field_of("truth", "rear_slip_rad"), largest)
+    """Largest magnitude of the slip angle of the rear axle."""
+    friction_ratio_max: float | None = metric(friction, largest)
+    """Largest share of the available friction that an axle used; more than 1 is possible with
+    linear tyres only."""
+    sliding_s: float | None = None
+    """Time during which an axle used all of the available friction, or more."""
+    string: StringFigures = NO_STRING
+    """Errors along the string and their gains, see vehicles[].string."""
+    own_figures: Mapping[str, float | None] = field(default_factory=dict)
+    """Figures of the user's classes, by the name of the class."""
+    ticks_by_mode: Mapping[str, int]
+    """Number of steering commands by mode: path (the lead), composite, lead, predecessor, coast,
+    stop or straight."""
+    reaction: ReactionSummary = NO_REACTION
+    """Reaction to missing messages, see vehicles[].reaction."""
+    ticks: int
+    """Executed instants of the vehicle's schedule, for control or GNSS."""
+    late_ticks: int
+    """Ticks that began more than half a control period late."""
+    late_ticks_at_start: int = 0
+    """Late ticks from the first one on: the vehicle started late."""
+    late_ticks_by_network: int = 0
+    """Late ticks after sending blocked; the others are due to the processor."""
+    lateness_ms_max: float
+    """Largest delay of a tick."""
+    rejected_messages: int
+    """Messages that the vehicle received and rejected."""
+    memory_bytes_max: int
+    """Memory of the vehicle's process; 0 in virtual time."""
+    cpu_ratio: float
+    """Mean share of one core that the vehicle's process used; 0 in virtual time."""
+    finished: bool
+    """Whether the final counters of the vehicle were received."""
 
 
 # ---- Metrics of one vehicle
@@ -285,7 +271,8 @@ def vehicle_summaries(
 
 
 def _reduced(run: RunTables, name: str) -> dict[str, Any]:
-    return {key: reduce(run, signal(run, name)) for key, (signal, reduce) in METRICS.items()}
+    metrics = {one.name: one.metadata.get(METRIC) for one in fields(VehicleSummary)}
+    return {key: of[1](run, of[0](run, name)) for key, of in metrics.items() if of}
 
 
 def _counts(run: RunTables, name: str) -> dict[str, Any]:
