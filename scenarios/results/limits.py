@@ -127,8 +127,9 @@ def _figures(
     rows = [row for row in vehicles if row.name in names and _applies(limit.row, row)]
     found = []
     for row in rows:
-        value, at = _value(limit.row, row), getattr(row, limit.row.at or "name")
+        value = _value(limit.row, row)
         if value is not None:
+            at = getattr(row, limit.row.at) if limit.row.at else None
             breach = limit.row.breach.format(figure=value, at=at or 0.0)
             line = f"{row.name} {breach}" if limit.is_beyond(value) else ""
             found.append(_figure(limit, value, row.name, line))
