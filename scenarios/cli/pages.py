@@ -105,8 +105,8 @@ INTERVALS: Mapping[str, tuple[str, Mapping[str, str]]] = {
         "at the share: 400 runs for 5 %. Rows: share, and width of a logistic curve as a part of "
         "the range; repetitions with boundaries from 0.2 to 0.8 of the range and default options.",
         {
-            "50 %": "93 to 98 %; 50 runs at a width of 0.005, 211 at 0.05, 948 at 0.15",
-            "5 or 95 %": "97 %; 478 runs at a width of 0.005, 800 at 0.05, 1000 at 0.15",
+            "50 %": "93 to 98 %; 50 runs at a width of 0.005, 211 at 0.05, 934 at 0.15",
+            "5 or 95 %": "93 to 96 %; 478 runs at a width of 0.005, 770 at 0.05, 1000 at 0.15",
             "step, 50 %": "97 %, 50 runs",
             "other curves": "88 to 100 %: probit, complementary log-log, log-log and Weibull",
         },

@@ -15,7 +15,7 @@ from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
 from scenarios.results.log_info import session_of
 from scenarios.results.log_summary import tables_in
 from scenarios.results.tables import TOPICS_OF_METRICS, RunTables
-from transport.columns import Floats
+from transport.columns import Columns, Flags, Floats
 from transport.links.laws.recorded_losses import EarlierRun, Listed, NumberSet
 from transport.log.errors import LogError
 from transport.log.reader import LogReader
@@ -36,49 +36,44 @@ class LostMessage:
 
 
 Losses = frozenset[LostMessage]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fate:
-    """The fate of a message on a link, with sending time and delay (ns).
-
-    `reason` is empty unless the message was dropped; `delay` is then the delay without the drop.
-    Messages with `is_lost` can be restored; messages dropped by the link's rate, or corrupted
-    without a frame check, cannot.
-    """
-
-    sent_at: int
-    delay: int
-    reason: str
-    is_lost: bool
+NO_END = 2**63 - 1
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedRun:
-    """A run from its log, with instants in ns after its start.
-
-    `fates` are by link and message number, `late` counts late messages.
-    """
+    """A run from its log; `late` counts late messages."""
 
     log: Path
     tables: RunTables
-    fates: Mapping[LinkEnds, Mapping[int, Fate]]
     late: int
 
     @property
     def scenario(self) -> Scenario:
         return self.tables.scenario
 
-    def lost(self, until: int) -> tuple[LostMessage, ...]:
-        """Return the lost messages that would have arrived by an instant, in order of time."""
-        return tuple(
-            sorted(
-                LostMessage(fate.sent_at, link, number)
-                for link, fates in self.fates.items()
-                for number, fate in fates.items()
-                if fate.is_lost and fate.sent_at + fate.delay <= until
-            )
-        )
+    def verdicts(self, link: LinkEnds) -> tuple[Columns, Flags]:
+        """Verdicts of a link, and which of its messages are lost and can be restored.
+
+        Messages dropped by the link's rate, or corrupted without a frame check, cannot.
+        """
+        verdicts = self.tables.table(link[1], "verdict")
+        verdicts = verdicts.of(verdicts["sender"] == link[0])
+        content = self.scenario.links[link].content
+        kept = {"corrupted"} if content is not None and not content.frame_check else set()
+        dropped = {one for one in verdicts["reason"] if one and counts_as_loss(one)} - kept
+        lost = [one in dropped for one in verdicts["reason"]]
+        return verdicts, np.array(lost, dtype=bool)
+
+    def lost(self, until: int = NO_END) -> tuple[LostMessage, ...]:
+        """Lost messages that would have arrived by an instant (ns after the start), in order."""
+        lost, start_at = list[LostMessage](), self.tables.beginning
+        for link in self.scenario.links:
+            verdicts, is_lost = self.verdicts(link)
+            chosen = verdicts.of(is_lost & (verdicts["visible_at_ns"] - start_at <= until))
+            sent_at = (chosen["sent_at_ns"] - start_at).tolist()
+            numbers = chosen["pose_seq"].tolist()
+            lost += [LostMessage(at, link, k) for at, k in zip(sent_at, numbers, strict=True)]
+        return tuple(sorted(lost))
 
 
 def read_run(log: Path) -> RecordedRun:
@@ -100,40 +95,11 @@ def read_run(log: Path) -> RecordedRun:
         raise LogError(f"{log}: {names} replayed a recorded drive; blame needs simulated vehicles")
     if run.start_at is None:
         raise LogError(f"{log}: has no start of the run")
-    fates = {name: _fates(run, name) for name in run.names}
-    recorded = RecordedRun(
-        log,
-        run,
-        {link: row for of_receiver in fates.values() for link, row in of_receiver.items()},
-        sum([int(run.table(name, "verdict")["late"].sum()) for name in run.names]),
-    )
-    if not any(fate.is_lost for row in recorded.fates.values() for fate in row.values()):
+    late = sum(int(run.table(name, "verdict")["late"].sum()) for name in run.names)
+    recorded = RecordedRun(log, run, late)
+    if not recorded.lost():
         raise LogError(f"{log}: no message was lost")
     return recorded
-
-
-def _fates(run: RunTables, receiver: str) -> dict[LinkEnds, dict[int, Fate]]:
-    """Fates of the messages that a vehicle received, by link and number."""
-    fates: defaultdict[LinkEnds, dict[int, Fate]] = defaultdict(dict)
-    verdicts = run.table(receiver, "verdict")
-    names = ("sender", "pose_seq", "sent_at_ns", "visible_at_ns", "reason")
-    columns = [verdicts[name].tolist() for name in names]
-    for sender, number, sent_at, visible_at, reason in zip(*columns, strict=True):
-        link = sender, receiver
-        fates[link][number] = Fate(
-            sent_at=sent_at - run.beginning,
-            delay=visible_at - sent_at,
-            reason=reason,
-            is_lost=_can_be_restored(run.scenario, link, reason),
-        )
-    return fates
-
-
-def _can_be_restored(scenario: Scenario, link: LinkEnds, reason: str) -> bool:
-    content = scenario.links[link].content
-    if reason == "corrupted" and content is not None and not content.frame_check:
-        return False
-    return bool(reason) and counts_as_loss(reason)
 
 
 def true_positions(run: RunTables) -> dict[str, Floats]:
@@ -308,17 +274,20 @@ def _recorded(run: RecordedRun, pair: LinkEnds, table: LinkTable) -> LinkEntry:
 
     Messages still in transit at the end of the run become visible one second later.
     """
-    fates, ends_at = run.fates.get(pair, {}), round(run.scenario.duration_s * SECOND)
+    verdicts, is_lost = run.verdicts(pair)
+    ends_at = round(run.scenario.duration_s * SECOND)
+    numbers = verdicts["pose_seq"].tolist()
+    spans = (verdicts["visible_at_ns"] - verdicts["sent_at_ns"]).tolist()
+    known = dict(zip(numbers, spans, strict=True))
     poses = run.tables.table(pair[0], "gps")
     sent_at = (poses.at_ns - run.tables.beginning).tolist()
     sent = dict(zip(poses["seq"].tolist(), sent_at, strict=True))
     delays = [
-        fates[number].delay
-        if number in fates
-        else max(ends_at + SECOND - sent.get(number, ends_at), 0)
-        for number in range(max([*fates, *sent, 0]) + 1)
+        known.get(number, max(ends_at + SECOND - sent.get(number, ends_at), 0))
+        for number in range(max([*known, *sent, 0]) + 1)
     ]
-    by_rate = NumberSet.of((k, k) for k, fate in fates.items() if fate.reason and not fate.is_lost)
+    dropped = verdicts["pose_seq"][(verdicts["reason"] != "") & ~is_lost].tolist()
+    by_rate = NumberSet.of((k, k) for k in dropped)
     loss = EarlierRun(
         kind="log",
         source=run.log.name,

@@ -19,6 +19,7 @@ from scenarios.runs.virtual import run_tables
 from scenarios.studies.engine import Engine
 from scenarios.studies.job import Job
 from scenarios.studies.many.losses import (
+    NO_END,
     Burst,
     Losses,
     LossFreeScenario,
@@ -34,7 +35,6 @@ from vehicles.schedule import SECOND
 
 FigureName = Literal["error", "gap"]
 """The largest true cross-track error of a follower, or the smallest true gap to its predecessor."""
-NO_END = 2**63
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

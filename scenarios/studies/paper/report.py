@@ -21,7 +21,7 @@ from scenarios.studies.paper.measures import (
     predict_case,
 )
 from scenarios.studies.paper.plots import CAPTIONS, draw_all
-from scenarios.studies.paper.runs import RUNS_OF_CASE, SINES, TRAJECTORIES, at_sine, label
+from scenarios.studies.paper.runs import RUNS_OF_CASE, SINES, TRAJECTORIES, label
 from vehicles.preview.curve_fit import Trajectory
 
 SCHEMA = "convoy.reproduction/4"
@@ -265,7 +265,7 @@ def _runs(findings: AllFindings) -> Iterator[str]:
                 word = "yes" if growth(run.tracking) <= TOLERANCE_M else "no"
                 rows.append((label(key), in_cm(run.tracking), word, in_cm(run.cross_track)))
         yield from _table(("run", "tracking errors", "decreasing", "true errors"), rows)
-        if results.has(at_sine(*_first_sine())):
+        if results.has("propagation"):
             yield f"\n## Amplitude over that of the car ahead ({TRAJECTORIES[kind]})\n"
             ratios = []
             for preview in SINES:
@@ -274,8 +274,3 @@ def _runs(findings: AllFindings) -> Iterator[str]:
                         (f"{preview:g} s", f"{frequency:g}", ", ".join(f"{r:.3f}" for r in row))
                     )
             yield from _table(("preview", "frequency, rad/s", "cars 2, 3, 4"), ratios)
-
-
-def _first_sine() -> tuple[float, float]:
-    preview, frequencies = next(iter(SINES.items()))
-    return preview, frequencies[0]

@@ -8,8 +8,8 @@ from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.runs.observer import OnMessage
 from scenarios.runs.virtual import drive as virtual_drive
-from scenarios.studies.many.losses import LostMessage, loss_free, true_positions
-from scenarios.studies.many.trials import NO_END, first_difference
+from scenarios.studies.many.losses import NO_END, LostMessage, loss_free, true_positions
+from scenarios.studies.many.trials import first_difference
 from tests.scenarios.studies.many.blame.lossy_logs import LAWS, recorded
 from vehicles.messages import LinkVerdict, Message
 
