@@ -228,44 +228,54 @@ USUAL_SMOOTHING = SmoothedPathTable().smoothing_m
 
 def drive_warnings(scenario: Scenario) -> Iterator[str]:
     """Warn of what is left out, assumed or inaccurate in the recorded drives of a scenario."""
-    yield from _path_warnings(scenario)
-    tables = scenario.tables
+    tables, table, smoothed = scenario.tables, scenario.tables.path, scenario.route.smoothed
+    if isinstance(table, PointsPath) and smoothed is not None:
+        yield from recording_warnings(table, smoothed)
+        yield from _width_warnings(table, smoothed, PATH_KEYS)
+        is_set = tables.speed.model_fields_set & {"set_mps", "profile"}
+        if table.source and not table.time_s and not is_set:
+            speed = f"the lead drives {tables.speed.set_mps:g} m/s"
+            yield f"{table.source}: the drive has no times, {speed}. Set speed.set_mps."
+        if smoothed.deviation_max > FAR_FROM_POINTS:
+            yield (
+                f"the path lies up to {smoothed.deviation_max:.1f} m from the recorded points "
+                f"(rms {smoothed.deviation_rms:.2f} m, noise of the points {smoothed.noise:.2f} "
+                f"m): curves are cut. Lower path.smoothing_m = {smoothed.half_width:g}, unless the "
+                "points are noisy."
+            )
     for name, drive in scenario.replays.items():
-        if (table := tables.vehicle[name].drive) is not None:
-            yield from recording_warnings(table, drive.road, f"vehicle.{name}.replay_")
-            yield from _width_warnings(table, drive.road, f"vehicle.{name}.replay_")
+        if (own := tables.vehicle[name].drive) is not None:
+            yield from recording_warnings(own, drive.road, f"vehicle.{name}.replay_")
+            yield from _width_warnings(own, drive.road, f"vehicle.{name}.replay_")
         yield from replay_warnings(tables, name, drive, scenario.route, scenario.duration_s)
-
-
-def _path_warnings(scenario: Scenario) -> Iterator[str]:
-    table, smoothed = scenario.tables.path, scenario.route.smoothed
-    if not isinstance(table, PointsPath) or smoothed is None:
-        return
-    yield from recording_warnings(table, smoothed)
-    yield from _width_warnings(table, smoothed, PATH_KEYS)
-    speed = scenario.tables.speed
-    if table.source and not table.time_s and not speed.model_fields_set & {"set_mps", "profile"}:
-        yield (
-            f"{table.source}: the drive has no times, the lead drives {speed.set_mps:g} m/s. Set "
-            "speed.set_mps."
-        )
-    if smoothed.deviation_max > FAR_FROM_POINTS:
-        yield (
-            f"the path lies up to {smoothed.deviation_max:.1f} m from the recorded points "
-            f"(rms {smoothed.deviation_rms:.2f} m, noise of the points {smoothed.noise:.2f} m): "
-            f"curves are cut. Lower path.smoothing_m = {smoothed.half_width:g}, unless the points "
-            "are noisy."
-        )
 
 
 def recording_warnings(
     table: PointsPath, smoothed: SmoothedPath, keys: str = PATH_KEYS
 ) -> Iterator[str]:
     """Warn of faults of a recording, which a DriveReport lists as well."""
-    yield from _left_out_warnings(table)
-    yield from (f"{table.source or 'path'}: {remark}" for remark in table.remarks)
-    yield from _pause_warnings(table, is_replay=keys != PATH_KEYS)
-    yield from _hole_warnings(table, smoothed)
+    source = table.source or "path"
+    if count := table.skipped_lines + table.jumping_points:
+        records = "1 record is" if count == 1 else f"{count} records are"
+        yield f"{source}: {records} left out or corrected: {'; '.join(table.left_out)}"
+    yield from (f"{source}: {remark}" for remark in table.remarks)
+    result = "the vehicle waits there"
+    if keys == PATH_KEYS:
+        result = 'the lead waits there, path.pauses = "cut" leaves the time out'
+        if table.pauses == "cut":
+            result = 'the time is left out, path.pauses = "keep" waits there'
+    pauses = list(zip(table.pause_points, table.pause_lasts_s, strict=True))
+    for point, lasts in pauses[:LISTED_MAX]:
+        yield f"{source}: a pause of {lasts:.1f} s after {place_of(table, point)}: {result}"
+    if rest := [lasts for _, lasts in pauses[LISTED_MAX:]]:
+        yield f"{source}: {len(rest)} more pauses, {sum(rest):.0f} s in total"
+    for point, length in smoothed.holes[:LISTED_MAX]:
+        yield (
+            f"{source}: a hole of {length:.1f} m after {place_of(table, point)} is bridged by a "
+            "smooth curve: the road there is a guess"
+        )
+    if lengths := [hole.length for hole in smoothed.holes[LISTED_MAX:]]:
+        yield f"{source}: {len(lengths)} more holes, up to {max(lengths):.1f} m long"
 
 
 def _width_warnings(table: PointsPath, smoothed: SmoothedPath, keys: str) -> Iterator[str]:
@@ -287,39 +297,3 @@ def _width_warnings(table: PointsPath, smoothed: SmoothedPath, keys: str) -> Ite
             f"smoothing is {used:g} m instead of {USUAL_SMOOTHING:g}: bends with a smaller radius "
             "are cut" + (". Set path.smoothing_m to change it" if is_lead else "")
         )
-
-
-def _left_out_warnings(table: PointsPath) -> Iterator[str]:
-    if count := table.skipped_lines + table.jumping_points:
-        records = "1 record is" if count == 1 else f"{count} records are"
-        yield f"{table.source}: {records} left out or corrected: {'; '.join(table.left_out)}"
-
-
-def _pause_warnings(table: PointsPath, *, is_replay: bool) -> Iterator[str]:
-    """Report pauses with place, duration, and the key that keeps or cuts them."""
-    source = table.source or "path"
-    if is_replay:
-        result = "the vehicle waits there"
-    elif table.pauses == "cut":
-        result = 'the time is left out, path.pauses = "keep" waits there'
-    else:
-        result = 'the lead waits there, path.pauses = "cut" leaves the time out'
-    rows = list(zip(table.pause_points, table.pause_lasts_s, strict=True))
-    for point, lasts in rows[:LISTED_MAX]:
-        place = place_of(table, point)
-        yield f"{source}: a pause of {lasts:.1f} s after {place}: {result}"
-    if len(rows) > LISTED_MAX:
-        rest = sum(lasts for _, lasts in rows[LISTED_MAX:])
-        yield f"{source}: {len(rows) - LISTED_MAX} more pauses, {rest:.0f} s in total"
-
-
-def _hole_warnings(table: PointsPath, smoothed: SmoothedPath) -> Iterator[str]:
-    for hole in smoothed.holes[:LISTED_MAX]:
-        yield (
-            f"{table.source or 'path'}: a hole of {hole.length:.1f} m after "
-            f"{place_of(table, hole.point)} is bridged by a smooth curve: the road there is a guess"
-        )
-    if len(smoothed.holes) > LISTED_MAX:
-        rest = smoothed.holes[LISTED_MAX:]
-        longest = max(hole.length for hole in rest)
-        yield f"{table.source or 'path'}: {len(rest)} more holes, up to {longest:.1f} m long"

@@ -7,7 +7,7 @@ import json
 import operator
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 from functools import reduce
 from io import BytesIO
 
@@ -21,13 +21,9 @@ Cell = float | str | None
 TIMES: dict[str, Callable[[float], str]] = {
     "s": lambda t: f"{t - START:.3f}",
     "unix s": lambda t: f"{t:.3f}",
-    "unix ms": lambda t: f"{t * 1e3:.0f}",
-    "unix us": lambda t: f"{t * 1e6:.0f}",
     "unix ns": lambda t: f"{round(t * 1e6)}000",
     "iso z": lambda t: f"{_date(t):%Y-%m-%dT%H:%M:%S.%f}"[:-3] + "Z",
     "iso": lambda t: f"{_date(t):%Y-%m-%dT%H:%M:%S.%f}"[:-3],
-    "iso space": lambda t: f"{_date(t):%Y-%m-%d %H:%M:%S.%f}",
-    "iso zone": lambda t: _date(t).astimezone(timezone(timedelta(hours=5.5))).isoformat(),
 }
 """Texts of a Unix time (s)."""
 
@@ -41,17 +37,14 @@ class Table:
     """A CSV file: names of its columns, and its form.
 
     `columns` are names of time, position, height and speed; "" leaves a column out. `lead` stands
-    before the header, `first` are lines before it. `extra` are cells after each row.
+    before the header. `extra` are cells after each row.
     """
 
     columns: tuple[str, str, str, str, str] = ("t_s", "x_m", "y_m", "", "speed_mps")
     geodetic: bool = False
     time: str = "s"
     separator: str = ","
-    decimal: str = "."
     lead: str = ""
-    first: str = ""
-    newline: str = "\n"
     encoding: str = "utf-8"
     extra: tuple[tuple[str, str], ...] = ()
 
@@ -59,8 +52,7 @@ class Table:
         names = [name for name in self.columns if name] + [name for name, _ in self.extra]
         rows = [self._row(fix) for fix in recording.fixes]
         lines = [self.lead + self.separator.join(names), *rows]
-        text = self.first + self.newline.join(lines) + self.newline
-        return text.encode(self.encoding)
+        return ("\n".join(lines) + "\n").encode(self.encoding)
 
     def _row(self, fix: Fix) -> str:
         if fix.row is not None:
@@ -74,11 +66,7 @@ class Table:
             _cell(fix.height),
             _cell(fix.speed),
         )
-        used = [
-            cell.replace(".", self.decimal)
-            for cell, name in zip(cells, self.columns, strict=True)
-            if name
-        ]
+        used = [cell for cell, name in zip(cells, self.columns, strict=True) if name]
         return self.separator.join([*used, *(value for _, value in self.extra)])
 
 
@@ -90,37 +78,20 @@ DEGREES = ("time", "latitude", "longitude", "altitude", "speed_mps")
 
 TABLES: dict[str, Table] = {
     "plane csv": Table(),
-    "places csv": Table(columns=("", "x_m", "y_m", "", "")),
-    "savetxt csv": Table(lead="# ", separator=" "),
     "track csv": Table(
         columns=("", "x_m", "y_m", "", ""), lead="# ", extra=(("w_tr_right_m", "7.5"),)
     ),
     "tab csv": Table(separator="\t", time="unix s"),
-    "sep csv": Table(separator=";", first="sep=;\r\n", newline="\r\n"),
-    "decimal csv": Table(separator=";", decimal=",", encoding="utf-8-sig"),
     "utf-16 csv": Table(encoding="utf-16"),
     "geodetic csv": Table(
         columns=("t_s", "latitude_deg", "longitude_deg", "altitude_m", "speed_mps"), geodetic=True
     ),
-    "iso geodetic csv": Table(columns=DEGREES, geodetic=True, time="iso z"),
-    "zoneless geodetic csv": Table(
-        columns=("Timestamp", "Lat", "Lon", "Altitude", ""), geodetic=True, time="iso space"
+    "iso csv": Table(
+        columns=("time", "latitude", "longitude", "altitude", ""), geodetic=True, time="iso z"
     ),
-    "zoned geodetic csv": Table(
-        columns=("utc", "LAT", "LNG", "", ""), geodetic=True, time="iso zone", separator="\t"
-    ),
-    "ms geodetic csv": Table(
-        columns=("timestamp", "lat", "lng", "", ""), geodetic=True, time="unix ms",
-        extra=(("hdop", "0.7"), ("note", '"clear, dry"')),
-    ),
-    "us geodetic csv": Table(
-        columns=("timestamp", "lat", "lon", "", ""), geodetic=True, time="unix us"
-    ),
-    "ns geodetic csv": Table(
-        columns=(
-            "%time", "field.latitude", "field.longitude", "field.altitude", ""
-        ),
-        geodetic=True, time="unix ns", extra=(("field.status.status", "2"),),
+    "ns csv": Table(
+        columns=("%time", "field.latitude", "field.longitude", "field.altitude", ""),
+        geodetic=True, time="unix ns", extra=(("note", '"clear, dry"'),),
     ),
 }  # fmt: skip
 
@@ -261,10 +232,8 @@ WRITERS: dict[str, tuple[str, Callable[[Recording], bytes]]] = {
     **{name: (".csv", table.write) for name, table in TABLES.items()},
     "pos csv": (".pos", pos),
     "gpx": (".gpx", gpx),
-    "zoneless gpx": (".gpx", lambda recording: gpx(recording, "iso")),
     "speeds gpx": (".gpx", lambda recording: gpx(recording, speeds=True)),
     "nmea": (".nmea", nmea),
-    "late nmea": (".nmea", lambda recording: nmea(recording, 1)),
     "kml line": (".kml", kml),
     "kml track log": (".kml", lambda recording: kml(recording, times=True)),
     "geojson line": (".geojson", geojson),

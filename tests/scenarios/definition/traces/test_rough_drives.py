@@ -36,7 +36,6 @@ def path_off_truth(scenario: Scenario, rough: Rough) -> float:
     return float(np.max(path_errors(rough, east, north)))
 
 
-@pytest.mark.spread(15)
 @pytest.mark.parametrize(("rough", "expected"), DRIVABLE.values(), ids=DRIVABLE)
 def test_the_path_is_where_the_car_was(tmp_path: Path, rough: Rough, expected: Expected) -> None:
     scenario = scenario_of(rough, tmp_path)
