@@ -1,7 +1,6 @@
 import io
 import re
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +12,8 @@ from scenarios.results.link_account import accounts
 from scenarios.results.links import link_summaries
 from scenarios.results.outcome import with_outcome_line
 from scenarios.results.reaction import ReactionSummary
-from scenarios.results.record import RecordHole
 from scenarios.results.run_event import RunEvent
-from scenarios.results.summary import ClockName, RunChange, RunIdentity, RunSummary
+from scenarios.results.summary import ClockName, RunIdentity, RunSummary
 from scenarios.results.vehicle_figures import vehicle_summaries
 from tests.made.scenarios import recorded_run
 from tests.made.scenarios.messages import gps, health, tracking, truth, verdict
@@ -108,12 +106,6 @@ def test_a_vehicle_s_row_has_true_figures_next_to_estimates() -> None:
     ]
 
 
-def test_a_lead_has_no_distance_from_its_own_path() -> None:
-    text = printed(summary())
-    assert row(text, "v1 ") == ["v1", "-", "0.0", "-", "-", "-", "0"]
-    assert row(text, "v1 ", 2) == ["v1", "21", "0", "0", "0", "-", "-"]
-
-
 def test_degradation_has_its_own_table() -> None:
     figures = summary()
     assert "degradation" not in printed(figures)
@@ -144,29 +136,6 @@ def test_events_are_rows_with_their_figures() -> None:
     assert "events:" not in printed(summary())
 
 
-def test_of_very_many_links_those_that_lost_most_are_printed() -> None:
-    figures = summary()
-    lossy = figures.links[0]
-    many = [replace(lossy, sender=f"s{place}", loss_ratio=0.01 * place) for place in range(60)]
-    text = printed(replace(figures, links=tuple(many)), width=120)
-    shown = re.findall(r"^ *(s\d+) →", text, re.MULTILINE)
-    assert (
-        shown == [f"s{place}" for place in range(20, 60)] * 3
-    )  # both tables of links, then freshness
-    assert text.count("20 more, see summary.json") == 3
-
-
-def test_missing_records_are_listed_below() -> None:
-    hole = RecordHole(vehicle="v1", from_s=2.0, to_s=6.7, poses=95)
-    figures = summary()
-    silent = replace(figures.vehicles[2], silent_from_s=0.5)
-    text = printed(replace(figures, holes=(hole,), vehicles=(*figures.vehicles[:2], silent)))
-    assert "not recorded: 95 poses of v1, 2.00 to 6.70 s after the start\n" in text
-    assert "silent: v3 from 0.50 s after the start on\n" in text
-    assert "the figures cover only what was recorded\n" in text
-    assert "recorded\n" not in printed(figures).split("links")[1]
-
-
 def test_a_link_s_row_puts_achieved_beside_requested() -> None:
     text = printed(summary())
     assert " ".join(row(text, "v1 → v2")[3:]) == "40 / 33.3 1.67 / 1 60 / 42.0"
@@ -174,23 +143,6 @@ def test_a_link_s_row_puts_achieved_beside_requested() -> None:
     assert " ".join(row(text, "v1 → v2", 1)[3:]) == "21 14 0 0 7 loss 0 0"
     assert " ".join(row(text, "v1 → v3", 1)[3:7]) == "21 0 0 0"
     assert text.count("requested / achieved") == 3
-
-
-def test_reordered_and_altered_messages_are_not_counted_as_dropped() -> None:
-    figures = summary()
-    odd = replace(figures.links[0], reordered=16, copies=3, false={"ghost": 2}, dropped={"loss": 7})
-    text = printed(replace(figures, links=(odd,)))
-    assert " ".join(row(text, "v1 → v2", 1)[3:8]) == "21 14 0 16 7"
-    for words in ("3 copies", "2 false: ghost"):
-        assert words in re.sub(r"\s+", " ", text)
-
-
-def test_messages_that_did_not_arrive_are_listed_by_cause() -> None:
-    figures = summary()
-    lossy = replace(figures.links[0], not_arrived={"cut_off": 12, "unknown": 3}, in_flight=2)
-    text = printed(replace(figures, links=(lossy,)), width=120)
-    assert " ".join(row(text, "v1 → v2", 1)[-6:]) == "12 cut off, 3 unknown 2"
-    assert "OK (15 messages did not arrive" in text
 
 
 def test_tables_fit_a_terminal_of_eighty_columns() -> None:
@@ -240,26 +192,3 @@ def test_a_quiet_run_prints_one_table_and_others_only_with_news() -> None:
     few, stop = ReactionSummary(mode_changes=1), ReactionSummary(stops=1)
     assert news(vehicles=(lead, replace(second, reaction=few), third)) == 1
     assert news(vehicles=(lead, replace(second, reaction=stop), third)) == 2
-
-
-def test_the_title_counts_losses_under_changes_instead_of_the_requested_loss() -> None:
-    figures = summary()
-    change = partial(RunChange, for_s=1.0, by_hand=True, vehicles=("v3",))
-    identity = replace(figures.identity, title="trial, seed 11, loss 0 %, channel lossy")
-    changed = replace(
-        figures,
-        identity=identity,
-        changes=(
-            change(at_s=7.0, kind="cut", target="* → *"),
-            change(at_s=9.0, kind="stall", target="v3"),
-        ),
-        links=(replace(figures.links[0], judged=3500, dropped={"cut": 180, "rate": 9}),),
-    )  # fmt: skip
-    assert printed(changed, width=200).splitlines()[0] == (
-        "trial, seed 11, channel lossy, 180 of 3500 messages lost by cuts, "
-        "stall v3 at 9.00 s by hand, wall clock, 1.0 s"
-    )
-    mixed = replace(changed, links=(replace(changed.links[0], dropped={"cut": 180, "loss": 20}),))
-    assert ", 200 of 3500 messages lost, 180 by cuts, " in printed(mixed, width=200)
-    unchanged = printed(replace(changed, changes=(), links=figures.links), width=200)
-    assert "loss 0 %" in unchanged.splitlines()[0]

@@ -11,7 +11,6 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
-from scenarios.cli.comparison_tables import bar
 from scenarios.cli.main import cli
 from scenarios.definition.channel.presets import presets
 from scenarios.definition.scenario import load_scenario
@@ -145,16 +144,6 @@ def test_a_missing_extra_is_named_only_where_it_is_needed(
     monkeypatch.setitem(sys.modules, "scipy", None)
     assert "loss" in printed("channel", "show", "lossy", *QUICK)
     assert "needs scipy" in refused("channel", "fit", "run.mcap")
-
-
-def test_bars_grow_by_eighths() -> None:
-    assert bar(0.0, 4) == ""
-    assert bar(1.0, 4) == "████"
-    assert bar(0.5, 4) == "██"
-    assert bar(1 / 32, 4) == "▏"
-    grown = [bar(place / 64.0, 8) for place in range(65)]
-    assert len(set(grown)) == 65
-    assert [*map(len, grown)] == sorted(map(len, grown))
 
 
 # ---- fit

@@ -4,7 +4,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from scenarios.cli.display import REDRAW_S, Progress
+from scenarios.cli.display import Progress
 from scenarios.results.live import LiveRun
 from scenarios.runs import observer
 from scenarios.runs.observer import LINE_EVERY_S
@@ -125,38 +125,6 @@ def test_a_terminal_shows_a_row_for_each_vehicle(capsys: pytest.CaptureFixture[s
     # Truth first: the error now, the largest so far, the gap; then the self-estimate.
     assert rows["v1"] == ["-", "-", "-", "2.0", "lead", "20.0", "0", "0", "0"]
     assert rows["v2"] == ["-10.0", "34.5", "10.0", "25.0", "composite", "20.0", "6", "1", "4"]
-
-
-@pytest.mark.usefixtures("terminal")
-def test_of_a_long_convoy_the_worst_have_a_row_and_all_a_line(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    def poses() -> Iterator[Message]:
-        yield truth("v1", 0, -600.0, 0.0)
-        for place in range(40):
-            off = 0.01 * (place % 20)  # v20 and v40 19 cm, v16 to v20 and v36 to v40 the worst ten
-            yield truth(f"v{place + 1}", 1, -15.0 * place, off)
-
-    with shown_for(40) as shown:
-        shown.step(start(), *poses())
-        err = capsys.readouterr().err
-    assert [*rows_in(err)] == [f"v{place}" for place in (*range(16, 21), *range(36, 41))]
-    words = " ".join(re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", err).split())
-    assert "the worst 10 of 40; all: largest true error now 19.0 cm, so far 19.0 cm" in words
-    assert "min gap 10.0 m · delivered 0 · dropped 0 · late 0" in words
-
-
-@pytest.mark.usefixtures("terminal")
-def test_a_terminal_is_redrawn_at_a_limited_rate(
-    clock: FakeTime, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with shown_for() as shown:
-        shown.step(start())
-        capsys.readouterr()
-        for _ in range(10):
-            clock.now += REDRAW_S / 11
-            shown.step()
-        assert capsys.readouterr().err == ""
 
 
 def test_messages_of_the_run_and_errors_are_printed(
