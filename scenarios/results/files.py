@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 LOG_NAME = "run.mcap"
 SUMMARY_NAME = "summary.json"
@@ -24,7 +24,7 @@ def plain(value: Any) -> Any:
     elif hasattr(value, "tolist"):
         value = value.tolist()
     elif is_dataclass(value):
-        value = {one.name: getattr(value, one.name) for one in fields(value)}
+        value = {one.name: _of_type(one.type, getattr(value, one.name)) for one in fields(value)}
     if isinstance(value, Mapping):
         return {name: plain(entry) for name, entry in value.items()}
     if isinstance(value, list | tuple | set | frozenset):
@@ -32,6 +32,12 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not isfinite(value):
         return None
     return str(value) if isinstance(value, Path) else value
+
+
+def _of_type(kind: Any, value: Any) -> Any:
+    """A whole number in a field of numbers is one of them: 1 and 1.0 are written alike."""
+    is_float = kind is float or float in get_args(kind)
+    return float(value) if type(value) is int and is_float else value
 
 
 def json_text(value: Any) -> str:

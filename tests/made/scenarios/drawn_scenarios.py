@@ -4,8 +4,7 @@ They can be run: paths are longer than the drive, and a run takes a few hundred 
 """
 
 import math
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Sequence
 from datetime import timedelta
 from pathlib import Path
 from random import Random
@@ -26,17 +25,15 @@ from scenarios.definition.schema.scenario_tables import (
     GapTable,
     GnssTable,
     OriginTable,
-    ParametersTable,
     SpeedTable,
     SteeringTable,
 )
 from scenarios.definition.schema.settings_table import SettingsTable, Table
 from tests.made.channels.drawn_channels import LAWS, drawn_channel, drawn_spans
-from tests.made.channels.drawn_laws import inline
 from vehicles.car.gnss_error_terms import Drift
 from vehicles.car.gnss_settings import StateErrors
 from vehicles.car.imu import ImuSettings
-from vehicles.car.parameters import LINCOLN_MKZ, Loading
+from vehicles.car.parameters import Loading
 from vehicles.car.sending_rules import CAM_SHARES
 from vehicles.car.sensors import GapSensorSettings
 
@@ -44,15 +41,6 @@ Raw = dict[str, Any]
 VEHICLES_MAX = 8
 STEPS = 200
 """Steps of control and GNSS of all vehicles of a run, which determine its cost."""
-CAR = {
-    "mass_kg": LINCOLN_MKZ.mass,
-    "yaw_inertia_kgm2": LINCOLN_MKZ.yaw_inertia,
-    "front_cornering_stiffness_n_per_rad": LINCOLN_MKZ.front_cornering_stiffness,
-    "rear_cornering_stiffness_n_per_rad": LINCOLN_MKZ.rear_cornering_stiffness,
-    "front_axle_distance_m": LINCOLN_MKZ.front_axle_distance,
-    "rear_axle_distance_m": LINCOLN_MKZ.rear_axle_distance,
-}
-"""Parameters that must be consistent."""
 SHARES = (0.0, 0.0, 0.2, 0.5, 1.0)
 """Shares of the keys of a table that are given."""
 SEPARATE_KEYS = (*LAWS, "preset", "preset_source")
@@ -61,31 +49,12 @@ ALL_LINKS_SHARE, ONE_LINK_SHARE = 0.12, 0.25
 """Probability of each law for all links, and for one link."""
 
 
-@dataclass(frozen=True)
-class DrawnScenario:
-    tables: Raw
-    files: Mapping[str, str] = field(default_factory=dict)
-    overrides: Sequence[str] = ()
-
-    def write(self, folder: Path) -> Path:
-        for name, text in self.files.items():
-            (folder / name).write_text(text, encoding="utf-8")
-        path = folder / "drawn.toml"
-        path.write_text(tomli_w.dumps(self.tables), encoding="utf-8")
-        return path
-
-    @property
-    def settings(self) -> list[str]:
-        return [f"--set={override}" for override in self.overrides]
-
-
-def drawn_scenario(chance: Random) -> DrawnScenario:
-    names = _names(chance)
+def drawn_scenario(chance: Random, folder: Path) -> Path:
+    """Write a random scenario into a file."""
+    names = [f"v{place}" for place in range(1, chance.randint(1, VEHICLES_MAX) + 1)]
     tables: Raw = {"name": chance.choice(["drawn", "A", "a-b_c" * 6])}
-    files: dict[str, str] = {}
     followers = {name: _vehicle(chance, lead=name == names[0]) for name in names}
     _put(tables, "vehicle", {name: own for name, own in followers.items() if own})
-    _put(tables, "parameters", _car(chance))
     _put(tables, "loading", drawn_table(chance, SettingsTable[Loading]))
     _put(tables, "links", _links(chance, LinkTable, ALL_LINKS_SHARE))
     if len(names) > 1:
@@ -110,8 +79,10 @@ def drawn_scenario(chance: Random) -> DrawnScenario:
     tables["convoy"] = _convoy(chance, names)
     tables["speed"] = _speed(chance)
     tables["duration_s"] = _duration_s(chance, tables, names)
-    tables["path"] = _path(chance, tables, files)
-    return _split(chance, tables, files)
+    tables["path"] = _path(chance, tables)
+    path = folder / "drawn.toml"
+    path.write_text(tomli_w.dumps(tables), encoding="utf-8")
+    return path
 
 
 # ---- Values of the schema
@@ -185,17 +156,8 @@ def _put(tables: Raw, key: str, value: object) -> None:
         tables[key] = value
 
 
-def _names(chance: Random) -> list[str]:
-    """Names of the vehicles, default or other ones."""
-    count = chance.randint(1, VEHICLES_MAX)
-    if chance.random() < 0.7:
-        return [f"v{place}" for place in range(1, count + 1)]
-    return [f"{chance.choice('aZx')}{'_-9'[place % 3] * (place + 1)}" for place in range(count)]
-
-
 def _convoy(chance: Random, names: Sequence[str]) -> Raw:
-    usual = list(names) == [f"v{place}" for place in range(1, len(names) + 1)]
-    table: Raw = {"vehicles": len(names)} if usual else {"names": list(names)}
+    table: Raw = {"vehicles": len(names)} if chance.random() < 0.7 else {"names": list(names)}
     if chance.random() < 0.7:
         table["gap_m"] = chance.choice([0.01, 1.0, 10.0, chance.uniform(0.1, 100.0)])
     return table | drawn_table(chance, ConvoyTable, ("vehicles", "names", "gap_m"))
@@ -208,7 +170,6 @@ def _vehicle(chance: Random, *, lead: bool) -> Raw:
     _put(table, "gnss", _receiver(chance, "rate_hz", "fix", "preset"))
     _put(table, "sending", _sending(chance))
     _put(table, "imu", drawn_table(chance, SettingsTable[ImuSettings], ("rate_hz",)))
-    _put(table, "parameters", _car(chance, ("length_m",)))
     _put(table, "loading", drawn_table(chance, SettingsTable[Loading]))
     if chance.random() < 0.5:
         table["control"] = _steering(chance)
@@ -228,18 +189,6 @@ def _gap_sensor(chance: Random) -> Raw:
     table = drawn_table(chance, SettingsTable[GapSensorSettings], ("range_m",))
     if table:
         table["range_m"] = chance.choice([0.0, 1000.0, chance.uniform(0.0, 100.0)])
-    return table
-
-
-def _car(chance: Random, leave_out: Collection[str] = ()) -> Raw:
-    """Parameters of a car, mostly near those of the default car; others are mostly refused."""
-    table = drawn_table(chance, ParametersTable, leave_out)
-    if chance.random() < 0.9:
-        table |= {
-            key: value * 2.0 ** chance.uniform(-1.0, 1.0)
-            for key, value in CAR.items()
-            if key in table
-        }
     return table
 
 
@@ -328,78 +277,36 @@ def _duration_s(chance: Random, tables: Raw, names: Sequence[str]) -> float:
     return round(max(min(chance.choice([1.0, 2.0, 3.0]), affordable), 0.02), 3)
 
 
-def _path(chance: Random, tables: Raw, files: dict[str, str]) -> Raw:
+def _path(chance: Random, tables: Raw) -> Raw:
     speed = tables["speed"]
     fastest = max(
         speed.get("set_mps", 20.0), *(p["speed_mps"] for p in speed.get("profile", [])), 1.0
     )
     length_m = fastest * tables["duration_s"] * chance.uniform(1.01, 3.0) + 5.0
-    if speed["lead"] != "recorded" and chance.random() < 0.5:
-        return _segments(chance, length_m)
-    if chance.random() < 0.2 and "origin" not in tables:
-        if speed["lead"] == "recorded":
-            return {"kind": "trace", "file": "i280_highway.csv"}
-        closed = {"closed": True, "laps": chance.randint(1, 3)} if chance.random() < 0.5 else {}
-        return {"kind": "trace", "file": "mkz_church_lot.csv", **closed}
-    timed = speed["lead"] == "recorded" or chance.random() < 0.5
-    return _points(chance, tables["duration_s"], length_m, files, timed=timed)
-
-
-def _segments(chance: Random, length_m: float) -> Raw:
-    count = chance.randint(1, 4)
-    laps = chance.choice([1, 1, 3, 1000])
+    is_timed = speed["lead"] == "recorded"
+    if is_timed or chance.random() < 0.5:
+        return _points(chance, tables["duration_s"], length_m, timed=is_timed)
+    count, laps = chance.randint(1, 4), chance.choice([1, 1, 3, 1000])
     pieces = [_segment(chance, max(length_m / count / laps, 0.1)) for _ in range(count)]
-    table: Raw = {"kind": "segments", "segments": pieces, "laps": laps}
-    if chance.random() < 0.5:
-        table["heading_deg"] = chance.choice(
-            [0.0, math.nextafter(360.0, 0.0), chance.uniform(0, 359)]
-        )
-    return table
+    heading_deg = chance.choice([0.0, math.nextafter(360.0, 0.0), chance.uniform(0, 359)])
+    return {"kind": "segments", "segments": pieces, "laps": laps, "heading_deg": heading_deg}
 
 
 def _segment(chance: Random, length_m: float) -> Raw:
-    piece: Raw = {"length_m": length_m}
-    form = chance.randrange(3)
-    if form == 1:
-        piece["curvature_per_m"] = chance.choice([-1.0, 1.0, 0.0, chance.uniform(-0.05, 0.05)])
-    elif form == 2:
-        piece["turn"] = chance.choice(["left", "right"])
-        piece["radius_m"] = chance.choice([1.0, 1e6, chance.uniform(5.0, 500.0)])
-    return piece
+    bent = {"curvature_per_m": chance.choice([-1.0, 1.0, 0.0, chance.uniform(-0.05, 0.05)])}
+    radius_m = chance.choice([1.0, 1e6, chance.uniform(5.0, 500.0)])
+    turning = {"turn": chance.choice(["left", "right"]), "radius_m": radius_m}
+    form: Raw = chance.choice([{}, bent, turning])
+    return {"length_m": length_m} | form
 
 
-def _points(
-    chance: Random, duration_s: float, length_m: float, files: dict[str, str], *, timed: bool
-) -> Raw:
+def _points(chance: Random, duration_s: float, length_m: float, *, timed: bool) -> Raw:
     count = chance.randint(20, 200)
     step = max(length_m / count, 0.5)
     swing, wavelength = chance.uniform(0.0, 3.0), chance.uniform(20.0, 100.0)
     east = [k * step for k in range(count + 1)]
     north = [swing * math.sin(x / wavelength) for x in east]
-    time = [k * 2.0 * duration_s / count for k in range(count + 1)] if timed else []
+    times = [k * 2.0 * duration_s / count for k in range(count + 1)]
     smoothing = {} if chance.random() < 0.5 else {"smoothing_m": chance.uniform(1.0, 20.0)}
-    if chance.random() < 0.5:
-        times = {"time_s": time} if timed else {}
-        return {"kind": "points", "east_m": east, "north_m": north, **times, **smoothing}
-    rows = ["x_m,y_m" + (",t_s" if timed else "")]
-    rows += [
-        ",".join(map(repr, row))
-        for row in zip(east, north, *([time] if timed else []), strict=True)
-    ]
-    files["drive.csv"] = "\n".join(rows) + "\n"
-    return {"kind": "trace", "file": "drive.csv", **smoothing}
-
-
-def _split(chance: Random, tables: Raw, files: dict[str, str]) -> DrawnScenario:
-    overrides: list[str] = []
-    if chance.random() < 0.3:
-        given = [key for key in ("seed", "duration_s") if key in tables]
-        overrides = [f"{key}={tables.pop(key)!r}" for key in given]
-        overrides += [
-            f"links.{key}={inline(value)}" for key, value in tables.pop("links", {}).items()
-        ]
-    if chance.random() < 0.3:
-        below = {key: tables.pop(key) for key in list(tables) if chance.random() < 0.5}
-        files["base.toml"] = tomli_w.dumps(below | {"description": "that of the base"})
-        tables["extends"] = "base.toml"
-    return DrawnScenario(tables, files, overrides)
+    more = {"time_s": times} if timed else {}
+    return {"kind": "points", "east_m": east, "north_m": north, **more, **smoothing}
