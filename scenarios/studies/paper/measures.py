@@ -40,7 +40,7 @@ class SampleFigures:
 
 @dataclass
 class Findings:
-    """Runs and sample figures of the base case by key, and the parts that are calculated."""
+    """Runs by key, sample figures of the base case, and the names of other cases that were run."""
 
     trajectory: Trajectory = "fitted"
     trials: dict[str, Trial] = field(default_factory=dict)
