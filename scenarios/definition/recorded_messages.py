@@ -3,8 +3,9 @@
 mcap is imported where it is needed, so that a vehicle's process never loads it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from hashlib import file_digest
+from itertools import product
 from pathlib import Path
 
 from scenarios.definition.errors import SettingError
@@ -59,8 +60,9 @@ def digest_of(log: Path) -> str:
 
 
 def _checked(table: ReplayTable, path: Path) -> ReplayTable:
-    """Raise ValueError unless the log at `path` can be replayed."""
-    from transport.log.errors import LogError  # noqa: PLC0415 - not in a vehicle's process
+    """Note checksum and recorded times of the log; raises ValueError unless it can be replayed."""
+    from transport.log.errors import LogError  # noqa: PLC0415
+    from transport.log.reader import LogReader  # noqa: PLC0415 - not in a vehicle's process
 
     if not is_file(path):
         raise ValueError("is a directory" if path.is_dir() else "no such file")
@@ -68,37 +70,24 @@ def _checked(table: ReplayTable, path: Path) -> ReplayTable:
     if table.digest not in {"", digest}:
         raise ValueError(f"has the checksum {digest}, replay.digest is {table.digest}")
     try:
-        recorded_s = _recorded_s(path, table.vehicles, partial=table.partial)
+        reader = LogReader(path)
+        reader.require_all(*TOPICS)
+        if not table.partial:
+            reader.refuse_faults(*TOPICS, "start", remedy=PARTIAL)
+        for name, topic in product(table.vehicles, TOPICS):
+            if not reader.counts.get((name, topic)):
+                senders = ", ".join(sorted({one for one, of in reader.counts if of == topic}))
+                missing = f"holds no messages of {name} on the topic {topic}"
+                raise ValueError(f"{missing}, but of {senders or 'none'}")
+        fields = {"truth": ("true_at_ns",), "start": ("start_at_ns",)}
+        columns = reader.columns(("truth", "start"), fields=fields)
     except LogError as error:
         raise ValueError(str(error).removeprefix(f"{path}: ")) from error
-    update = {"log": str(path), "digest": digest, "recorded_s": recorded_s}
-    return table.model_copy(update=update)
-
-
-def _recorded_s(path: Path, vehicles: Sequence[str], *, partial: bool) -> tuple[float, float]:
-    """Times (s) after the start from which and up to which all `vehicles` are recorded."""
-    from transport.log.reader import LogReader  # noqa: PLC0415 - not in a vehicle's process
-
-    reader = LogReader(path)
-    reader.require_all(*TOPICS)
-    if not partial:
-        reader.refuse_faults(*TOPICS, "start", remedy=PARTIAL)
-    for name in vehicles:
-        if missing := [topic for topic in TOPICS if not reader.counts.get((name, topic))]:
-            topic = missing[0]
-            senders = sorted({one for one, of in reader.counts if of == topic})
-            raise ValueError(
-                f"holds no messages of {name} on the topic {topic}, but of "
-                f"{', '.join(senders) or 'none'}"
-            )
-    fields = {"truth": ("true_at_ns",), "start": ("start_at_ns",)}
-    columns = reader.columns(("truth", "start"), fields=fields)
     starts = [one for (_, topic), one in columns.items() if topic == "start"]
     if not starts:
         raise ValueError("holds no start of the run")
     start_at = starts[0].fields["start_at_ns"][0]
-    instants = [columns[name, "truth"].fields["true_at_ns"] - start_at for name in vehicles]
-    return (
-        max([float(at.min()) for at in instants]) / SECOND,
-        min([float(at.max()) for at in instants]) / SECOND,
-    )
+    instants = [columns[name, "truth"].fields["true_at_ns"] - start_at for name in table.vehicles]
+    first, last = max(int(at.min()) for at in instants), min(int(at.max()) for at in instants)
+    update = {"log": str(path), "digest": digest, "recorded_s": (first / SECOND, last / SECOND)}
+    return table.model_copy(update=update)

@@ -258,7 +258,6 @@ def drive_of(
     points: Sequence[Point],
     left_out: LeftOutRecords | None = None,
     *,
-    unit: str = "point",
     geodetic: bool = True,
 ) -> DriveTable:
     """Return the drive of the points that have a position, in degrees or as x and y (m)."""
@@ -269,7 +268,7 @@ def drive_of(
     numbers = [as_numbers(columns[k]) for k in (0, 1, 2, 4)]
     drive = DriveTable(
         geodetic=geodetic,
-        unit=unit,
+        unit="point",
         numbers=np.arange(1, len(points) + 1),
         position=np.array(numbers[:2]),
         altitude_m=numbers[2],

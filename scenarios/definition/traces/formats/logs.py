@@ -5,7 +5,6 @@ import json
 import math
 import struct
 import tomllib
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,11 +15,12 @@ from scenarios.definition.traces.drive import (
     DAMAGE,
     NOT_A_POSITION,
     DriveTable,
+    Floats,
+    Ints,
     LeftOut,
     LeftOutRecords,
     TraceError,
 )
-from vehicles.messages import GpsPose
 from vehicles.schedule import SECOND
 
 if TYPE_CHECKING:
@@ -74,20 +74,18 @@ def _read_run(log: "LogReader", vehicle: str | None) -> DriveTable:
     name = vehicle or str((convoy.get("names") or senders or ["v1"])[0])
     if name not in senders:
         raise TraceError(f"given vehicle {name}, allowed {', '.join(senders) or 'none'}")
-    poses = [m for _, _, m in log.messages(("gps",), (name,)) if isinstance(m, GpsPose)]
-    poses.sort(key=lambda pose: pose.measured_at_ns)
+    fields = ("seq", "measured_at_ns", "latitude_deg", "longitude_deg", "altitude_m", "speed_mps")
+    read = log.columns(("gps",), fields={"gps": fields}, vehicles=(name,))[name, "gps"].fields
+    order = np.argsort(read["measured_at_ns"], kind="stable")
+    numbers, times, *values = (read[key][order] for key in fields)
     left_out = LeftOutRecords()
     missing, total = log.missing.get((name, "gps"), (0, 0))
     if log.damage or missing:
         damage = log.damage.removeprefix(f"{log.path}: ")
         holes = f"{missing} of {total} poses of {name} are missing" if missing else ""
         reason = "; ".join(filter(None, (damage, holes)))
-        left_out.add(LeftOut(poses[0].seq if poses else 0, DAMAGE, reason))
-    positions = [
-        LoggedPosition(m.measured_at_ns, m.latitude_deg, m.longitude_deg, m.altitude_m, m.speed_mps)
-        for m in poses
-    ]
-    return _drive([pose.seq for pose in poses], positions, left_out, geodetic=True)
+        left_out.add(LeftOut(int(numbers[0]) if numbers.size else 0, DAMAGE, reason))
+    return _drive(numbers, times, np.array(values), left_out, geodetic=True)
 
 
 def _read_topic(path: Path, topic: str | None, otherwise: str) -> DriveTable:
@@ -123,34 +121,33 @@ def _read_topic(path: Path, topic: str | None, otherwise: str) -> DriveTable:
     if not wanted:
         raise TraceError(f"given topic {topic}, allowed {names}")
     positions, left_out = by_topic[wanted[0]], LeftOutRecords()
-    usable = [k for k, one in enumerate(positions, 1) if math.isfinite(one.first + one.second)]
-    for number in sorted({*range(1, len(positions) + 1)} - {*usable}):
+    usable = np.array([math.isfinite(one.first + one.second) for one in positions], dtype=bool)
+    numbers = np.arange(1, usable.size + 1)
+    for number in numbers[~usable].tolist():
         left_out.add(LeftOut(number, NOT_A_POSITION, "no position"))
     if damage:
         left_out.add(LeftOut(len(positions) + 1, DAMAGE, damage))
-    kept = [positions[k - 1] for k in usable]
-    return _drive(usable, kept, left_out, geodetic=wanted[0][0])
+    times = np.array([one.at_ns for one in positions], dtype=np.int64)[usable]
+    values = np.array([one[1:] for one in positions]).reshape(-1, 4).T[:, usable]
+    return _drive(numbers[usable], times, values, left_out, geodetic=wanted[0][0])
 
 
 def _drive(
-    numbers: list[int],
-    positions: Sequence[LoggedPosition],
-    left_out: LeftOutRecords,
-    *,
-    geodetic: bool,
+    numbers: Ints, times_ns: Ints, values: Floats, left_out: LeftOutRecords, *, geodetic: bool
 ) -> DriveTable:
-    """Return the drive of messages, with times from the first one."""
-    zero_ns = positions[0].at_ns if positions else 0
-    times = np.array([(one.at_ns - zero_ns) / SECOND for one in positions])
-    first, second, height, speed = np.array([one[1:] for one in positions]).reshape(-1, 4).T
+    """Return the drive of messages, with times from the first one.
+
+    `values` (4, n) are the position, its height (m) and the speed (m/s).
+    """
+    zero_ns = int(times_ns[0]) if times_ns.size else 0
     return DriveTable(
         geodetic=geodetic,
         unit="message",
-        numbers=np.array(numbers, dtype=np.int64),
-        position=np.array((first, second)),
-        altitude_m=np.where(np.isfinite(height), height, math.nan),
-        time_s=times,
-        speed_mps=speed,
+        numbers=numbers.astype(np.int64),
+        position=values[:2].astype(np.float64),
+        altitude_m=np.where(np.isfinite(values[2]), values[2], math.nan),
+        time_s=(times_ns - zero_ns) / SECOND,
+        speed_mps=values[3].astype(np.float64),
         clock="unix",
         zero_s=zero_ns / SECOND,
         left_out=left_out,

@@ -61,7 +61,7 @@ class Format(NamedTuple):
     name: str
     suffixes: tuple[str, ...]
     pattern: str
-    read: Callable[[str], DriveTable]
+    read: Callable[..., DriveTable]
     has_vehicles: bool = False
 
 
@@ -94,12 +94,9 @@ def read_recorded(
     text = decoded(data)
     del data  # large
     row = _format(text, path.suffix.lower())
-    if row.has_vehicles:
-        drive = (read_table if row.name == "CSV" else read_fcd)(text, vehicle)
-    elif vehicle is not None:
+    if vehicle is not None and not row.has_vehicles:
         raise TraceError(f"given vehicle {vehicle}, allowed only for CSV, SUMO FCD and MCAP files")
-    else:
-        drive = row.read(text)
+    drive = row.read(text, vehicle) if row.has_vehicles else row.read(text)
     return replace(drive, format_name=row.name)
 
 
