@@ -270,7 +270,9 @@ def _check_shape(read: DriveInPlane, keys: str) -> None:
         raise TraceError(f"only one valid point, {table.source_unit} {numbers[0]}")
     extent = float(np.max(np.hypot(*(points - points[:, :1]))))
     if extent < LEAST_EXTENT:
-        raise TraceError(f"all {count} points lie within {extent:.2f} m, so there is no path")
+        degrees = ". If x and y are degrees, name them longitude and latitude"
+        fact = f"all {count} points lie within {extent:.2f} m, so there is no path"
+        raise TraceError(fact + ("" if table.geodetic else degrees))
     long = np.flatnonzero(steps >= FAR)
     if not long.size:
         return

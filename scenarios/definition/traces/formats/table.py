@@ -64,9 +64,8 @@ SHORTEST_INTERVAL = 0.005
 NO_ALTITUDES, ALTITUDES_M = (9999.0, -9999.0), (-500.0, 10_000.0)
 """Numbers for an unknown altitude, and the range of usable ones."""
 
-DEGREES_STEP, SCALED = 1e-3, 1e5
-"""Median step between points below which x and y may be degrees, and median size of latitudes
-from which they are integers of 1e-7 deg."""
+SCALED = 1e5
+"""Median size of latitudes from which they are integers of 1e-7 deg."""
 
 EARTH_M = (6.33e6, 6.40e6)
 """Distance (m) of the earth's surface from its centre: such x, y, z are no plane coordinates."""
@@ -295,22 +294,29 @@ def _times_of(source: TimeSource, columns: Sequence[Sequence[str]]) -> TimeColum
     return column._replace(zero_s=column.zero_s - GPS_AHEAD_S, remarks=(*remarks, ahead))
 
 
-def _in_likely_unit(column: TimeColumn, source: TimeSource, position: Floats) -> TimeColumn:
+def _in_likely_unit(column: TimeColumn, source: TimeSource, points: Floats) -> TimeColumn:
     """Change the unit of the times if the drive would be absurdly slow or fast in it.
 
-    Times whose column names the unit keep it, with a remark. `position` (m) is that of the rows.
+    Times whose column names the unit keep it, with a remark. `points` (2, n) are in m.
     """
     if source.kind != "single" or column.clock == "day" or column.remarks:
         return column
-    speed, interval = _median_speed(column.seconds, position)
-    if DOUBTFUL_SPEEDS[0] <= speed <= DOUBTFUL_SPEEDS[1] or not speed > 0.0:
+    known = np.isfinite(column.seconds) & np.isfinite(points).all(axis=0)
+    moved = np.flatnonzero(np.diff(points[:, known]).any(axis=0))
+    places = np.append(moved[:1], moved + 1)
+    spans = np.diff(column.seconds[known][places])
+    if not (spans > 0.0).any():
         return column
-    factors = {unit: UNITS[source.unit or "s"] / per for unit, per in UNITS.items()}
+    lengths = np.hypot(*np.diff(points[:, known][:, places]))
+    speed = float(np.median(lengths[spans > 0.0] / spans[spans > 0.0]))
+    if DOUBTFUL_SPEEDS[0] <= speed <= DOUBTFUL_SPEEDS[1]:
+        return column
+    interval, per_second = float(np.median(spans[spans > 0.0])), UNITS[source.unit or "s"]
     likely = [
         unit
-        for unit, factor in factors.items()
-        if USUAL_SPEEDS[0] <= speed / factor <= USUAL_SPEEDS[1]
-        and interval * factor >= SHORTEST_INTERVAL
+        for unit, per in UNITS.items()
+        if USUAL_SPEEDS[0] <= speed * per / per_second <= USUAL_SPEEDS[1]
+        and interval * per_second / per >= SHORTEST_INTERVAL
     ]
     name = source.columns[-1].name
     fact = f"the median speed by {name} is {speed:.2g} m/s"
@@ -320,23 +326,9 @@ def _in_likely_unit(column: TimeColumn, source: TimeSource, position: Floats) ->
     if source.unit:
         advice = f"its times are probably in {likely[0]}. Rename the column to t_{likely[0]} if so"
         return column._replace(remarks=(f"{fact}: {advice}",))
-    seconds = (column.seconds + column.zero_s) * factors[likely[0]]
+    seconds = (column.seconds + column.zero_s) / UNITS[likely[0]]
     reason = f"{name} is read in {likely[0]}: in s the median speed would be {speed:.2g} m/s"
     return TimeColumn(seconds, remarks=(reason,))
-
-
-def _median_speed(seconds: Floats, position: Floats) -> tuple[float, float]:
-    """Return the median speed between different points and the median interval; 0 if unknown."""
-    known = np.isfinite(seconds) & np.isfinite(position).all(axis=0)
-    points = position[:, known]
-    moved = np.flatnonzero(np.diff(points).any(axis=0))
-    places = np.append(moved[:1], moved + 1)
-    lengths = np.hypot(*np.diff(points[:, places]))
-    spans = np.diff(seconds[known][places])
-    usable = spans > 0.0
-    if not usable.any():
-        return 0.0, 0.0
-    return float(np.median(lengths[usable] / spans[usable])), float(np.median(spans[usable]))
 
 
 # ---- The drive
@@ -348,17 +340,13 @@ def _drive(
     """Return the drive of the cells by place of their column; `bad` are reasons by line."""
     columns, source, remarks = layout.columns, layout.source, list[str]()
     raw = np.array([as_numbers(cells[column.place]) for column in columns.position])
-    position, geodetic = _scaled_position(raw, columns, remarks), columns.geodetic
-    if columns.height and not geodetic:
+    position = _scaled_position(raw, columns, remarks)
+    if columns.height and not columns.geodetic:
         _refuse_ecef(position, as_numbers(cells[columns.height.place]))
-    if not geodetic and columns.position[0].unit is None and _in_degrees(position):
-        position, geodetic = position[::-1], True
-        x, y = (column.name for column in columns.position)
-        remarks.append(f"{x} and {y} are read as longitude and latitude: in m all are one place")
     times = TimeColumn(np.full(numbers.size, np.nan))
     if source:
         plane = position
-        if geodetic:
+        if columns.geodetic:
             east = position[1] * np.cos(np.radians(position[0]))
             plane = METRES_PER_DEGREE * np.array((east, position[0]))
         times = _times_of(source, [cells[column.place] for column in source.columns])
@@ -371,7 +359,7 @@ def _drive(
     speed = np.abs(_scaled(cells, columns.speed, SPEEDS, numbers.size, remarks))
     speed[speed > FASTEST] = np.nan
     drive = DriveTable(
-        geodetic=geodetic,
+        geodetic=columns.geodetic,
         unit="line",
         numbers=numbers,
         position=position,
@@ -432,13 +420,3 @@ def _refuse_ecef(position: Floats, height: Floats) -> None:
             "x, y and z count from the centre of the earth (ECEF): convert them to latitude and "
             "longitude"
         )
-
-
-def _in_degrees(position: Floats) -> bool:
-    """Whether positions x, y are a drive in degrees: in metres all would be within one."""
-    known = position[:, np.isfinite(position).all(axis=0) & position.all(axis=0)]
-    if 2 * known.shape[1] <= position.shape[1] or (np.abs(known).T > (180.0, 90.0)).any():
-        return False
-    steps = np.hypot(*np.diff(known))
-    extent = float(np.max(np.ptp(known, axis=1)))
-    return 5.0 * float(np.median(steps)) < extent < 1.0 and 0.0 < np.median(steps) < DEGREES_STEP

@@ -230,14 +230,6 @@ def test_the_speed_of_the_drive_shows_a_wrong_unit(
     assert remark in " ".join(drive.remarks)
 
 
-@pytest.mark.parametrize(("step", "geodetic"), [(1e-4, True), (0.02, False)])
-def test_x_and_y_in_degrees(step: float, geodetic: bool) -> None:
-    """As exports of QGIS have them; in metres the car would stand."""
-    rows = [f"{13.4 + k * step:.7f},{52.5 + k * step:.7f}" for k in range(20)]
-    drive = read_table("\n".join(["X,Y", *rows]))
-    assert (drive.geodetic, len(drive.remarks)) == (geodetic, geodetic)
-
-
 @pytest.mark.parametrize(
     ("text", "given"),
     [
