@@ -106,6 +106,8 @@ def slip_warnings(scenario: Scenario, speeds: FloatArray, curvatures: FloatArray
         if not setup.steering.estimate_slip or setup.steering.controller.use != PAPER_LAW:
             continue
         gains, car = setup.gains, setup.parameters
+        if not gains.lateral:  # a law without it settles nowhere
+            continue
         still = car.steady_slip_per_curvature(0.0)
         change = car.steady_slip_per_curvature(1.0) - still  # per squared speed
         slip = float(np.max(np.abs(curvatures * (still + change * speeds * speeds))))
