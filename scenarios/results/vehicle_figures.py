@@ -304,7 +304,6 @@ def _of_process(run: RunTables, name: str) -> dict[str, Any]:
         key: health[key][-1].item() if len(health) else 0
         for key in (*counters, "lateness_ms_max", "rejected_messages")
     }
-    last["lateness_ms_max"] = float(last["lateness_ms_max"])
     whole = (health["seq"] > 0) & ~health["final"]  # those cover a second, first and last less
     cpu = health["cpu_ratio"][whole]
     return last | {

@@ -108,6 +108,13 @@ def test_a_selection_that_does_not_fit_is_one_line(setting: str, module: Module)
     assert all(one in line for one in words)
 
 
+@pytest.mark.parametrize("law", ["acc", "ploeg"])
+def test_a_law_with_a_time_gap_refuses_a_headway_of_zero(law: str) -> None:
+    gap = ["speed.followers=gap", "speed.gap.headway_s=0"]
+    with pytest.raises(ScenarioError, match="headway_s"):
+        load_scenario("highway", [*gap, f"control.longitudinal={law}"])
+
+
 def test_a_module_that_cannot_be_imported_is_named_with_its_line(module: Module) -> None:
     for code in ("import os\n1 / 0", "import os\nclass :"):
         name = module(code)

@@ -309,14 +309,6 @@ def test_old_data_of_the_lead_are_not_used(law: str) -> None:
     assert commands["lost", 28.0] == commands["lost", 18.0]
 
 
-def test_a_law_with_a_time_gap_refuses_a_headway_of_zero() -> None:
-    setup = LongitudinalSetup(SpacingPolicy(10.0), GapLimits())
-    with pytest.raises(ValueError, match="headway_s"):
-        Acc(setup, AccSettings())
-    with pytest.raises(ValueError, match="headway_s"):
-        Ploeg(setup, PloegSettings())
-
-
 def test_a_change_of_speed_while_the_gap_sensor_sees_nothing_is_no_braking() -> None:
     setup = LongitudinalSetup(SpacingPolicy(10.0 + LENGTH), GapLimits(), LENGTH)
     guard, commands = SpeedGuard(GapKeeping(setup), DegradationSettings(), setup), list[float]()
