@@ -3,8 +3,7 @@
 import re
 from collections.abc import Iterator
 from itertools import zip_longest
-from typing import Any
-from xml.etree.ElementTree import Element, ParseError, XMLPullParser
+from xml.etree.ElementTree import ParseError, XMLParser
 
 from scenarios.definition.traces.drive import (
     DAMAGE,
@@ -28,19 +27,23 @@ PREFIX = re.compile(r"(</?|\s)(?!xml)[A-Za-z][\w.-]*:(?=[\w.-]+[\s/>=])")
 SHAPES = ("Track", "LineString", "LinearRing", "Point")
 """Elements of KML with coordinates; the first that a file has makes the drive."""
 
-READ = ("trkpt", "rtept", "wpt", "when", "coord", "vehicle", "person")
-"""Elements that are read at their end."""
+VALUES = ("ele", "time", "speed")
+"""Elements of a point in GPX; its extensions may have the speed."""
 
 
 def read_gpx(text: str) -> DriveTable:
     """Read the tracks of a GPX file, or else its routes, or else its waypoints."""
     kinds: dict[str, list[Point]] = {"trkpt": [], "rtept": [], "wpt": []}
-    damage = list[str]()
-    for name, element, is_end in _elements(text, damage):
-        if name in kinds and is_end:
-            inner = {one.tag: one.text or "" for one in element.iter()}
-            point = element.get("lat"), element.get("lon"), inner.get("ele")
-            kinds[name].append(Point(*point, inner.get("time", ""), inner.get("speed")))
+    damage, place, values = list[str](), dict[str, str](), dict[str, str]()
+    for name, attributes, content in _elements(text, damage):
+        if name not in kinds:
+            if attributes is None and name in VALUES:
+                values[name] = content
+        elif attributes is not None:
+            place, values = attributes, {}
+        else:
+            cells = place.get("lat"), place.get("lon"), values.get("ele")
+            kinds[name].append(Point(*cells, values.get("time", ""), values.get("speed")))
     return _drive(kinds, damage, "no points in its tracks, routes and waypoints")
 
 
@@ -49,15 +52,15 @@ def read_kml(text: str) -> DriveTable:
     shapes: dict[str, list[Point]] = {name: [] for name in SHAPES}
     damage, opened = list[str](), "LineString"
     whens, coords = list[str](), list[list[str]]()
-    for name, element, is_end in _elements(text, damage):
-        if not is_end:
+    for name, attributes, content in _elements(text, damage):
+        if attributes is not None:
             opened = name if name in SHAPES else opened
         elif name == "when":
-            whens.append(element.text or "")
+            whens.append(content)
         elif name == "coord":
-            coords.append((element.text or "").split())
+            coords.append(content.split())
         elif name == "coordinates":
-            words = re.sub(r"\s*,\s*", ",", element.text or "").split()
+            words = re.sub(r"\s*,\s*", ",", content).split()
             shapes[opened] += [_point(word.split(",")) for word in words]
         elif name in ("Track", "Placemark"):
             points = shapes["Point"]
@@ -77,41 +80,54 @@ def _track(coords: list[list[str]], whens: list[str]) -> Iterator[Point]:
 def read_fcd(text: str, vehicle: str | None = None) -> DriveTable:
     """Read a vehicle of the floating car data of SUMO; geodetic output has longitudes as x."""
     names, points, damage, time = list[str](), list[Point](), list[str](), ""
-    for name, element, is_end in _elements(text, damage):
-        if name == "timestep" and not is_end:
-            time = element.get("time", "")
-        elif name in ("vehicle", "person") and is_end:
-            names.append(element.get("id", ""))
-            cells = element.get("x"), element.get("y"), element.get("z")
-            points.append(Point(*cells, time, element.get("speed")))
+    for name, attributes, _ in _elements(text, damage):
+        if attributes is not None and name == "timestep":
+            time = attributes.get("time", "")
+        elif attributes is not None and name in ("vehicle", "person"):
+            value = attributes.get
+            names.append(value("id", ""))
+            points.append(Point(value("x"), value("y"), value("z"), time, value("speed")))
     chosen = chosen_vehicle(names, vehicle)
     mine = [point for name, point in zip(names, points, strict=True) if name == chosen]
     return _drive({"vehicle": mine}, damage, "no vehicles", geodetic=False)
 
 
-def _elements(text: str, damage: list[str]) -> Iterator[tuple[str, Element, bool]]:
-    """Yield local name and element at each start and end, up to the first damage.
+class _Events:
+    """Collects the starts of elements with their attributes, and their ends with their text."""
 
-    Prefixes of namespaces need no declaration. A damage is added in a line.
+    def __init__(self) -> None:
+        self.found: list[tuple[str, dict[str, str] | None, str]] = []
+        self._texts: list[str] = []
+        self.data = self._texts.append
+
+    def start(self, name: str, attributes: dict[str, str]) -> None:
+        self._texts.clear()
+        self.found.append((name, attributes, ""))
+
+    def end(self, name: str) -> None:
+        self.found.append((name, None, "".join(self._texts)))
+
+
+def _elements(text: str, damage: list[str]) -> Iterator[tuple[str, dict[str, str] | None, str]]:
+    """Yield local name, attributes and text at each start, and without attributes at each end.
+
+    Prefixes of namespaces need no declaration. The first damage ends the file, and is added in a
+    line.
     """
     text = NOT_AN_ENTITY.sub("&amp;", NOT_XML.sub(lambda m: "\n" * m[0].count("\n"), text))
     text = PREFIX.sub(r"\1", text[max(0, text.find("<")) :])
     text = re.sub(r"\A<\?xml[^>]*\?>", "", text)  # whatever encoding it declares
     text = re.sub(r"\sxmlns\s*=\s*(\"[^\"]*\"|'[^']*')", "", text)
-    parser: Any = XMLPullParser(("start", "end"))
-    path: list[Element] = []
+    events = _Events()
+    parser = XMLParser(target=events)  # noqa: S314 - declarations of entities are removed
     try:
         for begin in range(0, len(text), CHUNK):
             parser.feed(text[begin : begin + CHUNK])
-            for event, element in parser.read_events():
-                is_end = event == "end"
-                if not is_end:
-                    path.append(element)
-                yield element.tag, element, is_end
-                if is_end and path.pop().tag in READ and path:
-                    path[-1].clear()  # what has been read
+            yield from events.found
+            events.found.clear()
         parser.close()
     except ParseError as error:
+        yield from events.found
         damage.append(f"damaged XML at line {error.position[0]}: {str(error).partition(':')[0]}")
 
 
