@@ -177,12 +177,12 @@ class OriginTable(Table):
 
     Default: the first point of a geodetic trace; otherwise the values below.
 
-    latitude_deg   latitude
+    latitude_deg   latitude; at the poles there is no east
     longitude_deg  longitude
     altitude_m     height above the ellipsoid
     """
 
-    latitude_deg: float = Field(default=30.6380, ge=-90, le=90)
+    latitude_deg: float = Field(default=30.6380, ge=-89, le=89)
     longitude_deg: float = Field(default=-96.4810, ge=-180, le=180)
     altitude_m: float = Field(default=80.0, ge=-500, le=10_000)
 
