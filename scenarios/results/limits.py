@@ -69,7 +69,8 @@ def limit_figures(
     counts = [_count(limit, events) for limit in known if limit.row.event]
     if limits.collisions_max is None and limits.after_collision == "end":
         line = f'limits.after_collision = "end": {collisions[0].line}' if collisions else ""
-        first = LimitFigure(limit="after_collision", bound=0, value=len(collisions), message=line)
+        count = float(len(collisions))
+        first = LimitFigure(limit="after_collision", bound=0.0, value=count, message=line)
         counts = [first, *counts]
     lacking = {span.vehicle for span in unseen}
     figures = [
@@ -85,12 +86,11 @@ def limit_figures(
 def _figure(
     limit: Limit, value: float | None, vehicle: str = "", line: str = "", *, judged: bool = True
 ) -> LimitFigure:
-    bound = int(limit.bound) if limit.row.event else limit.bound
-    message = f"limits.{limit.name} = {bound:g}: {line}" if line else ""
+    message = f"limits.{limit.name} = {limit.bound:g}: {line}" if line else ""
     return LimitFigure(
         limit=limit.name,
-        bound=bound,
-        value=value,
+        bound=float(limit.bound),
+        value=None if value is None else float(value),
         vehicle=vehicle,
         message=message,
         judged=judged,
