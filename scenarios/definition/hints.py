@@ -29,7 +29,14 @@ UNITS = {
     "mps2": ("mps2", 1.0), "mps3": ("mps3", 1.0), "kg": ("kg", 1.0), "t": ("kg", 1000.0),
 }  # fmt: skip
 """Quantity of a unit, and its factor to the SI unit."""
-_SPELLINGS = {"%": "percent", "km/h": "kmh", "m/s": "mps", "m/s2": "mps2", "m/s²": "mps2"}
+_SPELLINGS = {
+    "%": "percent",
+    "per cent": "percent",
+    "km/h": "kmh",
+    "m/s": "mps",
+    "m/s2": "mps2",
+    "m/s²": "mps2",
+}
 _NUMBER = re.compile(r"([-+]?[0-9]*[.,]?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*(\S*)")
 _QUALIFIERS = ("_max", "_min")
 
@@ -166,7 +173,7 @@ ALIASES = {
 _SECOND_KEY = re.compile(r"([^,=]*),\s*([A-Za-z][\w.]*)\s*=(.*)", re.DOTALL)
 """A value that goes on with another key, such as "6,gap_m=12"."""
 
-_READ_AS = {"ratio": "%", "mps": "km/h"}
+_READ_AS = {"ratio": "per cent", "mps": "km/h"}
 """Units in which numbers that are too large for a key's unit were probably meant."""
 
 LARGEST = 1e15
@@ -182,7 +189,8 @@ def key_hint(location: Location, given: object) -> str:
     """Return what follows "unknown key": a similar key, or the keys allowed there."""
     table, word = location[:-1], str(location[-1])
     own = walk(table)[0]
-    if word in fields_of_table(own) and word not in fields_of_table(table):
+    stems = {split_key(name)[0] for name in fields_of_table(table)}
+    if word in fields_of_table(own) and split_key(word)[0] not in stems:
         kinds = [kind for kind in kinds_of(walk(own)[1]) if word in fields_of_table((*own, kind))]
         return f", allowed only with {dotted_key((*own, 'kind'))} = {either(kinds)}"
     names, value = _leaf(given)
@@ -222,7 +230,7 @@ def _hint_for_number(location: Location, kind: str, given: object) -> str:
     elif _is_number(given) and kind.startswith("int"):
         number = float(given)
     elif _is_number(given) and kind.startswith("less_than") and given >= 2 and unit in _READ_AS:
-        number = number_in(f"{given}{_READ_AS[unit]}", unit)
+        number = converted(float(given), _SPELLINGS[_READ_AS[unit]], unit)
         origin = f" (for {given:g} {_READ_AS[unit]})"
     if number is None or (kind.startswith("int") and not number.is_integer()):
         return ""
@@ -334,7 +342,7 @@ def _score(one: _Key, written: Location, value: object) -> float:
     word = str(written[-1]).lower().replace("-", "_").strip("_")
     (stem, unit), (own, its_unit) = split_key(word), split_key(str(one.key[-1]))
     is_of_quantity = unit != "" and its_unit != "" and UNITS[unit][0] == UNITS[its_unit][0]
-    if unit and not is_of_quantity:  # `lead_mps` is not `lead`
+    if unit and not is_of_quantity and not (own == stem and its_unit):  # `lead_mps` is not `lead`
         return 0.0
     if isinstance(value, int | float | Mapping) and _has_tables(one.field) != isinstance(
         value, Mapping
@@ -347,10 +355,9 @@ def _score(one: _Key, written: Location, value: object) -> float:
     else:
         likeness = SequenceMatcher(None, stem, own).ratio()
         likeness += 0.25 * (stem.split("_")[0] == own.split("_")[0])
-    tables = (".".join(map(str, key[:-1])).lower() for key in (written, one.key))
-    return (
-        likeness + IN_TABLE * SequenceMatcher(None, *tables).ratio() + OF_QUANTITY * is_of_quantity
-    )
+    tables = [".".join(map(str, key[:-1])).lower() for key in (written, one.key)]
+    is_in_table: float = SequenceMatcher(None, *tables).ratio()
+    return likeness + IN_TABLE * is_in_table + OF_QUANTITY * is_of_quantity
 
 
 @cache

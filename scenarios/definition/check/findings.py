@@ -10,12 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from scenarios.definition.channel.build import expected_channel, vehicles_between
+from scenarios.definition.channel.build import ExpectedChannel, expected_channel, vehicles_between
 from scenarios.definition.check.drive_report import DriveReport, drive_report, drive_warnings
 from scenarios.definition.check.held_braking import HeldBraking, held_braking
 from scenarios.definition.check.preview import history_warnings, preview_warnings
 from scenarios.definition.check.steering_loop import (
-    certificate_warnings,
     largest_alphas,
     sampled_loop_warnings,
     slip_warnings,
@@ -23,7 +22,6 @@ from scenarios.definition.check.steering_loop import (
 from scenarios.definition.check.unusual import lap_warnings, unusual_settings
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.change_tables import SpeedChangeTable
-from scenarios.definition.schema.path_tables import PointsPath
 from scenarios.definition.traces.reading import DriveInPlane
 from scenarios.definition.vehicle_setup import VehicleSetup
 from transport.links.laws.recorded_losses import EarlierRun
@@ -119,27 +117,14 @@ STEP = 0.05
 """Time step (s) at which the lead's planned run is sampled."""
 
 
-@dataclass(frozen=True, slots=True)
-class RequestedChannel:
-    """Requested loss ratio, mean number of messages lost in a row, and latency of a link."""
-
-    loss_ratio: float | None
-    burst_messages: float | None
-    latency_ms_mean: float | None
-    latency_ms_deviation: float | None
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckReport:
     """Figures of a valid scenario that its file does not hold, and warnings.
 
     `largest_alpha` is by follower with lead data, `replays` of recorded drives by vehicle, and
     `channel` the requested figures of each link, null where no number is known. `radius_m_min` is
-    None on a straight road. From `points` to `deviation_m_max` the fields are about a recorded
-    drive, and None for a path of segments: omitted points, holes, noise, the half width of the
-    smoothing, the offset subtracted from coordinates, and the distance of the path from the points
-    (rms) and between them as well (max). `drive` has more about it. `held_braking` is the braking
-    of the lead that the gaps hold.
+    None on a straight road. `drive` is about a recorded drive that the scenario names.
+    `held_braking` is the braking of the lead that the gaps hold.
     """
 
     name: str
@@ -151,7 +136,7 @@ class CheckReport:
     lead_speed: str
     largest_alpha: dict[str, dict[str, float]]
     replays: dict[str, dict[str, Any]]
-    channel: dict[str, RequestedChannel]
+    channel: dict[str, ExpectedChannel]
     path_length_m: float
     driven_m: float
     radius_m_min: float | None
@@ -160,17 +145,6 @@ class CheckReport:
     acceleration_mps2_max: float
     braking_mps2_max: float
     lateral_acceleration_mps2_max: float
-    points: int | None
-    skipped_lines: int | None
-    jumping_points: int | None
-    standing_points: int | None
-    holes: int | None
-    hole_m_max: float | None
-    noise_m: float | None
-    smoothing_m: float | None
-    coordinates_offset_m: tuple[float, float] | None
-    deviation_m_rms: float | None
-    deviation_m_max: float | None
     warnings: tuple[str, ...]
     drive: DriveReport | None = None
     held_braking: HeldBraking | None = None
@@ -211,7 +185,7 @@ def whole_report(scenario: Scenario, drive: DriveInPlane | None = None) -> Check
     return replace(
         report,
         held_braking=held,
-        warnings=(*report.warnings, *certificate_warnings(scenario), *braking),
+        warnings=(*report.warnings, *braking),
         drive=drive_report(drive, scenario) if drive is not None else None,
     )
 
@@ -235,8 +209,6 @@ def check(
 def report_of(scenario: Scenario) -> CheckReport:
     tables, route, run = scenario.tables, scenario.route, _run(scenario)
     changes = np.diff(run.speeds) / STEP
-    trace = tables.path if isinstance(tables.path, PointsPath) else None
-    road = route.smoothed
     return CheckReport(
         name=scenario.name,
         description=tables.description,
@@ -256,36 +228,19 @@ def report_of(scenario: Scenario) -> CheckReport:
         acceleration_mps2_max=float(np.max(changes, initial=0.0)),
         braking_mps2_max=run.braking_max,
         lateral_acceleration_mps2_max=run.lateral_max,
-        points=len(set(trace.source_numbers)) or len(trace.east_m) if trace else None,
-        skipped_lines=trace.skipped_lines if trace else None,
-        jumping_points=trace.jumping_points if trace else None,
-        standing_points=trace.standing_points if trace else None,
-        holes=len(road.holes) if road else None,
-        hole_m_max=max((hole.length for hole in road.holes), default=0.0) if road else None,
-        noise_m=road.noise if road else None,
-        smoothing_m=road.half_width if road else None,
-        coordinates_offset_m=(trace.east_offset_m, trace.north_offset_m) if trace else None,
-        deviation_m_rms=road.deviation_rms if road else None,
-        deviation_m_max=road.deviation_max if road else None,
         warnings=(*unusual_settings(scenario, wall_clock=True), *_warnings(scenario, run)),
     )
 
 
-def _requested(scenario: Scenario, sender: str, receiver: str) -> RequestedChannel:
+def _requested(scenario: Scenario, sender: str, receiver: str) -> ExpectedChannel:
     """Requested figures of a link, for vehicles as far apart as at the start."""
     source, place = scenario.vehicle(sender), scenario.vehicle(receiver).place
     first, last = sorted((source.place, place))
-    expected = expected_channel(
+    return expected_channel(
         scenario.links[sender, receiver],
         source.highest_rate_hz,
         sum(scenario.route.spacings[first + 1 : last + 1]),
         partial(vehicles_between, scenario.route, source.place, place),
-    )
-    return RequestedChannel(
-        expected.loss_ratio,
-        expected.burst_messages,
-        expected.latency_ms_mean,
-        expected.latency_ms_deviation,
     )
 
 

@@ -1,15 +1,12 @@
-"""Theory of the steering laws: sampled loop, slip, certificate, and largest alpha."""
+"""Theory of the steering laws: sampled loop, slip, and largest alpha."""
 
 from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from scenarios.definition.errors import MissingExtraError, require
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.vehicle_setup import VehicleSetup
-from vehicles.car.parameters import Gains, VehicleParameters
-from vehicles.driver.speed import SpeedProfile
 from vehicles.geometry.sampled_path import FloatArray
 from vehicles.theory.gain_sets import abscissa
 from vehicles.theory.linear_model import propagation
@@ -30,11 +27,6 @@ PAPER_LAW = "feedforward_feedback"
 
 LEFT_BY_SLIP = 0.01
 """Lateral offset (m) in bends above which a warning is due."""
-STEP = 0.1
-"""Time step (s) at which the lead's planned speed is sampled."""
-
-SPEED_CELL = 0.05
-"""Range of speeds (m/s) with one bound of the acceleration."""
 
 
 def sampled_loop_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterator[str]:
@@ -145,79 +137,3 @@ def largest_alphas(scenario: Scenario, speeds: tuple[float, float]) -> dict[str,
             keys = ("largest_alpha_ratio", "speed_mps", "frequency_radps")
             found[name] = dict(zip(keys, min(rows), strict=True))
     return found
-
-
-def certificate_warnings(scenario: Scenario) -> Iterator[str]:
-    """Warn if the lead's planned speed leaves the certificate of a vehicle.
-
-    The certificate bounds the acceleration up to which the closed steering loop is provably stable
-    (paper, Proposition 1; see `vehicles.theory.varying_speed`). It covers the linear loop with the
-    paper's law. Followers that keep a gap may accelerate a little more than the lead. Without SciPy
-    the only warning names the extra.
-    """
-    try:
-        require("certificate of the gains", "studies", "scipy")
-    except MissingExtraError as error:
-        yield str(error)
-        return
-    kinds: dict[tuple[VehicleParameters, Gains], str] = {}
-    for name in scenario.vehicle_names:
-        setup = scenario.vehicle(name)
-        kinds.setdefault((setup.parameters, setup.gains), name)
-    for (parameters, gains), name in kinds.items():
-        yield from _leaving(scenario, parameters, gains, name)
-
-
-def _leaving(
-    scenario: Scenario, parameters: VehicleParameters, gains: Gains, name: str
-) -> Iterator[str]:
-    from vehicles.theory.varying_speed import FASTEST, SLOWEST, certify  # noqa: PLC0415 - scipy is an extra
-
-    certificate = certify(parameters, gains)
-    profile = scenario.route.profile
-    times = STEP * np.arange(int(scenario.duration_s / STEP), dtype=np.float64)
-    speeds, slopes = _planned(profile, times)
-    slow, fast = bool(np.any(speeds < SLOWEST)), bool(np.any(speeds > FASTEST))
-    worst = (1.0, 0.0, 0.0, 0.0)  # share of the bound, time, acceleration, bound
-    covered = (speeds >= SLOWEST) & (speeds <= FASTEST)
-    for k in _strongest(speeds, np.where(covered, slopes, 0.0)):
-        acceleration = float(slopes[k])
-        bound = certificate.bound(float(speeds[k]))
-        share = abs(acceleration) / bound if bound else float("inf")
-        if share > worst[0]:
-            worst = (share, float(times[k]), acceleration, bound)
-    if slow or fast:
-        ranges = {f"below {SLOWEST:g}": slow, f"above {FASTEST:g}": fast}
-        reached = " and ".join(text for text, is_reached in ranges.items() if is_reached)
-        yield (
-            f"{name}: the stability proof for varying speed (convoy paper gains) does not cover "
-            f"speeds {reached} m/s: the run may be stable without it"
-        )
-    if worst[0] > 1.0:
-        _, at, acceleration, bound = worst
-        yield (
-            f"{name}: {acceleration:.1f} m/s² at {at:.1f} s exceeds the {bound:.1f} m/s² of the "
-            "stability proof for varying speed (convoy paper gains): steering may be unstable. "
-            "Lower speed.acceleration_mps2_max or speed.braking_mps2_max."
-        )
-
-
-def _planned(profile: SpeedProfile, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return speeds (m/s) and accelerations (m/s²) at times (s), as `SpeedProfile.at`."""
-    slopes = np.diff(profile.speeds) / np.diff(profile.times)
-    slopes = np.concatenate((np.zeros(1), slopes, np.zeros(1)))
-    knots = np.searchsorted(profile.times, times, side="right")
-    return np.interp(times, profile.times, profile.speeds), slopes[knots]
-
-
-def _strongest(speeds: FloatArray, accelerations: FloatArray) -> list[int]:
-    """Return where the lead brakes or accelerates most at each speed, in order of time.
-
-    A bound takes a millisecond, so it is computed once for all speeds within SPEED_CELL.
-    """
-    moving = np.flatnonzero(accelerations)
-    cells = np.floor(speeds[moving] / SPEED_CELL) * np.sign(accelerations[moving])
-    order = np.lexsort((moving, -np.abs(accelerations[moving]), cells))
-    first = np.flatnonzero(np.diff(cells[order], prepend=np.inf))
-    result: list[int] = np.sort(moving[order[first]]).tolist()
-    return result

@@ -37,7 +37,7 @@ class Driven:
 
     @property
     def left_out(self) -> int:
-        return self.report.skipped_lines or 0
+        return self.table.skipped_lines
 
     @property
     def listed(self) -> list[int]:

@@ -332,15 +332,6 @@ def test_a_missing_extra_is_named_before_the_start(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_without_scipy_check_warns_of_the_missing_certificate(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setitem(sys.modules, "scipy", None)
-    result = convoy("check", "lane_change")
-    assert result.exit_code == 0
-    assert "warning: certificate of the gains: needs scipy, not installed" in result.stdout
-
-
 @pytest.mark.parametrize("command", ["report", "review"])
 @pytest.mark.parametrize(
     ("content", "why"),

@@ -40,16 +40,19 @@ def test_the_path_of_a_drawn_arc_has_its_radius(
     inside = on_arc & (path.east > 200.0 + 0.3 * radius)
     assert np.max(np.abs(from_centre[inside] - radius)) < 0.3
     assert np.median(1.0 / path.curvature[inside]) == pytest.approx(radius, rel=0.05)
-    report = report_of(scenario)
-    assert report.noise_m == pytest.approx(0.0, abs=0.02)
-    assert report.smoothing_m == 8.0
-    assert report.deviation_m_max == pytest.approx(0.0, abs=0.3)
-    assert report.holes == 0
+    road = scenario.route.smoothed
+    assert road is not None
+    assert road.noise == pytest.approx(0.0, abs=0.02)
+    assert road.half_width == 8.0
+    assert road.deviation_max == pytest.approx(0.0, abs=0.3)
+    assert not road.holes
 
 
 def test_a_long_straight_between_vertices_is_no_hole(tmp_path: Path) -> None:
     east = [0.0, 30.0, 60.0, 90.0, 120.0, 520.0, 550.0, 580.0, 610.0, 640.0]
     scenario = drawn(tmp_path, np.stack((np.array(east), np.zeros(10))))
     report = report_of(scenario)
-    assert (report.holes, report.radius_m_min) == (0, None)
+    assert report.radius_m_min is None
+    assert scenario.route.smoothed is not None
+    assert not scenario.route.smoothed.holes
     assert report.path_length_m == pytest.approx(640.0, abs=1.0)

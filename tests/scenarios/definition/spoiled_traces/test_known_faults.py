@@ -198,7 +198,7 @@ def test_the_drive_has_its_figures(tmp_path: Path, known: Known) -> None:
         assert speeds == pytest.approx([SPEED] * len(speeds), abs=0.2)
     off = drive.path - drive.path[:, :1]
     assert abs(off[1]).max() < 0.05
-    assert drive.left_out + (drive.report.jumping_points or 0) == len(known.left_out)
+    assert drive.left_out + drive.table.jumping_points == len(known.left_out)
     assert {*known.left_out} <= {*drive.listed}, warnings
     assert re.search(known.remark, warnings), warnings
     assert known.remark or known.left_out or known.lead == "set" or _quiet(warnings), warnings

@@ -41,10 +41,12 @@ def test_the_path_is_where_the_car_was(tmp_path: Path, rough: Rough, expected: E
     scenario = scenario_of(rough, tmp_path)
     report = report_of(scenario)
     assert path_off_truth(scenario, rough) <= expected.off
-    assert report.holes == expected.holes
-    assert report.jumping_points is not None
-    assert expected.jumps[0] <= report.jumping_points <= expected.jumps[1]
-    assert (report.standing_points or 0) > 20 * expected.stands or not expected.stands
+    path, road = scenario.tables.path, scenario.route.smoothed
+    assert isinstance(path, PointsPath)
+    assert road is not None
+    assert len(road.holes) == expected.holes
+    assert expected.jumps[0] <= path.jumping_points <= expected.jumps[1]
+    assert path.standing_points > 20 * expected.stands or not expected.stands
     stands = re.compile("stands for|a pause of|first movement")
     assert sum(bool(stands.search(line)) for line in report.warnings) == expected.stands
     for pattern in expected.patterns:
@@ -52,8 +54,8 @@ def test_the_path_is_where_the_car_was(tmp_path: Path, rough: Rough, expected: E
     assert all(line.isprintable() for line in report.warnings)
     # The figures are those of the receiver: its noise across the path.
     if not rough.drift:
-        assert report.deviation_m_rms == pytest.approx(rough.noise, rel=0.45)
-        assert report.noise_m == pytest.approx(rough.noise, rel=0.25)
+        assert road.deviation_rms == pytest.approx(rough.noise, rel=0.45)
+        assert road.noise == pytest.approx(rough.noise, rel=0.25)
     # No car turns tighter, so a car can drive it.
     assert report.radius_m_min is not None
     assert report.radius_m_min > 6.0
