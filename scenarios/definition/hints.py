@@ -355,8 +355,8 @@ def _score(one: _Key, written: Location, value: object) -> float:
     else:
         likeness = SequenceMatcher(None, stem, own).ratio()
         likeness += 0.25 * (stem.split("_")[0] == own.split("_")[0])
-    tables = [".".join(map(str, key[:-1])).lower() for key in (written, one.key)]
-    is_in_table: float = SequenceMatcher(None, *tables).ratio()
+    table, other = (".".join(map(str, key[:-1])).lower() for key in (written, one.key))
+    is_in_table = SequenceMatcher(None, table, other).ratio()
     return likeness + IN_TABLE * is_in_table + OF_QUANTITY * is_of_quantity
 
 
