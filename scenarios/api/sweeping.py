@@ -124,8 +124,7 @@ def bisect(
         precision: Stop at this half-width of the interval; by default a fiftieth of the range.
         runs: Maximum number of runs.
         set: Settings of all runs, by key.
-        out: Folder for bisect.json; an interrupted search resumes there. By default no files are
-            written.
+        out: Folder for bisect.json. By default no files are written.
         pictures: Draw the plot into `out`.
         workers: Number of worker processes, by default one per core; 0 simulates in this process.
         scheduler: Address of a dask scheduler whose workers simulate.

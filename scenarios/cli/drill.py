@@ -76,13 +76,12 @@ def drill(
         JSON_FILE,
         drill_rows,
         drill_variants,
-        identity_of_drills,
         machine_readable,
         run_drills,
         write_junit,
     )
     from scenarios.studies.engine import study_engine
-    from scenarios.studies.job import refuse_existing, write_files
+    from scenarios.studies.job import refuse_existing, require_place, write_files
 
     with clear_errors():
         if as_list:
@@ -96,13 +95,11 @@ def drill(
             for name in dict.fromkeys(names or drills())
             for variant in drill_variants(name, overrides, chosen)
         ]
-        with study_engine(
-            selected_workers(workers, scheduler),
-            _print_to_stderr,
-            out=out,
-            files=(JSON_FILE,),
-            identity=identity_of_drills(variants),
-        ) as engine:
+        if out is not None:
+            require_place(out, (JSON_FILE,))
+        fleet = selected_workers(workers, scheduler)
+        plug_ins = {name for variant in variants for name in variant.scenario.plug_ins}
+        with study_engine(fleet, _print_to_stderr, plug_ins=plug_ins) as engine:
             as_processes = clock == "wall"
             runs = _as_processes(variants, out) if as_processes else run_drills(variants, engine)
             rows = drill_rows(runs)

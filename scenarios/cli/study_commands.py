@@ -298,25 +298,20 @@ def blame(
     from scenarios.definition.run_limits import parsed_limit
     from scenarios.results.log_summary import log_in, scenario_of
     from scenarios.studies.engine import study_engine
+    from scenarios.studies.job import require_place
     from scenarios.studies.many import blame
 
     with clear_errors():
         file = log_in(log)
         ranked = cast("FigureName", WORDS[figure].live)
-        limit = parsed_limit(limit_text, scenario_of(file).vehicle_names)
-        with study_engine(
-            selected_workers(workers, scheduler),
-            click.echo,
-            out=out,
-            files=(
-                f"{blame.PICTURE}.{picture_format}",
-                blame.JSON_FILE,
-                blame.SMALLEST,
-            ),
-            identity=blame.identity_of_blame(file, limit, ranked, max_runs),
-        ) as engine:
+        scenario = scenario_of(file)
+        limit = parsed_limit(limit_text, scenario.vehicle_names)
+        files = (f"{blame.PICTURE}.{picture_format}", blame.JSON_FILE, blame.SMALLEST)
+        require_place(out, files)
+        fleet, plug_ins = selected_workers(workers, scheduler), scenario.plug_ins
+        with study_engine(fleet, click.echo, plug_ins=plug_ins) as engine:
             result = blame.blame(file, limit, ranked, engine, max_runs=max_runs)
-            written = blame.write_report(result, out, picture_format)
+        written = blame.write_report(result, out, picture_format)
         print_blame(result, Console())
         if result.smallest is not None:
             click.echo(f"\nbreak {limit} again: {blame.command_of(out)}")

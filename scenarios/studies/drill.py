@@ -14,7 +14,7 @@ from scenarios.definition.scenario import load_scenario
 from scenarios.results.summary import LimitFigure, RunSummary
 from scenarios.studies.engine import Engine
 from scenarios.studies.job import Job, write_files
-from scenarios.studies.many.variant import Variant, identity_of, variant_of
+from scenarios.studies.many.variant import Variant, variant_of
 
 RUN = "run"
 """Limit of the row of a run that failed for another reason."""
@@ -82,18 +82,6 @@ def drill_variants(
     return [replace(base, seed=seed) for seed in seeds or (whole.seed,)]
 
 
-def identity_of_drills(variants: Sequence[Variant]) -> dict[str, Any]:
-    plug_ins = {name for variant in variants for name in variant.scenario.plug_ins}
-    first = identity_of(variants[0], plug_ins)
-    return first | {
-        "SCENARIO": list(dict.fromkeys(variant.name for variant in variants)),
-        "scenario digest": list(
-            dict.fromkeys(identity_of(variant, ())["scenario digest"] for variant in variants)
-        ),
-        "--seeds": [variant.seed for variant in variants],
-    }
-
-
 def run_drill(variant: Variant) -> DrillResult:
     began = time.perf_counter()
     summary = variant.run()
@@ -104,22 +92,13 @@ def run_drills(variants: Sequence[Variant], engine: Engine) -> list[DrillResult]
     jobs = [
         Job(
             key=f"{variant.name} {variant.seed}",
-            work=partial(_fields, variant),
+            work=partial(run_drill, variant),
             command=variant.command,
         )
         for variant in variants
     ]
     engine.progress.total = len(jobs)
-    return [
-        DrillResult(
-            **fields | {"limits": tuple(LimitFigure(**limit) for limit in fields["limits"])}
-        )
-        for fields in engine.results(jobs)
-    ]
-
-
-def _fields(variant: Variant) -> dict[str, Any]:
-    return asdict(run_drill(variant))
+    return engine.results(jobs)
 
 
 def drill_result(variant: Variant, summary: RunSummary, duration_s: float) -> DrillResult:

@@ -1,4 +1,4 @@
-"""Run each job of a study once on workers; with a journal, an interrupted study resumes."""
+"""Run each job of a study once on workers; with a journal, an interrupted sweep resumes."""
 
 import fcntl
 import json
@@ -6,7 +6,7 @@ import os
 import re
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
@@ -17,8 +17,8 @@ from zlib import crc32
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.files import named_errors
-from scenarios.results.versions import current_stamp
-from scenarios.studies.job import EngineError, Job, JobResult, error_line, refuse_existing, run_job
+from scenarios.results.versions import current_stamp, plug_in_digests
+from scenarios.studies.job import EngineError, Job, JobResult, error_line, run_job
 from scenarios.studies.workers import POLL_INTERVAL_S, OpenWorkers, WorkerGroup
 
 # ---- Jobs on workers
@@ -97,7 +97,7 @@ def _outcome(
     return Outcome(key=job.key, result=found.result, error=found.error, exception=found.exception)
 
 
-# ---- A file of results, from which an interrupted study resumes
+# ---- A file of results, from which an interrupted sweep resumes
 
 
 JOURNAL = "journal.jsonl"
@@ -164,9 +164,6 @@ class RunJournal:
             while left:
                 left = left[self._file.write(left) :]
 
-    def remove(self) -> None:
-        self._path.unlink(missing_ok=True)
-
 
 @contextmanager
 def open_journal(
@@ -174,7 +171,8 @@ def open_journal(
 ) -> Iterator[RunJournal]:
     """Open the journal of `folder`, or create it; `report` gets a line about each damaged line.
 
-    Raises ScenarioError if the journal belongs to another study, or if another process has it open.
+    An empty one is removed at the end. Raises ScenarioError if the journal belongs to another
+    study, or if another process has it open.
     """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / JOURNAL
@@ -188,7 +186,13 @@ def open_journal(
         journal = RunJournal(path, file, identity)
         with named_errors(path):
             journal.load(report)
-        yield journal
+        try:
+            yield journal
+        finally:
+            if not journal.entries:
+                path.unlink(missing_ok=True)
+                with suppress(OSError):  # not empty
+                    folder.rmdir()
     finally:
         with suppress(OSError):  # the run of a lost line is repeated
             file.close()
@@ -310,7 +314,7 @@ class Engine:
         """
         commands = {job.key: job.command or job.key for job in jobs}
         results: dict[str, Any] = {}
-        for outcome in self.outcomes(jobs, record_errors=False):
+        for outcome in self.outcomes(jobs):
             if outcome.error:
                 why = f"{commands[outcome.key]}: {outcome.error}"
                 raise outcome.exception or EngineError([why])
@@ -326,11 +330,8 @@ class Engine:
             return None
         return Outcome(key=job.key, result=entry.get("result"), error=entry.get("error", ""))
 
-    def outcomes(self, jobs: Sequence[Job], *, record_errors: bool = True) -> Iterator[Outcome]:
-        """Yield outcomes as jobs finish, first those in the journal.
-
-        Without `record_errors`, failed jobs are not written to the journal.
-        """
+    def outcomes(self, jobs: Sequence[Job]) -> Iterator[Outcome]:
+        """Yield outcomes as jobs finish, first those in the journal."""
         left = []
         for job in jobs:
             outcome = self._recorded(job)
@@ -345,7 +346,7 @@ class Engine:
             return
         idle = self.progress.report_if_due
         for outcome in outcomes_of(left, self._workers, self._plug_ins, idle):
-            if self._journal is not None and (record_errors or not outcome.error):
+            if self._journal is not None:
                 entry: Entry = {"result": outcome.result}
                 if outcome.error:
                     entry = {"error": outcome.error, ABANDONED: outcome.abandoned}
@@ -359,36 +360,10 @@ def study_engine(
     open_workers: OpenWorkers,
     report: Callable[[str], None],
     *,
-    out: Path | None = None,
-    files: Sequence[str] = (),
-    identity: Mapping[str, Any] | None = None,
-    keep_journal: bool = False,
+    plug_ins: Iterable[str] = (),
+    journal: RunJournal | None = None,
 ) -> Iterator[Engine]:
-    """Open the engine of a study that writes `files` and a journal into the folder `out`.
-
-    An interrupted study resumes when it is restarted with the same `identity`, which holds
-    everything that the results depend on, also the digests of user-defined classes, which the
-    workers must have. The journal is removed at the end unless `keep_journal`, and if it is empty.
-    Without a folder there is no journal. Raises ScenarioError if the folder already holds other
-    files.
-    """
+    """Open the engine of a study; workers must have the same user-defined classes `plug_ins`."""
     with ExitStack() as exit_stack:
-        plug_ins = (identity or {}).get("plug_ins")
-        if out is None or identity is None:
-            yield Engine(open_workers, exit_stack, report, plug_ins=plug_ins)
-            return
-        if not (out / JOURNAL).exists():
-            refuse_existing(*(out / name for name in files), place="folder by --out")
-        journal = exit_stack.enter_context(open_journal(out, identity, report))
-        if journal.entries and not keep_journal:
-            report(f"{len(journal.entries)} runs are in the journal")
-        is_done = False
-        try:
-            yield Engine(open_workers, exit_stack, report, journal, plug_ins)
-            is_done = True
-        finally:
-            if not journal.entries or (is_done and not keep_journal):
-                journal.remove()
-            if not is_done:
-                with suppress(OSError):  # not empty
-                    out.rmdir()
+        digests = dict(plug_in_digests(plug_ins))
+        yield Engine(open_workers, exit_stack, report, journal, digests)

@@ -7,6 +7,7 @@ import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryFile
 from threading import Lock
 from typing import Any, NamedTuple
 
@@ -34,7 +35,7 @@ class EngineError(ScenarioError):
 class Job:
     """A call, its unique `key` in the study, and the `command` that repeats it.
 
-    If the study keeps a journal, `work` returns only JSON types.
+    In a sweep, which keeps a journal, `work` returns only JSON types.
     """
 
     key: str
@@ -98,6 +99,17 @@ def refuse_existing(*files: Path | None, place: str = "place") -> None:
     for file in files:
         if file is not None and (file.exists() or file.is_symlink()):
             raise ScenarioError([f"{file}: exists; give another {place}"])
+
+
+def require_place(out: Path, names: Sequence[str]) -> None:
+    """Raise ScenarioError or OSError unless these files can be created in the folder `out`."""
+    refuse_existing(*(out / name for name in names), place="folder by --out")
+    is_new = not out.exists()
+    out.mkdir(parents=True, exist_ok=True)
+    with TemporaryFile(dir=out):
+        pass
+    if is_new:
+        out.rmdir()
 
 
 def write_files(out: Path, contents: Mapping[str, Any]) -> list[Path]:

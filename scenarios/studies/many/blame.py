@@ -6,10 +6,9 @@ number of tests and are not needed for a 1-minimal result (Hodován and Kiss, "P
 improvements to the minimizing delta debugging algorithm", ICSOFT 2016).
 """
 
-import hashlib
 import shlex
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -22,8 +21,6 @@ from matplotlib.figure import Figure
 from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario
 from scenarios.results.figure_style import BLUE, GREEN, GREY, ORANGE, PAGE_IN, RED, SMALL_PT, STYLE
-from scenarios.results.log_summary import scenario_of
-from scenarios.results.versions import current_stamp, plug_in_digests
 from scenarios.studies.engine import Engine
 from scenarios.studies.job import write_files
 from scenarios.studies.many.losses import (
@@ -251,24 +248,6 @@ def _check_same(trials: Trials, run: RecordedRun) -> None:
         f"{run.log}: not reproducible: in a rerun, {vehicle} differs from {at / SECOND:.2f} s "
         f"on{late}; use the log of a run with `--clock virtual`"
     )
-
-
-def identity_of_blame(log: Path, limit: Limit, figure: FigureName, max_runs: int) -> dict[str, Any]:
-    """Everything that the result depends on, named as on the command line; raises LogError."""
-    try:
-        with log.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()[:12]
-    except OSError as error:
-        raise LogError(f"{log}: cannot read the log: {error.strerror}") from error
-    return {
-        "LOG": str(log),
-        "log digest": digest,
-        "--limit": str(limit),
-        "--figure": figure,
-        "--runs": max_runs,
-        **asdict(current_stamp()),
-        "plug_ins": dict(plug_in_digests(scenario_of(log).plug_ins)),
-    }
 
 
 def _reason_not_reduced(recorded: RerunResult, clean: RerunResult, limit: Limit) -> str:

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import ceil, floor, isfinite, log, log10
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from scenarios.definition.run_limits import Limit
 from scenarios.results.links import CONFIDENCE
 from scenarios.studies.engine import Engine
 from scenarios.studies.job import Job
-from scenarios.studies.many.variant import Variant, identity_of
+from scenarios.studies.many.variant import Variant
 from transport.columns import Floats
 
 NODES, WIDTHS = 41, 17
@@ -189,17 +189,6 @@ class BoundaryQuery:
     def at(self, value: float, seed: int) -> Variant:
         overrides = (*self.variant.overrides, f"{self.key}={value:.12g}")
         return replace(self.variant, overrides=overrides, seed=seed)
-
-    def identity(self) -> dict[str, Any]:
-        return identity_of(
-            self.variant,
-            key=self.key,
-            limit=str(self.limit),
-            range=[self.low, self.high],
-            precision=self.half_width,
-            share=self.share,
-            runs=self.max_runs,
-        )
 
     def check(self) -> None:
         """Raise ScenarioError for an invalid range, precision, share, key or end value."""

@@ -1,13 +1,14 @@
-"""`convoy bisect`: the search with its journal, all figures as JSON, and the plot."""
+"""`convoy bisect`: the search, all figures as JSON, and the plot."""
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from scenarios.results.figure_style import require_new_picture
-from scenarios.studies.engine import Engine, Outcome, study_engine
-from scenarios.studies.job import write_file, write_files
+from scenarios.studies.engine import JOURNAL, Engine, Outcome, open_journal, study_engine
+from scenarios.studies.job import require_place, write_file, write_files
 from scenarios.studies.many.boundary import BoundaryQuery, BoundaryResult, find_boundary
 from scenarios.studies.many.cell_table import SweepTable, machine_readable, table_of, typed_rows
 from scenarios.studies.many.plan import SweepPlan, refuse_picture
@@ -27,23 +28,23 @@ def run_bisect(
 ) -> tuple[BoundaryResult, list[Path]]:
     """Search for a boundary; return the result and the files written.
 
-    An interrupted search resumes in the folder `out`. Without a `picture_format` there is no plot,
-    and without a folder no file. Raises ScenarioError if the query is invalid.
+    Without a `picture_format` there is no plot, and without a folder no file. Raises ScenarioError
+    if the query is invalid.
     """
     query.check()
     files = (BISECT_FILE, *([f"{PICTURE}.{picture_format}"] if picture_format else []))
-    with study_engine(
-        open_workers, report, out=out, files=files, identity=query.identity()
-    ) as engine:
+    if out is not None:
+        require_place(out, files)
+    with study_engine(open_workers, report, plug_ins=query.variant.scenario.plug_ins) as engine:
         result = find_boundary(query, engine)
-        if out is None:
-            return result, []
-        contents: dict[str, Any] = {BISECT_FILE: readable_result(query, result)}
-        if picture_format:
-            from scenarios.studies.many.pictures import drawn  # noqa: PLC0415 - brings matplotlib
+    if out is None:
+        return result, []
+    contents: dict[str, Any] = {BISECT_FILE: readable_result(query, result)}
+    if picture_format:
+        from scenarios.studies.many.pictures import drawn  # noqa: PLC0415 - brings matplotlib
 
-            contents[f"{PICTURE}.{picture_format}"] = drawn(query, result)
-        return result, write_files(out, contents)
+        contents[f"{PICTURE}.{picture_format}"] = drawn(query, result)
+    return result, write_files(out, contents)
 
 
 def readable_result(query: BoundaryQuery, result: BoundaryResult) -> dict[str, Any]:
@@ -90,10 +91,15 @@ def run_sweep(
     if picture is not None:
         refuse_picture(plan)
         require_new_picture(picture)
-    files = (CELLS, RUNS, JSON_FILE, *PARQUET)
-    with study_engine(
-        open_workers, report, out=out, files=files, identity=plan.identity(), keep_journal=True
-    ) as engine:
+    with ExitStack() as stack:
+        journal = None
+        if out is not None:
+            if not (out / JOURNAL).exists():
+                require_place(out, (CELLS, RUNS, JSON_FILE, *PARQUET))
+            journal = stack.enter_context(open_journal(out, plan.identity(), report))
+        engine = stack.enter_context(
+            study_engine(open_workers, report, plug_ins=plan.plug_ins, journal=journal)
+        )
         table = table_of(plan, _entries(plan, engine))
         written = [] if out is None else write_files(out, tables_of(table, parquet=parquet))
         if picture is not None:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from decimal import Decimal
 from difflib import get_close_matches
 from functools import partial
@@ -32,8 +32,9 @@ from scenarios.results.limits import broken_by
 from scenarios.results.links import SAFE_AGES_MS, LinkSummary
 from scenarios.results.summary import RunSummary
 from scenarios.results.vehicle_figures import VehicleSummary
+from scenarios.results.versions import current_stamp, plug_in_digests
 from scenarios.studies.job import Job
-from scenarios.studies.many.variant import Variant, identity_of, variant_of
+from scenarios.studies.many.variant import Variant, variant_of
 from transport.topics import DropReason
 from vehicles.messages import Mode
 
@@ -329,14 +330,19 @@ class SweepPlan:
         ]
 
     def identity(self) -> dict[str, Any]:
-        return identity_of(
-            self.base,
-            self.plug_ins,
-            vary=[f"{axis.key}={','.join(axis.texts)}" for axis in self.axes],
-            seeds=self.seeds,
-            metric=[figure.name for figure in self.figures],
-            limit=[str(limit) for limit in self.limits],
-        ) | {"contents digest": self.contents}
+        """Everything that the results depend on, named as on the command line."""
+        return {
+            "SCENARIO": self.base.name,
+            "scenario digest": sha256(self.base.text.encode()).hexdigest()[:12],
+            "--set": list(self.base.overrides),
+            "--vary": [f"{axis.key}={','.join(axis.texts)}" for axis in self.axes],
+            "--seeds": self.seeds,
+            "--metric": [figure.name for figure in self.figures],
+            "--limit": [str(limit) for limit in self.limits],
+            **asdict(current_stamp()),
+            "plug_ins": dict(plug_in_digests(self.plug_ins)),
+            "contents digest": self.contents,
+        }
 
 
 def run_key(cell: int, seed: int) -> str:

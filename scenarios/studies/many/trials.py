@@ -1,12 +1,11 @@
 """Parallel reruns with other losses; none is repeated."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-from hashlib import blake2b
 from math import inf
 from operator import itemgetter
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -172,8 +171,9 @@ class Trials:
         work = partial(first_difference, self.convoy.with_losses(losses).text, positions)
         job = Job(key="as recorded", work=work)
         self.runs += 1
+        difference: tuple[str, int] | None
         (difference,) = self.engine.results([job])
-        return None if difference is None else (difference[0], difference[1])
+        return difference
 
     def first_breaking(self, sets: Sequence[Losses]) -> int | None:
         """Return the index of the first set of losses that breaks the limit, or None.
@@ -204,26 +204,19 @@ class Trials:
     def _simulate(
         self, sets: Sequence[Losses], criteria: RerunCriteria, **options: bool
     ) -> dict[Losses, RerunResult]:
-        flags = " ".join(name for name, is_set in options.items() if is_set)
         jobs = [
             Job(
-                key=f"{criteria.until} {flags} {_digest(losses)}",
-                work=partial(_fields, self.convoy.with_losses(losses).text, criteria, **options),
+                key=f"run {number}",
+                work=partial(_rerun, self.convoy.with_losses(losses).text, criteria, **options),
             )
-            for losses in sets
+            for number, losses in enumerate(sets, self.runs + 1)
         ]
         self.runs += len(jobs)
-        results = [RerunResult(**fields) for fields in self.engine.results(jobs)]
-        return dict(zip(sets, results, strict=True))
+        return dict(zip(sets, self.engine.results(jobs), strict=True))
 
 
-def _fields(text: str, criteria: RerunCriteria, **options: bool) -> dict[str, Any]:
-    return asdict(rerun(scenario_from_text(text), criteria, **options))
-
-
-def _digest(losses: Losses) -> str:
-    names = sorted((*message.link, message.number) for message in losses)
-    return blake2b(repr(names).encode(), digest_size=12).hexdigest()
+def _rerun(text: str, criteria: RerunCriteria, **options: bool) -> RerunResult:
+    return rerun(scenario_from_text(text), criteria, **options)
 
 
 # ---- Ranking of losses by their effect in metres, by bisection

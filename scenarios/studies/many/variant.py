@@ -1,12 +1,10 @@
 """One run of a study: a scenario with overrides and a seed."""
 
-import hashlib
 import shlex
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
 from math import exp, log, sqrt
 from statistics import fmean, stdev
-from typing import Any
 
 from scenarios.definition.run_limits import Limit, parsed_limit
 from scenarios.definition.scenario import Scenario, scenario_from_text, scenario_text
@@ -14,7 +12,6 @@ from scenarios.results.limits import SIGNALS, broken_by, first_breach
 from scenarios.results.links import CONFIDENCE, quantile_of_normal
 from scenarios.results.summary import RunSummary
 from scenarios.results.tables import RunTables
-from scenarios.results.versions import current_stamp, plug_in_digests
 from scenarios.runs.run_log import may_end_early
 from scenarios.runs.virtual import run_tables, run_unlogged
 
@@ -145,21 +142,3 @@ def limited_variant(name: str, overrides: Sequence[str], limit: str) -> tuple[Va
     variant = variant_of(name, overrides)
     scenario = variant.scenario
     return variant, parsed_limit(limit, scenario.vehicle_names, scenario.own_figures)
-
-
-def identity_of(
-    variant: Variant, plug_ins: Iterable[str] | None = None, /, **options: Any
-) -> dict[str, Any]:
-    """Everything that the results of a study depend on, named as on the command line.
-
-    `plug_ins` are those of all runs, by default those of the variant.
-    """
-    names = variant.scenario.plug_ins if plug_ins is None else plug_ins
-    return {
-        "SCENARIO": variant.name,
-        "scenario digest": hashlib.sha256(variant.text.encode()).hexdigest()[:12],
-        "--set": list(variant.overrides),
-        **{f"--{name.replace('_', '-')}": value for name, value in options.items()},
-        **asdict(current_stamp()),
-        "plug_ins": dict(plug_in_digests(names)),
-    }

@@ -1,6 +1,5 @@
 """Rows of a drill: the worst value of each limit over all seeds, and its margin."""
 
-from dataclasses import asdict
 from typing import Any
 from xml.etree import ElementTree as Xml
 
@@ -95,9 +94,9 @@ def test_a_scenario_without_limits_is_not_a_drill() -> None:
 def test_each_drill_is_simulated_once() -> None:
     variants = [*drill_variants("tunnel", seeds=(1, 2)), *drill_variants("lead_lost", seeds=(1,))]
 
-    def result(job: Job) -> dict[str, Any]:
+    def result(job: Job) -> DrillResult:
         name, seed = job.key.split()
-        return asdict(run(limit(0.1), drill=name, seed=int(seed)))
+        return run(limit(0.1), drill=name, seed=int(seed))
 
     found = run_drills(variants, SyntheticEngine(result))
     assert [(one.drill, one.seed) for one in found] == [

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.versions import current_stamp, module_digests
-from scenarios.studies.engine import MAX_ATTEMPTS, WORKER_DIED, outcomes_of, study_engine
+from scenarios.studies.engine import MAX_ATTEMPTS, WORKER_DIED, outcomes_of
 from scenarios.studies.job import Job, Work, run_job
 from scenarios.studies.workers import InlineExecutor, WorkerGroup, open_workers
 from tests.made.many.engines import engine_here
@@ -136,32 +136,6 @@ def test_a_job_that_kills_its_workers_is_one_line_with_its_command() -> None:
     with engine_here(1) as engine, pytest.raises(ScenarioError) as error:
         engine.results([job])
     assert error.value.lines == (f"convoy run lane_change --seed 7: {WORKER_DIED}",)
-
-
-def test_a_study_resumes_after_an_interrupt(tmp_path: Path) -> None:
-    done, out = list[int](), tmp_path / "out"
-
-    def count(number: int) -> list[float]:
-        done.append(number)
-        return [number / 7, float("inf")]
-
-    def study(killed_after: int) -> list[list[float]]:
-        results = list[list[float]]()
-        with study_engine(
-            partial(open_workers, 0), print, out=out, files=["result.json"], identity={"--seeds": 5}
-        ) as engine:
-            for job in jobs_of({k: partial(count, k) for k in range(5)}):
-                results += engine.results([job])
-                if len(results) == killed_after:
-                    raise KeyboardInterrupt
-            return results
-
-    for killed_after in (2, 4):
-        with pytest.raises(KeyboardInterrupt):
-            study(killed_after)
-    assert study(99) == [[k / 7, float("inf")] for k in range(5)]
-    assert done == [0, 1, 2, 3, 4]
-    assert not list(out.iterdir())
 
 
 def test_no_more_jobs_run_after_the_caller_stops(tmp_path: Path) -> None:

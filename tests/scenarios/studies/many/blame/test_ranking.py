@@ -1,7 +1,6 @@
 """Ranking and shrinking for synthetic runs whose error is a formula of the losses."""
 
 from collections.abc import Callable
-from dataclasses import asdict
 from functools import partial
 from itertools import pairwise
 from types import SimpleNamespace
@@ -46,9 +45,9 @@ def answer(error: float) -> RerunResult:
 
 
 def trials_of(error_of: ErrorOf, parallel: int = 1, max_runs: int = 1000) -> Trials:
-    def result(job: Job) -> dict[str, Any]:
+    def result(job: Job) -> RerunResult:
         (losses, *_) = cast("partial[Any]", job.work).args
-        return asdict(answer(error_of(losses)))
+        return answer(error_of(losses))
 
     return Trials(
         convoy=cast("LossFreeScenario", NoConvoy()),
