@@ -292,16 +292,12 @@ class ExpectedChannel:
     """Long-run mean loss, mean burst, mean and standard deviation of the delay (ms).
 
     Unknown figures are None, such as a loss that depends on the distance.
-
-    `latency_inflation` is an upper bound of the variance of a mean delay over that of independent
-    delays.
     """
 
     loss_ratio: float | None
     burst_messages: float | None
     latency_ms_mean: float | None
     latency_ms_deviation: float | None
-    latency_inflation: float = 1.0
 
 
 def expected_channel(
@@ -318,7 +314,7 @@ def expected_channel(
     """
     effects = link_effects(table, source_rate_hz, between=between)
     loss = expected_loss(table, effects, distance_m)
-    mean, deviation, inflation = _delay(table, effects)
+    mean, deviation = _delay(table, effects)
     ratio, burst = (None, None) if loss is None else (loss.loss, loss.burst)
     if burst == inf:
         burst = None
@@ -327,7 +323,6 @@ def expected_channel(
         burst_messages=burst if ratio else None,
         latency_ms_mean=mean,
         latency_ms_deviation=deviation,
-        latency_inflation=inflation,
     )
 
 
@@ -369,16 +364,11 @@ def _burst(lossy: Sequence[Losses], loss: float) -> float | None:
     return loss / ends if ends > _ROUNDING * loss else inf
 
 
-def _delay(table: LinkTable, effects: Sequence[Effect]) -> tuple[float | None, float | None, float]:
-    if link_stages(table):
-        return None, None, 1.0
-    mean = variance = spread = 0.0
-    for effect in effects:
-        delays = effect.delays
-        if delays is None:
-            return None, None, 1.0
-        tied = delays.correlation
-        mean, variance = mean + delays.mean, variance + delays.variance
-        spread += delays.variance * (1.0 + tied) / (1.0 - tied)
-    inflation = spread / variance if variance else 1.0
-    return mean / MILLISECOND, sqrt(variance) / MILLISECOND, inflation
+def _delay(table: LinkTable, effects: Sequence[Effect]) -> tuple[float | None, float | None]:
+    """Return mean and standard deviation (ms) of the sum of independent delays."""
+    delays = [effect.delays for effect in effects]
+    if link_stages(table) or None in delays:
+        return None, None
+    mean = sum(one.mean for one in delays if one)
+    deviation = sqrt(sum(one.variance for one in delays if one))
+    return mean / MILLISECOND, deviation / MILLISECOND

@@ -99,7 +99,7 @@ class RandomDelay(BaseDelay):
 
     @property
     def delays(self) -> Delays:
-        return Delays(self.mean_ns, self.deviation_ns**2, self.correlation_ratio)
+        return Delays(self.mean_ns, self.deviation_ns**2)
 
 
 def normal_cdf(normal: float) -> float:

@@ -44,11 +44,10 @@ class Losses(NamedTuple):
 
 
 class Delays(NamedTuple):
-    """Mean (ns) and variance (ns²) of a delay, and a bound of its correlation at lag 1."""
+    """Mean (ns) and variance (ns²) of a delay."""
 
     mean: float
     variance: float
-    correlation: float = 0.0
 
 
 # ---- Interface of an effect of a link: input, verdict and properties

@@ -51,7 +51,7 @@ def test_each_kind_is_its_law(
 ) -> None:
     effect = last_effect(given | {"correlation_ratio": 0.25})
     assert isinstance(effect, law)
-    assert effect.delays.correlation == 0.25
+    assert effect.correlation_ratio == 0.25
     assert effect.at(0.0) == pytest.approx(median_ms * MS, rel=1e-4)
     constant = last_effect({"kind": "constant", "delay_ms": 1.5})
     assert constant == ConstantDelay(delay_ms=1.5)
