@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 DEFAULT = "lane_change"
 """Scenario in which a preset is shown."""
 NEAREST_M, FARTHEST_M = 1.0, 100_000.0
-PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 
 
 @click.group(

@@ -4,10 +4,8 @@ Live followers receive its messages over the same links as from a live vehicle. 
 states are sent too, for the new log and its figures.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
-from math import atan, cos, hypot, sin
+from math import atan
 from operator import attrgetter
 from pathlib import Path
 
@@ -23,13 +21,8 @@ from transport.topics import RUN_SENDER
 from vehicles.car.dynamics import Body
 from vehicles.car.gnss import GnssReceiver
 from vehicles.car.sending_rules import Sender
-from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, RunStart, TruePose
-from vehicles.received_pose import receive
-from vehicles.schedule import SECOND, Cadence, nanoseconds
-
-SEARCHED_LENGTH_M = 150.0
-"""Length (m) of the first part of a recorded drive, before a second lap, to search a place on."""
+from vehicles.schedule import SECOND, Cadence
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,38 +42,29 @@ class RecordedVehicle:
     poses: tuple[GpsPose, ...]
     truth: tuple[TruePose, ...]
 
-    def replay(self, *, start_at: int, ahead: float = 0.0, vehicle: str | None = None) -> Replay:
-        """Shift the messages to a run that starts at `start_at` (ns), under the name `vehicle`.
+    def replay(self, *, start_at: int) -> Replay:
+        """Shift the messages to a run that starts at `start_at` (ns).
 
-        The vehicle starts where it was `ahead` (s) after the start of its own run; earlier messages
-        are left out. Poses are numbered from 0; holes in the true poses remain.
+        Poses are numbered from 0; holes in the true poses remain.
         """
-        name = vehicle or self.poses[0].vehicle
-        shift = start_at - self.started_at - nanoseconds(ahead)
-        # The stamps of a clock that was behind lie before the run's own start.
-        behind = max(0, self.started_at - min(p.measured_at_ns for p in self.poses))
-        poses = [p for p in self.poses if p.measured_at_ns + shift >= start_at - behind]
-        poses = [p for p in poses if p.sent_at_ns + shift >= start_at]
-        truth = [t for t in self.truth if t.true_at_ns + shift >= start_at]
+        shift = start_at - self.started_at
         messages: list[GpsPose | TruePose] = [
             replace(
                 p,
-                vehicle=name,
                 seq=seq,
                 measured_at_ns=p.measured_at_ns + shift,
                 sent_at_ns=p.sent_at_ns + shift,
                 stops_at_ns=p.stops_at_ns + shift if p.stops_at_ns else 0,
                 relayed_stops_at_ns=tuple(at + shift if at else 0 for at in p.relayed_stops_at_ns),
             )
-            for seq, p in enumerate(poses)
+            for seq, p in enumerate(self.poses)
         ]
-        first = truth[0].seq if truth else 0
+        first = self.truth[0].seq if self.truth else 0
         messages += [
-            replace(t, vehicle=name, seq=t.seq - first, true_at_ns=t.true_at_ns + shift)
-            for t in truth
+            replace(t, seq=t.seq - first, true_at_ns=t.true_at_ns + shift) for t in self.truth
         ]
         messages.sort(key=_acts_at)
-        return Replay(name, tuple(messages), tuple(map(_acts_at, messages)))
+        return Replay(self.poses[0].vehicle, tuple(messages), tuple(map(_acts_at, messages)))
 
 
 def _acts_at(message: GpsPose | TruePose) -> int:
@@ -129,44 +113,6 @@ def read_recorded_vehicle(log: Path, vehicle: str, *, partial: bool = False) -> 
         raise LogError(f"{log}: holds no poses of {vehicle!r}, but of {known or 'no vehicle'}")
     start = poses[0].measured_at_ns if started_at is None else started_at
     return RecordedVehicle(start, tuple(poses), tuple(truth))
-
-
-def head_start(
-    recorded: RecordedVehicle, plane: LocalPlane, place: tuple[float, float], distance: float
-) -> float:
-    """Time (s) after its start at which the recorded vehicle was `distance` (m) ahead of `place`.
-
-    `place` (east, north, m) is where the vehicle behind it will start, along the first part of
-    the recorded drive or behind it. 0 if that begins further ahead than `distance` already.
-    """
-    fixes = [receive(pose, plane, pose.sent_at_ns) for pose in recorded.poses]
-    first = fixes[0]
-    stations = [0.0]
-    for before, after in pairwise(fixes):
-        stations.append(stations[-1] + hypot(after.east - before.east, after.north - before.north))
-    beginning = [k for k, station in enumerate(stations) if station <= SEARCHED_LENGTH_M]
-    nearest = min(
-        beginning, key=lambda k: hypot(fixes[k].east - place[0], fixes[k].north - place[1])
-    )
-    station = stations[nearest]
-    if nearest == 0:
-        ux, uy = cos(first.yaw), sin(first.yaw)
-        station = (place[0] - first.east) * ux + (place[1] - first.north) * uy
-    return max(
-        _time_at(stations, [fix.measured_at for fix in fixes], station + distance, recorded), 0.0
-    )
-
-
-def _time_at(
-    stations: Sequence[float], at: Sequence[int], station: float, recorded: RecordedVehicle
-) -> float:
-    """Time (s) in the recorded run at which `station` (m) was reached."""
-    for k in range(1, len(stations)):
-        if stations[k] >= station and stations[k] > stations[k - 1]:
-            share = (station - stations[k - 1]) / (stations[k] - stations[k - 1])
-            reached = at[k - 1] + share * (at[k] - at[k - 1])
-            return (reached - recorded.started_at) / SECOND
-    raise ValueError(f"the recorded drive is shorter than {station:.1f} m")
 
 
 # ---- A vehicle that sends recorded messages: it measures, receives and decides nothing

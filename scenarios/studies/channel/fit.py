@@ -89,16 +89,6 @@ def _independent(link: RecordedLink) -> FittedKeys:
     return {"loss_ratio": rounded(interval.value)}, [estimate], []
 
 
-def _transitions(link: RecordedLink, judged: Flags, lost: Flags) -> tuple[int, int, int, int]:
-    """Count successive pairs: first passed, of these second lost; first lost, second passed."""
-    pairs = (np.diff(link.number) == 1) & judged[1:] & judged[:-1]
-    before, after = lost[:-1][pairs], lost[1:][pairs]
-    return (
-        int((~before).sum()), int((~before & after).sum()),
-        int(before.sum()), int((before & ~after).sum()),
-    )  # fmt: skip
-
-
 def _bursts(link: RecordedLink) -> FittedKeys:
     """Fit Gilbert's chain to its transitions, whose counts are binomial."""
     judged, lost = judged_by(link, "burst", "pattern")

@@ -1,7 +1,6 @@
 """A recorded vehicle on the bus: the same messages, and the same followers."""
 
 from dataclasses import replace
-from math import cos, sin
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,6 @@ from scenarios.runs.node.outbox import NoProbe
 from scenarios.runs.node.recorded_vehicle import (
     RecordedVehicle,
     Replay,
-    head_start,
     read_recorded_vehicle,
 )
 from scenarios.runs.node.sink import BusSink
@@ -27,11 +25,9 @@ from transport.codec import decode, encode
 from transport.log.errors import LogError
 from transport.log.reader import LogReader
 from transport.topics import TOPICS
-from vehicles.geometry.geodesy import LocalPlane
 from vehicles.messages import GpsPose, Message, TruePose
 
 SECOND = 1_000_000_000
-SPEED = 30.0
 
 
 @pytest.fixture(scope="module")
@@ -50,13 +46,13 @@ def lead(recorded: tuple[Path, Trial]) -> RecordedVehicle:
     return read_recorded_vehicle(recorded[0], "v1")
 
 
-def published(drive: RecordedVehicle, start_at: int, ahead: float = 0.0) -> list[Message]:
+def published(drive: RecordedVehicle, start_at: int) -> list[Message]:
     """What comes over the bus while the record is replayed."""
     received: list[Message] = []
     bus = MemoryBus()
     bus.subscribe("convoy/v1/gps", lambda _, data: received.append(decode(TOPICS["gps"], data)))
     bus.subscribe("convoy/v1/truth", lambda _, data: received.append(decode(TOPICS["truth"], data)))
-    play(drive.replay(start_at=start_at, ahead=ahead), start_at, bus)
+    play(drive.replay(start_at=start_at), start_at, bus)
     return received
 
 
@@ -93,16 +89,6 @@ def test_a_replayed_vehicle_sends_the_recorded_messages(
     assert [t.true_at_ns - later for t in truth] == [k * SECOND // 50 for k in range(300)]
 
 
-def test_further_ahead_a_replay_begins_later_and_is_renumbered(
-    lead: RecordedVehicle,
-) -> None:
-    poses = [m for m in published(lead, 7 * SECOND, ahead=0.5) if isinstance(m, GpsPose)]
-    assert [pose.seq for pose in poses] == list(range(110))
-    assert poses[0].measured_at_ns == 7 * SECOND
-    assert poses[0].latitude_deg == lead.poses[10].latitude_deg
-    assert poses[0].speed_mps == lead.poses[10].speed_mps
-
-
 def test_followers_treat_replayed_and_live_cars_alike(
     convoy: Scenario, recorded: tuple[Path, Trial]
 ) -> None:
@@ -133,21 +119,6 @@ def test_a_record_longer_than_the_run_counts_up_to_the_end_of_the_run(
         assert np.array_equal(drive.cross_track, again.cross_track)
 
 
-@pytest.mark.parametrize("aside", [0.0, 1.0])
-def test_from_the_same_start_the_record_is_a_gap_further_on(
-    convoy: Scenario, lead: RecordedVehicle, aside: float
-) -> None:
-    start = convoy.route.path.at(convoy.route.start + 40.0)
-    place = (start.east - aside * sin(start.yaw), start.north + aside * cos(start.yaw))
-    ahead = head_start(lead, LocalPlane(convoy.origin), place, 15.0)
-    assert ahead * SPEED == pytest.approx(55.0, abs=0.8)  # half the distance between fixes
-
-
-def test_a_record_shorter_than_the_gap_is_refused(convoy: Scenario, lead: RecordedVehicle) -> None:
-    with pytest.raises(ValueError, match="shorter than"):
-        head_start(lead, LocalPlane(convoy.origin), (0.0, 0.0), 500.0)
-
-
 def test_a_vehicle_that_the_log_does_not_hold_is_named_with_those_it_does(
     recorded: tuple[Path, Trial],
 ) -> None:
@@ -161,15 +132,14 @@ def test_it_is_replayed_in_order_of_time(lead: RecordedVehicle) -> None:
     assert instants[0] == 7 * SECOND
 
 
-@pytest.mark.parametrize("ahead", [0.0, 0.5, 0.513])
-def test_an_inbox_takes_every_replayed_pose(lead: RecordedVehicle, ahead: float) -> None:
+def test_an_inbox_takes_every_replayed_pose(lead: RecordedVehicle) -> None:
     start_at = 1_000 * SECOND
     inbox = inbox_of(
         "v2", {"v1": LinkTable()}, start_at=start_at, origin=load_scenario("lane_change").origin
     )
     bus = MemoryBus()
     bus.subscribe(inbox.keys[0], inbox.on_bytes)
-    replay = lead.replay(start_at=start_at, ahead=ahead)
+    replay = lead.replay(start_at=start_at)
     play(replay, start_at, bus)
     received = inbox.take(start_at + 10 * SECOND)
     assert not inbox.rejected
