@@ -413,23 +413,18 @@ def channel_warnings(run: RunTables, counted: Mapping[Link, LinkAccount]) -> Ite
 # ---- Links that deliver nothing
 
 
-def silent_links(
-    run: RunTables,
-    counted: Mapping[Link, LinkAccount],
-    replayed: frozenset[str] = frozenset(),
-) -> str:
+def silent_links(run: RunTables, counted: Mapping[Link, LinkAccount]) -> str:
     """Report links that should lose nothing but delivered nothing; empty if there are none.
 
     Only the time in which the sender sends and the receiver reports counts, less the requested
-    delay. `replayed` vehicles receive nothing, and a link with an end whose radio is off for a time
-    may be silent.
+    delay. A link with an end whose radio is off for a time may be silent.
     """
     exempt = changed_during(run) | run.scenario.off_links
     silent = []
     for (sender, receiver), account in counted.items():
         requested, sent_at = run.scenario.links[sender, receiver], poses_of(run, sender).at_ns
         should_deliver = requested.is_lossless and account.link not in exempt
-        if not should_deliver or receiver in replayed or not len(sent_at):
+        if not should_deliver or not len(sent_at):
             continue
         until = min(int(sent_at[-1]), run.last_at[receiver])
         expected_s = (until - max(int(sent_at[0]), run.beginning)) / SECOND

@@ -57,16 +57,13 @@ class RunLog:
         run_id: str,
         live: LiveRun,
         observers: Sequence[Observer] = (),
-        replayed: frozenset[str] = frozenset(),
     ) -> None:
         """Create `folder` and begin the log in it, with the scenario and the versions.
 
-        Each message goes to the `observers`, among them `live` if it is in use. `replayed` vehicles
-        receive nothing.
+        Each message goes to the `observers`, among them `live` if it is in use.
         """
         self._scenario = scenario
         self._folder = folder
-        self._replayed = replayed
         self._live = live
         self._writes_live = clock == "wall"  # a virtual run has the same log without `live`
         self._identity = RunIdentity.here(scenario, clock, run_id)
@@ -152,7 +149,7 @@ class RunLog:
             self._write_deviations(at, run, self._end_at)
             for line in hole_lines(record_holes(run), MOST_HOLE_LINES):
                 self.recorder.log(at, line, "warning")
-            silent = silent_links(run, accounts(run), self._replayed)
+            silent = silent_links(run, accounts(run))
             self.reason = self._summary(reason or early or silent or self.recorder.doubled).reason
         except LogError as error:
             self.reason = failure_reason(reason or early, [str(error)])

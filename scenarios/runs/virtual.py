@@ -9,21 +9,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from heapq import merge
-from typing import TYPE_CHECKING
-
-from scenarios.definition.scenario import Scenario
-from scenarios.runs.node.node import AnyNode, VehicleFaultError, step_with_faults
-from scenarios.runs.node.outbox import NoProbe
-from scenarios.runs.node.sink import Sink
-from scenarios.runs.node.vehicle_builder import VehicleBuilder
-from transport.bus.bus import MemoryBus
-from transport.clock import Tick, VirtualClock
-from vehicles.schedule import SECOND, Timer
-
-if TYPE_CHECKING:  # only runs with replayed vehicles read logs
-    from scenarios.runs.node.recorded_vehicle import Replay
 from pathlib import Path
 
+from scenarios.definition.scenario import Scenario
 from scenarios.results.drives import TRIAL_KINDS, Trial, trial_of
 from scenarios.results.files import LOG_NAME
 from scenarios.results.link_account import accounts
@@ -32,7 +20,10 @@ from scenarios.results.live import LiveRun
 from scenarios.results.log_summary import summarise, tables_of
 from scenarios.results.summary import RunIdentity, RunSummary
 from scenarios.results.tables import KINDS, Collector, RunTables
-from scenarios.runs.node.sink import BusSink
+from scenarios.runs.node.node import AnyNode, VehicleFaultError, step_with_faults
+from scenarios.runs.node.outbox import NoProbe
+from scenarios.runs.node.sink import BusSink, Sink
+from scenarios.runs.node.vehicle_builder import VehicleBuilder
 from scenarios.runs.observer import (
     ALL_KINDS,
     Kinds,
@@ -44,10 +35,12 @@ from scenarios.runs.observer import (
 )
 from scenarios.runs.run_log import RunLog, early_end_of, may_end_early
 from scenarios.runs.stop import EXIT_FAILED, Stop
-from transport.bus.bus import Bus
+from transport.bus.bus import Bus, MemoryBus
+from transport.clock import Tick, VirtualClock
 from transport.log.errors import LogError
 from transport.topics import RUN_SENDER
 from vehicles.messages import GpsPose, Message, RunStart, TruePose
+from vehicles.schedule import SECOND, Timer
 
 Step = Callable[[Tick], None]
 COLLECTED_EVERY = 50_000
@@ -114,18 +107,12 @@ class VirtualConvoy:
         self.left: set[str] = set()
         self._on_left = on_left
 
-    def build(
-        self, sink_of: Callable[[str], Sink], replays: "Sequence[Replay]" = ()
-    ) -> dict[str, AnyNode]:
-        """Build every vehicle with its sink; returns the nodes.
-
-        `replays` replace vehicles, in addition to those that the scenario replays.
-        """
+    def build(self, sink_of: Callable[[str], Sink]) -> dict[str, AnyNode]:
+        """Build every vehicle with its sink; returns the nodes."""
         start_at = self._scenario.start_at_ns
-        recorded = {replay.vehicle: replay for replay in replays}
         nodes: dict[str, AnyNode] = {}
         for name in self._scenario.vehicle_names:
-            builder = VehicleBuilder(self._scenario, name, recorded.get(name))
+            builder = VehicleBuilder(self._scenario, name)
             node = nodes[name] = builder.node(start_at, sink_of(name), NoProbe())
             for sender_key in node.inbox.keys:
                 self.bus.subscribe(sender_key, node.inbox.on_bytes)
@@ -224,19 +211,17 @@ def drive(
     observers: Sequence[Observer],
     *,
     until: Callable[[], bool] = never,
-    replays: "Sequence[Replay]" = (),
     on_left: Callable[[int, str], None] = lambda _at, _vehicle: None,
 ) -> DriveOutcome:
     """Simulate `scenario` in virtual time, as fast as the machine goes.
 
     The observers receive the start of the run, the messages of all vehicles and their final
-    counters. The result depends on the scenario, its seed, the replays and the versions only.
+    counters. The result depends on the scenario, its seed and the versions only.
 
     Args:
         scenario: What to simulate.
         observers: Called in this order for each message.
         until: Ends the run early once it is true; evaluated after each step of a vehicle.
-        replays: Vehicles that send what was recorded, while the others are live.
         on_left: Called with the instant (ns) and the name of a vehicle that fails while the
             others continue.
 
@@ -252,7 +237,7 @@ def drive(
         measured = {TruePose} if scenario.is_measured(vehicle) else set()
         return ObservedSink(vehicle, bus, now, listeners, frozenset({GpsPose, *measured}))
 
-    nodes = convoy.build(sink_of, replays)
+    nodes = convoy.build(sink_of)
     fault = None
     try:
         convoy.run(until)
@@ -275,7 +260,6 @@ def run_tables(
     scenario: Scenario,
     *,
     kinds: Kinds = KINDS,
-    replays: "Sequence[Replay]" = (),
     is_over: Callable[[RunTables], bool] | None = None,
 ) -> tuple[RunTables, DriveOutcome]:
     """Run `scenario` in virtual time; returns its tables of messages of some `kinds`.
@@ -290,7 +274,7 @@ def run_tables(
         so_far = collector.last_at - scenario.start_at_ns
         return is_over(RunTables(scenario, collector.tables(), so_far))
 
-    outcome = drive(scenario, [collector], until=ends, replays=replays)
+    outcome = drive(scenario, [collector], until=ends)
     ran_ns = outcome.at - scenario.start_at_ns
     return RunTables(scenario, collector.tables(), ran_ns), outcome
 
@@ -321,9 +305,9 @@ def run_unlogged(scenario: Scenario, observers: Sequence[Observer] = ()) -> RunS
     )
 
 
-def drive_trial(scenario: Scenario, replays: "Sequence[Replay]" = ()) -> Trial:
+def drive_trial(scenario: Scenario) -> Trial:
     """Run `scenario` in virtual time and keep its drives; raises VehicleFaultError."""
-    run, outcome = run_tables(scenario, kinds=TRIAL_KINDS, replays=replays)
+    run, outcome = run_tables(scenario, kinds=TRIAL_KINDS)
     outcome.raise_fault()
     return trial_of(run)
 
@@ -338,7 +322,6 @@ def run_virtual(
     *,
     watchers: Sequence[Watcher] = (),
     observers: Sequence[Observer] = (),
-    replays: "Sequence[Replay]" = (),
 ) -> RunSummary:
     """Run `scenario` in virtual time and write log and summary into `folder`.
 
@@ -350,7 +333,6 @@ def run_virtual(
         stop: Ends the run early; a failed run requests a stop with its reason.
         watchers: Called after each evaluation of the last seconds.
         observers: Called for every recorded message, after the log.
-        replays: Vehicles that send what was recorded, while the others are live.
 
     """
     live = LiveRun(scenario)
@@ -362,7 +344,6 @@ def run_virtual(
         run_id=scenario.virtual_run_id,
         live=live,
         observers=[*([live] if is_evaluated else []), *observers],
-        replayed=frozenset(replay.vehicle for replay in replays),
     )
     timer = Timer(STAGE_NS)
 
@@ -374,7 +355,7 @@ def run_virtual(
         return stop.requested or run.early_end is not None
 
     try:
-        outcome = _simulated(scenario, run, ends, replays)
+        outcome = _simulated(scenario, run, ends)
         at = outcome.at
         ends(is_last=True)
         if outcome.fault is not None:
@@ -391,9 +372,7 @@ def run_virtual(
     return summary
 
 
-def _simulated(
-    scenario: Scenario, run: RunLog, ends: Callable[[], bool], replays: "Sequence[Replay]"
-) -> DriveOutcome:
+def _simulated(scenario: Scenario, run: RunLog, ends: Callable[[], bool]) -> DriveOutcome:
     """Simulate a scenario into the log of a run; raises LogError."""
 
     def begin(at: int, start: Message) -> None:
@@ -409,17 +388,16 @@ def _simulated(
         OnMessage(begin, frozenset({RunStart})),
         OnMessage(run.recorder.record, ALL_KINDS - {RunStart}),
     )
-    return drive(scenario, log, until=ends, replays=replays, on_left=log_departure)
+    return drive(scenario, log, until=ends, on_left=log_departure)
 
 
 def record_trial(
     scenario: Scenario,
     folder: Path,
-    replays: "Sequence[Replay]" = (),
     observers: Sequence[Observer] = (),
 ) -> Trial:
     """Run `scenario` as `run_virtual` does and keep its drives; raises LogError if it fails."""
-    summary = run_virtual(scenario, folder, Stop(), replays=replays, observers=observers)
+    summary = run_virtual(scenario, folder, Stop(), observers=observers)
     if summary.reason:
         raise LogError(summary.reason)
     return trial_of(tables_of(folder / LOG_NAME))

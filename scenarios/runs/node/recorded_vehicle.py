@@ -4,6 +4,7 @@ Live followers receive its messages over the same links as from a live vehicle. 
 states are sent too, for the new log and its figures.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import atan
 from operator import attrgetter
@@ -26,15 +27,6 @@ from vehicles.schedule import SECOND, Cadence
 
 
 @dataclass(frozen=True, slots=True)
-class Replay:
-    """Messages of one replayed vehicle in order of time, and the instants (ns) to send them."""
-
-    vehicle: str
-    messages: tuple[GpsPose | TruePose, ...]
-    instants: tuple[int, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class RecordedVehicle:
     """Poses and true states of one vehicle in a log, and the start of its run (ns)."""
 
@@ -42,8 +34,14 @@ class RecordedVehicle:
     poses: tuple[GpsPose, ...]
     truth: tuple[TruePose, ...]
 
-    def replay(self, *, start_at: int) -> Replay:
-        """Shift the messages to a run that starts at `start_at` (ns).
+    def instants(self, start_at: int) -> list[int]:
+        """Instants (ns) of sending in a run that starts at `start_at` (ns)."""
+        shift = start_at - self.started_at
+        sent = [*map(_acts_at, self.poses), *map(_acts_at, self.truth)]
+        return sorted(at + shift for at in sent)
+
+    def messages(self, start_at: int) -> list[GpsPose | TruePose]:
+        """Messages in order of time, shifted to a run that starts at `start_at` (ns).
 
         Poses are numbered from 0; holes in the true poses remain.
         """
@@ -63,8 +61,7 @@ class RecordedVehicle:
         messages += [
             replace(t, seq=t.seq - first, true_at_ns=t.true_at_ns + shift) for t in self.truth
         ]
-        messages.sort(key=_acts_at)
-        return Replay(self.poses[0].vehicle, tuple(messages), tuple(map(_acts_at, messages)))
+        return sorted(messages, key=_acts_at)
 
 
 def _acts_at(message: GpsPose | TruePose) -> int:
@@ -122,15 +119,15 @@ def read_recorded_vehicle(log: Path, vehicle: str, *, partial: bool = False) -> 
 class RecordedNode:
     """Recorded messages instead of car, sensors and driver. Its inbox stays empty."""
 
-    replay: Replay
+    messages: Sequence[GpsPose | TruePose]
     inbox: Inbox
     outbox: Outbox
     pending_changes: PendingChanges = field(default_factory=PendingChanges)
     _sent: int = 0
 
     def step(self, tick: Tick) -> None:
-        due, messages = self._sent, self.replay.messages
-        while due < len(messages) and self.replay.instants[due] <= tick.at:
+        due, messages = self._sent, self.messages
+        while due < len(messages) and _acts_at(messages[due]) <= tick.at:
             due += 1
         self.outbox.publish_recorded(tick.at, messages[self._sent : due])
         self._sent = due

@@ -39,7 +39,6 @@ from scenarios.runs.node.phases import (
 )
 from scenarios.runs.node.recorded_vehicle import (
     RecordedNode,
-    Replay,
     ReplayedNode,
     read_replayed_vehicle,
 )
@@ -131,8 +130,8 @@ GAP_STREAM = 3
 class VehicleBuilder:
     """Builds one vehicle of a scenario as a node for a start instant."""
 
-    def __init__(self, scenario: Scenario, name: str, replay: Replay | None = None) -> None:
-        """Prepare a vehicle that sends the messages of `replay`, if given.
+    def __init__(self, scenario: Scenario, name: str) -> None:
+        """Read the recorded messages of a replayed vehicle.
 
         Raises ScenarioError if `scenario` has no vehicle called `name`, and LogError if its
         recorded messages cannot be read.
@@ -151,8 +150,7 @@ class VehicleBuilder:
             rates_hz.append(self._setup.imu_rate_hz)  # usually that of control
         self.rates_hz = tuple(dict.fromkeys(rates_hz))
         self.target: TruePoses | None = None
-        self._replay = replay
-        self._recorded = None if replay else read_replayed_vehicle(scenario.tables.replay, name)
+        self._recorded = read_replayed_vehicle(scenario.tables.replay, name)
 
     @property
     def scenario(self) -> Scenario:
@@ -161,7 +159,7 @@ class VehicleBuilder:
     @property
     def schedule(self) -> Hashable:
         """Key of the schedule: vehicles with equal keys have equal ticks."""
-        if self._replay or self._recorded:
+        if self._recorded:
             return self.name
         extra = extra_instants(self._scenario, self._setup, 0, 0)
         return (self.rates_hz, self.name) if extra else self.rates_hz
@@ -169,8 +167,9 @@ class VehicleBuilder:
     def ticks(self, start_at: int) -> Iterator[Tick]:
         """Schedule of the vehicle from `start_at` (ns) to the end of the run."""
         end_at = start_at + self.duration_ns
-        if replay := self._replay_from(start_at):
-            recorded = takewhile(lambda at: at < end_at, replay.instants)
+        if self._recorded:
+            instants = self._recorded.instants(start_at)
+            recorded = takewhile(lambda at: at < end_at, instants)
             return ticks(start_at, end_at, self.control_rate_hz, more=[recorded])
         extra = extra_instants(self._scenario, self._setup, start_at, end_at)
         return ticks(start_at, end_at, *self.rates_hz, more=extra)
@@ -226,8 +225,9 @@ class VehicleBuilder:
             state=handover.outbox if handover else None,
             target=self.target,
         )
-        if replay := self._replay_from(start_at):
-            return RecordedNode(replay=replay, inbox=inbox, outbox=outbox)
+        if self._recorded:
+            messages = self._recorded.messages(start_at)
+            return RecordedNode(messages=messages, inbox=inbox, outbox=outbox)
         control = Cadence(start_at, self.control_rate_hz)
         if drive is not None:
             return ReplayedNode(
@@ -259,12 +259,6 @@ class VehicleBuilder:
         changes = ChangeExecutor(PendingChanges(coming), self._changed)
         return Node(context, changes, self._first_phase(context))
 
-    def _replay_from(self, start_at: int) -> Replay | None:
-        """Recorded messages in a run from `start_at` (ns); None for a simulated vehicle."""
-        if self._recorded:
-            self._replay, self._recorded = self._recorded.replay(start_at=start_at), None
-        return self._replay
-
     def _first_phase(self, context: VehicleContext) -> VehiclePhase:
         if self._scenario.joins_late(self.name):
             return HumanDriving(context, context.start_at, None)
@@ -286,7 +280,7 @@ class VehicleBuilder:
 
     def links(self, start_at: int) -> list[IncomingLink]:
         """Links from all its sources, in a run from `start_at` (ns)."""
-        is_replayed = self._replay or self.name in self._scenario.tables.replayed
+        is_replayed = self.name in self._scenario.tables.replayed
         senders = () if is_replayed else self._setup.senders
         links = [self._incoming(sender, start_at) for sender in senders]
         self._changed.adopt(self._changing(incoming, start_at) for incoming in links)

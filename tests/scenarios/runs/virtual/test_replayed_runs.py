@@ -86,6 +86,12 @@ def test_followers_may_have_other_settings(log: Path, tmp_path: Path) -> None:
     assert sent(again, "v3", ("truth",)) != sent(log, "v3", ("truth",))
 
 
+def test_a_record_longer_than_the_run_counts_up_to_its_end(log: Path, tmp_path: Path) -> None:
+    short = run(replayed_session(log, ("v1",), ("duration_s=1.4",)), tmp_path)
+    assert len(sent(short, "v1", ("truth",))) == 70
+    assert sent(short, "v1", ("gps",)) == sent(log, "v1", ("gps",))[:28]
+
+
 def test_processes_with_the_log_elsewhere_take_part_in_one_run(log: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy.mcap"
     copy.write_bytes(log.read_bytes())
