@@ -1,4 +1,4 @@
-"""The smallest set of losses that still breaks the limit: bursts first, then messages in them.
+"""The smallest set of losses that still breaks the limit.
 
 Delta debugging: Zeller and Hildebrandt, "Simplifying and isolating failure-inducing input", IEEE
 Transactions on Software Engineering 28(2), 2002. Only complements are tested: subsets double the
@@ -7,10 +7,8 @@ improvements to the minimizing delta debugging algorithm", ICSOFT 2016).
 """
 
 import shlex
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -25,7 +23,6 @@ from scenarios.studies.engine import Engine
 from scenarios.studies.job import write_files
 from scenarios.studies.many.losses import (
     Burst,
-    Losses,
     LossFreeScenario,
     LostMessage,
     RecordedRun,
@@ -74,53 +71,30 @@ def ddmin(
     items: Sequence[Item],
     first_failing: FirstFailing[Item],
     is_exhausted: Callable[[], bool] = lambda: False,
-    chunks: int = 2,
 ) -> SmallestSet[Item]:
     """Remove items as long as the test, which fails with all of them, still fails.
 
-    Removes chunks, `chunks` of them at first, and halves their length when none can be removed.
-    Returns the current set once `is_exhausted`. The caller must know that the test passes without
-    any items.
+    Removes chunks, at first of half the items, and halves their length when all were tried. Returns
+    the current set once `is_exhausted`. The caller must know that the test passes without any
+    items.
     """
     left = tuple(items)
+    length = (len(left) + 1) // 2
     while len(left) > 1:
-        parts = split(left, min(chunks, len(left)))
-        kept = _remove_parts(parts, first_failing, is_exhausted)
+        before, start = left, 0
+        while not is_exhausted():
+            without = [left[:k] + left[k + length :] for k in range(start, len(left), length)]
+            index = first_failing(list(filter(None, without)))
+            if index is None:
+                break
+            left, start = without[index], start + index * length
         if is_exhausted():
-            return SmallestSet(_concatenated(kept), is_minimal=False)
-        if len(parts) == len(left) and len(kept) == len(parts):
+            return SmallestSet(left, is_minimal=False)
+        if length == 1 and left == before:
             break
-        # Removed items can make others redundant, so test single items again.
-        left, chunks = _concatenated(kept), 2 * len(kept)
+        # Removed items can make others redundant, so single items are tried again.
+        length = (length + 1) // 2
     return SmallestSet(left, is_minimal=True)
-
-
-def _remove_parts(
-    parts: Sequence[tuple[Item, ...]],
-    first_failing: FirstFailing[Item],
-    is_exhausted: Callable[[], bool],
-) -> list[tuple[Item, ...]]:
-    """Remove each part in turn if possible, but not all; return the others."""
-    kept, start = list(parts), 0
-    while start < len(kept) > 1 and not is_exhausted():
-        without = [_concatenated([*kept[:k], *kept[k + 1 :]]) for k in range(start, len(kept))]
-        index = first_failing(without)
-        if index is None:
-            break
-        start += index
-        del kept[start]
-    return kept
-
-
-def _concatenated(parts: Sequence[tuple[Item, ...]]) -> tuple[Item, ...]:
-    return tuple(item for part in parts for item in part)
-
-
-def split(items: tuple[Item, ...], chunks: int) -> list[tuple[Item, ...]]:
-    """Split into `chunks` parts whose lengths differ by at most one."""
-    size = len(items)
-    edges = [size * k // chunks for k in range(chunks + 1)]
-    return [items[a:b] for a, b in pairwise(edges)]
 
 
 def smallest_set(
@@ -132,19 +106,13 @@ def smallest_set(
     """
     alone = [row for row in rows if row.alone is not None and trials.is_breach(row.alone)]
     start = min(alone, key=lambda row: (row.messages, row.span_s)).group if alone else bursts
-    trials.set_stage("reducing the set of bursts")
-    first = partial(_first_breaking, trials, losses_of)
-    of_bursts = ddmin(start, first, lambda: trials.is_exhausted)
     trials.set_stage("reducing the set of messages")
-    messages = sorted(losses_of(of_bursts.items))
-    first_of_messages = partial(_first_breaking, trials, frozenset)
-    return ddmin(messages, first_of_messages, lambda: trials.is_exhausted)
+    messages = [message for burst in start for message in burst.messages]
 
+    def first_breaking(sets: Sequence[tuple[LostMessage, ...]]) -> int | None:
+        return trials.first_breaking(list(map(frozenset, sets)))
 
-def _first_breaking(
-    trials: Trials, losses: Callable[[Iterable[Item]], Losses], sets: Sequence[tuple[Item, ...]]
-) -> int | None:
-    return trials.first_breaking([losses(items) for items in sets])
+    return ddmin(messages, first_breaking, lambda: trials.is_exhausted)
 
 
 # ---- `convoy blame`: all steps in order

@@ -1,7 +1,7 @@
 """Parallel reruns with other losses; none is repeated."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from math import inf
 from operator import itemgetter
@@ -91,23 +91,12 @@ def result_of(run: RunTables, criteria: RerunCriteria, *, whole: bool = False) -
     )
 
 
-def rerun(
-    scenario: Scenario,
-    criteria: RerunCriteria,
-    *,
-    whole: bool = False,
-    ends_when_broken: bool = False,
-) -> RerunResult:
+def rerun(scenario: Scenario, criteria: RerunCriteria, *, whole: bool = False) -> RerunResult:
     """Run in virtual time until `criteria.until`; `whole`: with series.
 
     A failed vehicle ends the run.
     """
-
-    def is_over(run: RunTables) -> bool:
-        is_broken = ends_when_broken and first_breach(run, criteria.limit) is not None
-        return is_broken or run.ran_ns > criteria.until
-
-    run, _ = run_tables(scenario, is_over=is_over)
+    run, _ = run_tables(scenario, is_over=lambda run: run.ran_ns > criteria.until)
     return result_of(run, criteria, whole=whole)
 
 
@@ -144,7 +133,6 @@ class Trials:
     max_runs: int
     runs: int = 0
     _results: dict[Losses, RerunResult] = field(default_factory=dict)
-    _broken: dict[Losses, bool] = field(default_factory=dict)
 
     @property
     def is_exhausted(self) -> bool:
@@ -161,7 +149,13 @@ class Trials:
         """Return the results of runs with exactly these losses; `whole`: with series."""
         wanted = list(sets)
         new = [losses for losses in dict.fromkeys(wanted) if whole or losses not in self._results]
-        self._results |= self._simulate(new, self.criteria, whole=whole)
+        texts = [self.convoy.with_losses(losses).text for losses in new]
+        jobs = [
+            Job(key=f"run {number}", work=partial(_rerun, text, self.criteria, whole=whole))
+            for number, text in enumerate(texts, self.runs + 1)
+        ]
+        self.runs += len(jobs)
+        self._results |= zip(new, self.engine.results(jobs), strict=True)
         return [self._results[losses] for losses in wanted]
 
     def first_difference(
@@ -184,39 +178,18 @@ class Trials:
         for start in range(0, len(sets), self.parallel):
             chunk = sets[start : start + self.parallel]
             if not self.is_exhausted:
-                self._test(chunk)
+                self.results(chunk)
             for index, losses in enumerate(chunk, start):
-                if self._broken.get(losses):
+                if losses in self._results and self.is_breach(self._results[losses]):
                     return index
         return None
-
-    def _test(self, sets: Sequence[Losses]) -> None:
-        known = self._broken.keys() | self._results.keys()
-        new = [losses for losses in dict.fromkeys(sets) if losses not in known]
-        criteria = replace(self.criteria, until=self.breaks_by)
-        results = self._simulate(new, criteria, ends_when_broken=True)
-        results |= {losses: self._results[losses] for losses in sets if losses in self._results}
-        self._broken |= {losses: self.is_breach(result) for losses, result in results.items()}
 
     def is_breach(self, result: RerunResult) -> bool:
         return result.broken_at is not None and result.broken_at <= self.breaks_by
 
-    def _simulate(
-        self, sets: Sequence[Losses], criteria: RerunCriteria, **options: bool
-    ) -> dict[Losses, RerunResult]:
-        jobs = [
-            Job(
-                key=f"run {number}",
-                work=partial(_rerun, self.convoy.with_losses(losses).text, criteria, **options),
-            )
-            for number, losses in enumerate(sets, self.runs + 1)
-        ]
-        self.runs += len(jobs)
-        return dict(zip(sets, self.engine.results(jobs), strict=True))
 
-
-def _rerun(text: str, criteria: RerunCriteria, **options: bool) -> RerunResult:
-    return rerun(scenario_from_text(text), criteria, **options)
+def _rerun(text: str, criteria: RerunCriteria, *, whole: bool) -> RerunResult:
+    return rerun(scenario_from_text(text), criteria, whole=whole)
 
 
 # ---- Ranking of losses by their effect in metres, by bisection

@@ -87,7 +87,7 @@ def _scenario(convoy: Convoy, seed: int, burst: range, links: tuple[Link, ...]) 
 def _breaks(scenario: Scenario, until_s: float) -> bool:
     end = round(until_s * SECOND)
     criteria = RerunCriteria(figure="error", limit=LANE, until=end)
-    return rerun(scenario, criteria, ends_when_broken=True).broken_at is not None
+    return rerun(scenario, criteria).broken_at is not None
 
 
 @cache
