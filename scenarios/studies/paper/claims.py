@@ -346,7 +346,6 @@ def _nothing(_: Findings) -> Values:
 NO_GROWTH = Expected("≤", TOLERANCE_M, "m")
 GROWTH = Expected(">", TOLERANCE_M, "m")
 STABLE = Expected("<", 0.0, "1/s")
-POSITIVE = Expected(">", 0.0)
 LIMIT = Expected("<", 0.09, "m")
 """The paper's limit on tracking errors in the base case."""
 

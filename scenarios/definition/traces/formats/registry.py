@@ -156,9 +156,7 @@ def decoded(data: bytes) -> str:
         data = re.sub(rb"\0++", "\ufffd".encode(), ZEROS_AT_AN_END.sub(b"", data))
     if not data.strip():
         raise TraceError("empty file")
-    controls = len(data) - len(
-        data.translate(None, bytes({*range(1, 32)} - {9, 10, 11, 12, 13, 27}))
-    )
+    controls = len(data) - len(data.translate(None, CONTROLS))
     is_binary = BINARY.match(data) or controls > CONTROLS_MAX * len(data)
     if is_binary and not re.search(SENTENCE.encode(), data):
         raise TraceError(f"binary data, allowed {FORMATS}")
