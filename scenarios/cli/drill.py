@@ -1,6 +1,7 @@
 """`convoy drill`, and its table."""
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,8 +17,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from scenarios.studies.drill import DrillResult, DrillRow
-    from scenarios.studies.many.variant import Variant
+    from scenarios.studies.drill import DrillRow
 
 
 @click.command(
@@ -27,7 +27,9 @@ Examples:
   convoy drill lead_lost tunnel --seeds 20
   convoy drill mine.toml --junit drills.xml --out drills
   convoy drill lead_lost --set control.degradation.reaction=hold
-  convoy drill restarted_follower --clock wall --out drills
+
+\b
+In real time, with a process for each vehicle: convoy run lead_lost
 """
 )
 @click.argument("names", nargs=-1, metavar="[NAME|FILE]…")
@@ -38,10 +40,6 @@ Examples:
     help="Run each drill with the seeds 1 to N and report the worst value of each limit."
     " Default: its own seed.",
 )  # fmt: skip
-@click.option(
-    "--clock", type=click.Choice(["wall", "virtual"]), default="virtual", show_default=True,
-    help="Real time with one process per vehicle (wall), or as fast as possible (virtual).",
-)  # fmt: skip
 @engine_options
 @click.option(
     "--junit", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
@@ -49,7 +47,7 @@ Examples:
 )  # fmt: skip
 @click.option(
     "--out", type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for drills.json and, with --clock wall, for the logs.",
+    help="Folder for drills.json.",
 )  # fmt: skip
 def drill(
     *,
@@ -57,7 +55,6 @@ def drill(
     as_list: bool,
     overrides: tuple[str, ...],
     seeds: int | None,
-    clock: str,
     workers: int | None,
     scheduler: str,
     junit: Path | None,
@@ -99,9 +96,8 @@ def drill(
             require_place(out, (JSON_FILE,))
         fleet = selected_workers(workers, scheduler)
         plug_ins = {name for variant in variants for name in variant.scenario.plug_ins}
-        with study_engine(fleet, _print_to_stderr, plug_ins=plug_ins) as engine:
-            as_processes = clock == "wall"
-            runs = _as_processes(variants, out) if as_processes else run_drills(variants, engine)
+        with study_engine(fleet, partial(click.echo, err=True), plug_ins=plug_ins) as engine:
+            runs = run_drills(variants, engine)
             rows = drill_rows(runs)
             print_drills(rows, Console(), several_seeds=bool(seeds))
             if out is not None:
@@ -111,45 +107,6 @@ def drill(
                 write_junit(rows, runs, junit)
                 click.echo(f"written: {junit}")
         sys.exit(0 if all(row.passed for row in rows) else EXIT_FAILED)
-
-
-def _print_to_stderr(line: str) -> None:
-    click.echo(line, err=True)
-
-
-def _as_processes(variants: "Sequence[Variant]", out: Path | None) -> "list[DrillResult]":
-    """Run the drills in real time one after another, until a signal stops one."""
-    import time
-    from dataclasses import replace
-
-    from scenarios.cli.common_options import DisplayOptions
-    from scenarios.cli.launching import RunOptions, run_scenario
-    from scenarios.definition.errors import ScenarioError
-    from scenarios.results.files import LOG_NAME
-    from scenarios.results.log_summary import summary_of
-    from scenarios.runs.stop import EXIT_FAILED
-    from scenarios.studies.drill import drill_result
-
-    if out is None:
-        raise ScenarioError(["--out: missing, --clock wall needs a folder for the logs"])
-    runs = []
-    for number, variant in enumerate(variants, 1):
-        folder = out / f"{Path(variant.name).stem}-{variant.seed}"
-        _print_to_stderr(
-            f"{number} of {len(variants)}: {variant.name}, seed {variant.seed}, into {folder}"
-        )
-        began = time.perf_counter()
-        options = RunOptions(
-            clock="wall",
-            display=DisplayOptions(quiet=True),
-            out=folder,
-        )
-        exit_code = run_scenario(variant.name, variant.overrides, variant.seed, options)
-        if exit_code not in {0, EXIT_FAILED}:
-            sys.exit(exit_code)
-        run = drill_result(variant, summary_of(folder / LOG_NAME), time.perf_counter() - began)
-        runs.append(replace(run, command=run.command.removesuffix(" --clock virtual")))
-    return runs
 
 
 def _columns(*, several_seeds: bool) -> "Sequence[Column[tuple[DrillRow, str]]]":
@@ -164,7 +121,7 @@ def _columns(*, several_seeds: bool) -> "Sequence[Column[tuple[DrillRow, str]]]"
         Column("drill", lambda row: row[1], left=True, wraps=True),
         Column("limit", lambda row: row[0].label, left=True, wraps=True),
         Column("value", lambda row: row[0].value, ".3g"),
-        Column("margin", lambda row: _percent(row[0].margin_ratio)),
+        Column("margin\n%", lambda row: row[0].margin_ratio, ".0f", 100.0),
         Column("vehicle", vehicle, left=True, wraps=True),
         Column(
             "",
@@ -173,10 +130,6 @@ def _columns(*, several_seeds: bool) -> "Sequence[Column[tuple[DrillRow, str]]]"
             wraps=True,
         ),
     )
-
-
-def _percent(ratio: float | None) -> str | None:
-    return None if ratio is None else f"{100.0 * ratio:.0f} %"
 
 
 def print_drills(

@@ -44,9 +44,10 @@ def run_virtually(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunOptions:
+class RunOptions(DisplayOptions):
+    """Options of a run, as the command line has them."""
+
     clock: str
-    display: DisplayOptions
     run_name: str | None = None
     out: Path | None = None
 
@@ -76,21 +77,21 @@ def replay_run(scenario: Scenario, options: RunOptions) -> int:
 
 def _run_loaded(scenario: Scenario, arguments: Sequence[str], options: RunOptions) -> int:
     """Run `scenario`, which the command-line `arguments` select; returns the exit code."""
-    on_wall_clock, display, out = options.clock == "wall", options.display, options.out
+    on_wall_clock, out = options.clock == "wall", options.out
     common = checked_run_name(options.run_name or f"{scenario.name}-{secrets.token_hex(3)}")
     unusual = unusual_settings(scenario, wall_clock=on_wall_clock)
     for line in (*unusual, *warnings(scenario)):
         click.echo(f"warning: {line}", err=True)
-    refuse_picture(display.rerun, out)  # in one line here, before the recorder starts
+    refuse_picture(options.rerun, out)  # in one line here, before the recorder starts
     folder = folder_of(scenario, out)
     with claimed(folder, fresh=out is None):
         if not on_wall_clock:
-            return run_virtually(scenario, folder, stop_on_signals(), common, display)
+            return run_virtually(scenario, folder, stop_on_signals(), common, options)
         from scenarios.cli.wall_clock_run import run_processes
         from scenarios.runs.processes.supervisor import LaunchPlan
 
-        plan = LaunchPlan(scenario, arguments, folder, display.arguments, common)
-        return run_processes(plan, display)
+        plan = LaunchPlan(scenario, arguments, folder, options.arguments, common)
+        return run_processes(plan, options)
 
 
 def scenario_arguments(name: str, overrides: Sequence[str], seed: int | None) -> list[str]:

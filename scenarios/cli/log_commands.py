@@ -13,19 +13,15 @@ from scenarios.cli.common_options import (
     tables_option,
     time_option,
 )
-from scenarios.cli.output import clear_errors, print_whole, table_of, warn_of_log
+from scenarios.cli.output import clear_errors, print_whole, progress_of, table_of, warn_of_log
 from scenarios.definition.errors import require
 from scenarios.results.files import json_text, plain
 from scenarios.results.summary_columns import Column
 
 if TYPE_CHECKING:
-    from scenarios.results.log_info import ChannelInfo, LogInfo
-from collections.abc import Callable
-from time import monotonic
-
-if TYPE_CHECKING:
     from rich.console import Console
 
+    from scenarios.results.log_info import ChannelInfo, LogInfo
     from scenarios.studies.run_list import ListedRun
 
 
@@ -62,7 +58,7 @@ def review(
 
     LOG is a run.mcap or its folder.
     """
-    from scenarios.cli.output import progress_of, wait_until_stopped
+    from scenarios.cli.output import wait_until_stopped
     from scenarios.results.log_summary import log_in
     from transport.picture.option import parse_rerun_option
 
@@ -247,7 +243,6 @@ def recover(log: Path, *, output: Path) -> None:
 # ---- `convoy runs`: all runs in a folder, as a table
 
 
-PROGRESS_S = 2.0
 WIDEST = 40
 """Characters of printed overrides."""
 
@@ -289,24 +284,11 @@ def runs(folder: Path, *, conditions: tuple[str, ...], sort: str, as_json: bool)
 
     with clear_errors():
         selected((), conditions, sort)  # refuse options before the logs are read
-        listed = selected(runs_in(folder, _progress_lines()), conditions, sort)
+        listed = selected(runs_in(folder, progress_of("runs are read")), conditions, sort)
         if as_json:
             click.echo(json.dumps(as_rows(listed), indent=2))
         else:
             print_runs(listed, Console())
-
-
-def _progress_lines() -> Callable[[int, int], None]:
-    """Return a function that prints the number of runs that were read, every few seconds."""
-    printed_at = monotonic()
-
-    def report(done: int, total: int) -> None:
-        nonlocal printed_at
-        if monotonic() - printed_at >= PROGRESS_S:
-            printed_at = monotonic()
-            click.echo(f"{done} of {total} runs are read", err=True)
-
-    return report
 
 
 def print_runs(listed: "Sequence[ListedRun]", console: "Console") -> None:

@@ -225,18 +225,6 @@ SECTIONS: Mapping[str, Section] = {
             "coherence": f"at least {LEAST_COHERENCE:g}; else nothing is given",
         },
     ),
-    "growth over seeds": (
-        "`convoy sweep --metric v6.string.spacing_growth_l2` prints the geometric mean over the "
-        "seeds with its 95 % interval; `convoy compare` compares folders of runs.",
-        {},
-    ),
-    "alpha*": (
-        "The lateral law of the paper has another answer: with a weight α of the predecessor and "
-        "1 - α of the lead, errors are not amplified at any frequency if α < α* = 1/‖G‖∞, where G "
-        "is the transfer of the lateral error from vehicle to vehicle with the predecessor alone. "
-        "`convoy check` prints α* at the scenario's speed; `convoy paper` has its source.",
-        {},
-    ),
 }
 
 

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -34,6 +34,10 @@ from scenarios.cli.output import (
 )
 from scenarios.runs.stop import STOP_SIGNALS, end_on_signals, ignore_hangup, stop_on_request
 
+if TYPE_CHECKING:
+    from scenarios.definition.scenario import Scenario
+    from transport.bus.zenoh_options import ZenohOptions
+
 
 @click.command(
     epilog="""\b
@@ -48,18 +52,7 @@ Examples:
 @clock_option
 @run_option
 @log_options
-def run(
-    *,
-    scenario: str,
-    overrides: tuple[str, ...],
-    seed: int | None,
-    clock: str,
-    run_name: str | None,
-    out: Path | None,
-    rerun: str,
-    quiet: bool,
-    tables: Tables,
-) -> None:
+def run(scenario: str, *, overrides: tuple[str, ...], seed: int | None, **options: Any) -> None:
     """Run a scenario.
 
     SCENARIO is a shipped name (see `convoy list`), a TOML file, or a recorded drive, such as a GPX
@@ -69,19 +62,7 @@ def run(
 
     ignore_hangup()
     with clear_errors():
-        sys.exit(
-            run_scenario(
-                scenario,
-                overrides,
-                seed,
-                RunOptions(
-                    clock=clock,
-                    display=DisplayOptions(rerun, quiet, tables),
-                    run_name=run_name,
-                    out=out,
-                ),
-            )
-        )
+        sys.exit(run_scenario(scenario, overrides, seed, RunOptions(**options)))
 
 
 @click.command(
@@ -128,35 +109,18 @@ Examples:
 @time_option("--wait", default=600.0, help_text="Longest wait for the start. Default: 10min.")
 @click.option("--quiet", is_flag=True, help="Print errors and warnings only.")
 @parent_watch_option
-def vehicle(
-    *,
-    scenario: str,
-    overrides: tuple[str, ...],
-    seed: int | None,
-    name: str,
-    run_name: str | None,
-    wait_s: float,
-    quiet: bool,
-    launched: bool,
-    **flags: Any,
-) -> None:
+def vehicle(*, name: str, wait_s: float, quiet: bool, launched: bool, **of_convoy: Any) -> None:
     """Run one vehicle of a scenario.
 
     SCENARIO is a shipped name, a TOML file, or a recorded drive. The vehicle starts when the
     recorder announces the start of the run.
     """
     stop = stop_on_request(with_launcher=launched)
-    from scenarios.definition.scenario import load_scenario
-    from scenarios.runs.node.process_probe import name_process
-    from scenarios.runs.processes.membership import checked_run_name
     from scenarios.runs.processes.restart import ProcessHandover, RestartRequestedError
     from scenarios.runs.processes.vehicle_process import run_vehicle
 
-    name_process(name)
-    ignore_hangup()
     with clear_errors():
-        convoy = load_scenario(scenario, overrides, seed)
-        options = zenoh_from(flags, checked_run_name(run_name or convoy.name))
+        convoy, options = _part_of_convoy(name, **of_convoy)
         before: ProcessHandover | None = None
         while True:
             try:
@@ -193,17 +157,13 @@ Examples:
 @parent_watch_option
 def record(
     *,
-    scenario: str,
-    overrides: tuple[str, ...],
-    seed: int | None,
-    run_name: str | None,
     out: Path | None,
     rerun: str,
     quiet: bool,
     tables: Tables,
     wait_s: float,
     launched: bool,
-    **flags: Any,
+    **of_convoy: Any,
 ) -> None:
     """Start the run of a convoy and record it.
 
@@ -212,25 +172,35 @@ def record(
     """
     stop = stop_on_request(with_launcher=launched)
     from scenarios.cli.recorder_run import record_run
+
+    with clear_errors():
+        convoy, options = _part_of_convoy("recorder", **of_convoy)
+        display = DisplayOptions(rerun=rerun, quiet=quiet, tables=tables)
+        sys.exit(
+            record_run(
+                convoy, options, stop, out=out, display=display, gather_s=wait_s, launched=launched
+            )
+        )
+
+
+def _part_of_convoy(
+    process: str,
+    *,
+    scenario: str,
+    overrides: tuple[str, ...],
+    seed: int | None,
+    run_name: str | None,
+    **flags: Any,
+) -> "tuple[Scenario, ZenohOptions]":
+    """Load the scenario of a convoy in a process with this name, and read its Zenoh flags."""
     from scenarios.definition.scenario import load_scenario
     from scenarios.runs.node.process_probe import name_process
     from scenarios.runs.processes.membership import checked_run_name
 
-    name_process("recorder")
+    name_process(process)
     ignore_hangup()
-    with clear_errors():
-        convoy = load_scenario(scenario, overrides, seed)
-        sys.exit(
-            record_run(
-                convoy,
-                zenoh_from(flags, checked_run_name(run_name or convoy.name)),
-                stop,
-                out=out,
-                display=DisplayOptions(rerun, quiet, tables),
-                gather_s=wait_s,
-                launched=launched,
-            )
-        )
+    convoy = load_scenario(scenario, overrides, seed)
+    return convoy, zenoh_from(flags, checked_run_name(run_name or convoy.name))
 
 
 def run_part(arguments: Sequence[str]) -> None:
@@ -280,14 +250,9 @@ def replay(
     vehicles: str,
     overrides: tuple[str, ...],
     seed: int | None,
-    clock: str,
-    run_name: str | None,
-    out: Path | None,
-    rerun: str,
-    quiet: bool,
-    tables: Tables,
     output: Path | None,
     partial: bool,
+    **options: Any,
 ) -> None:
     """Drive live vehicles behind recorded ones.
 
@@ -314,14 +279,4 @@ def replay(
         if output is not None:
             print_or_write(scenario.text, output)
             return
-        sys.exit(
-            replay_run(
-                scenario,
-                RunOptions(
-                    clock=clock,
-                    display=DisplayOptions(rerun, quiet, tables),
-                    run_name=run_name,
-                    out=out,
-                ),
-            )
-        )
+        sys.exit(replay_run(scenario, RunOptions(**options)))

@@ -10,7 +10,6 @@ import click
 
 from scenarios.cli import common_options
 from scenarios.cli.common_options import (
-    Command,
     FiniteRange,
     Ratio,
     folder_option,
@@ -40,33 +39,6 @@ LIMIT_WORDS = (
 )
 FIGURES = {row.figure: word for word, row in WORDS.items() if row.key in SEARCHED}
 """Words of `--limit` by the summary field of figures that commands search for."""
-OLD_FIGURES = {"error": "error_m", "gap": "gap_m"} | {word: word for word in FIGURES.values()}
-
-
-class LimitedFigure(click.Choice[str]):
-    """A summary field with a limit; returns its word."""
-
-    def __init__(self) -> None:
-        super().__init__(list(FIGURES))
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        if value in OLD_FIGURES:
-            names = {word: name for name, word in FIGURES.items()}
-            self.fail(f"{value} is now {names[OLD_FIGURES[value]]}", param, ctx)
-        return FIGURES[super().convert(value, param, ctx)]
-
-
-def figure_option(help_text: str) -> Callable[[Command], Command]:
-    first, *others = FIGURES
-    return click.option(
-        "--figure",
-        type=LimitedFigure(),
-        default=first,
-        show_default=True,
-        metavar="NAME",
-        help=f"{help_text}: {first} or {', '.join(others)}.",
-    )
-
 
 limit_option = click.option(
     "--limit",
@@ -125,8 +97,8 @@ is fitted, and how often its intervals contain a known boundary.
 @click.option("--precision", type=FiniteRange(0.0, min_open=True), metavar="NUMBER",
               help="Stop at this half-width of the 95 % interval, in the unit of KEY. "
               "Default: a fiftieth of the range.")  # fmt: skip
-@click.option("--runs", type=click.IntRange(min=1), default=1000, show_default=True,
-              metavar="N", help="Maximum number of runs.")  # fmt: skip
+@click.option("--runs", "max_runs", type=click.IntRange(min=1), default=1000,
+              show_default=True, metavar="N", help="Maximum number of runs.")  # fmt: skip
 @override_options
 @engine_options
 @folder_option("boundary", "Folder for the plot and bisect.json.")
@@ -137,14 +109,12 @@ def bisect(
     key: str,
     limit_text: str,
     span: str,
-    precision: float | None,
-    runs: int,
-    share: float,
     overrides: tuple[str, ...],
     workers: int | None,
     scheduler: str,
     out: Path,
     picture_format: str,
+    **search: Any,
 ) -> None:
     """Find the value at which runs break a limit.
 
@@ -162,16 +132,7 @@ def bisect(
     with clear_errors():
         low, high = _bounds_of(span)
         variant, limit = limited_variant(scenario, overrides, limit_text)
-        query = BoundaryQuery(
-            variant=variant,
-            key=key,
-            limit=limit,
-            low=low,
-            high=high,
-            precision=precision,
-            share=share,
-            max_runs=runs,
-        )
+        query = BoundaryQuery(variant=variant, key=key, limit=limit, low=low, high=high, **search)
         open_workers = selected_workers(workers, scheduler)
         result, written = run_bisect(
             query, out, open_workers, click.echo, picture_format=picture_format
@@ -262,7 +223,14 @@ Examples:
 )
 @click.argument("log", type=click.Path(path_type=Path))
 @limit_option
-@figure_option("Rank losses by their effect on this figure")
+@click.option(
+    "--figure",
+    type=click.Choice(list(FIGURES)),
+    default=next(iter(FIGURES)),
+    show_default=True,
+    metavar="NAME",
+    help=f"Rank losses by their effect on this figure: {' or '.join(FIGURES)}.",
+)
 @folder_option("blame", "Folder for the plot, blame.json and smallest.toml.")
 @picture_format_option
 @engine_options
@@ -303,7 +271,7 @@ def blame(
 
     with clear_errors():
         file = log_in(log)
-        ranked = cast("FigureName", WORDS[figure].live)
+        ranked = cast("FigureName", WORDS[FIGURES[figure]].live)
         scenario = scenario_of(file)
         limit = parsed_limit(limit_text, scenario.vehicle_names)
         files = (f"{blame.PICTURE}.{picture_format}", blame.JSON_FILE, blame.SMALLEST)
@@ -347,9 +315,7 @@ def _which(row: "Attribution") -> str:
 
 
 def _breaks_alone(row: "Attribution") -> str:
-    if row.alone is None:
-        return ""
-    return "no" if row.alone.broken_at is None else "yes"
+    return "" if row.alone is None else "no" if row.alone.broken_at is None else "yes"
 
 
 LOSS_COLUMNS: "Sequence[Column[Attribution]]" = (
@@ -491,14 +457,7 @@ def sweep(
         )
         fleet = selected_workers(workers, scheduler)
         report = partial(click.echo, err=True)
-        table, written = run_sweep(
-            plan,
-            out,
-            fleet,
-            report,
-            parquet=parquet,
-            picture=output,
-        )
+        table, written = run_sweep(plan, out, fleet, report, parquet=parquet, picture=output)
         print_sweep(table, Console())
         click.echo(f"written: {', '.join(map(str, written))}")
         if table.errors:
@@ -536,27 +495,28 @@ def _key_column(key: str, place: int) -> "Column[SweepCell]":
     return Column(key.replace(".", ".\n"), lambda cell: cell.values[place])
 
 
+SPREADS = (
+    ("mean", "mean"),
+    ("95 % interval\nof the mean", "mean_low mean_high"),
+    ("median", "median"),
+    ("5 %", "p5"),
+    ("95 %", "p95"),
+)
+"""Headings of columns, and the figures of a cell in them."""
+
+
 def _spread_columns(number: int, *, least: bool) -> "list[Column[SweepCell]]":
     """Columns of the figure with this number; its worst value comes last."""
 
-    def spread(heading: str, attribute: str) -> "Column[SweepCell]":
-        return Column(heading, lambda cell: _shown(getattr(cell.figures[number], attribute)))
+    def values(names: str) -> "Callable[[SweepCell], str | None]":
+        def shown(cell: "SweepCell") -> str | None:
+            found = [_shown(getattr(cell.figures[number], name)) for name in names.split()]
+            return None if None in found else " to ".join(map(str, found))
 
-    def interval(cell: "SweepCell") -> str | None:
-        of_mean = cell.figures[number]
-        if of_mean.mean_low is None:
-            return None
-        return f"{_shown(of_mean.mean_low)} to {_shown(of_mean.mean_high)}"
+        return shown
 
-    worst = spread("min", "minimum") if least else spread("max", "maximum")
-    return [
-        spread("mean", "mean"),
-        Column("95 % interval\nof the mean", interval),
-        spread("median", "median"),
-        spread("5 %", "p5"),
-        spread("95 %", "p95"),
-        worst,
-    ]
+    worst = ("min", "minimum") if least else ("max", "maximum")
+    return [Column(heading, values(names)) for heading, names in (*SPREADS, worst)]
 
 
 def _share_columns(number: int) -> "list[Column[SweepCell]]":

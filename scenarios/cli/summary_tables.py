@@ -1,6 +1,5 @@
 """The figures of a run as tables for a person; `summary.json` holds the same for machines."""
 
-import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -33,12 +32,9 @@ from scenarios.results.summary_columns import (
     has_link_news,
     tables_of,
 )
-from transport.topics import counts_as_loss
 
 MOST_CHANGES = 3
 """Changes in the title."""
-REQUESTED_LOSS = re.compile(r", loss [\d.]+( to [\d.]+)? %")
-"""Part of a scenario's title."""
 MOST_EVENTS, MOST_NEW_EVENTS = 40, 10
 MOST_HOLES = 10
 UNTITLED = ("vehicles", "processes")
@@ -103,37 +99,14 @@ def _all_reasons(summary: RunSummary) -> Sequence[str]:
 
 
 def title_of(summary: RunSummary) -> str:
-    """Name of the run, changes made to it, its clock and its duration.
-
-    Losses under changed links are counted, instead of the loss that the scenario requests.
-    """
+    """Name of the run, changes made to it, its clock and its duration."""
     about = summary.identity
     name = about.title or f"{about.scenario}, seed {about.seed}"
-    parts = []
-    if lost := _changed_loss(summary):
-        name = REQUESTED_LOSS.sub("", name)
-        parts.append(lost)
     made = [change for change in summary.changes if change.kind not in {"cut", "heal"}]
-    parts += [_change_words(change) for change in made[:MOST_CHANGES]]
+    parts = [_change_words(change) for change in made[:MOST_CHANGES]]
     if len(made) > MOST_CHANGES:
         parts.append(f"{len(made) - MOST_CHANGES} more changes")
     return ", ".join([name, *parts, f"{about.clock} clock", f"{summary.ran_s:.1f} s"])
-
-
-def _changed_loss(summary: RunSummary) -> str:
-    """Count the messages lost in a run whose links were changed; empty for other runs."""
-    cut = sum(row.dropped.get("cut", 0) for row in summary.links)
-    if not cut and not any(change.kind == "link" for change in summary.changes):
-        return ""
-    judged = sum(row.judged for row in summary.links)
-    lost = sum(
-        count
-        for row in summary.links
-        for word, count in row.dropped.items()
-        if counts_as_loss(word)
-    )
-    by_cuts = "" if not cut else " by cuts" if cut == lost else f", {cut} by cuts"
-    return f"{lost} of {judged} messages lost{by_cuts}"
 
 
 def _change_words(change: RunChange) -> str:

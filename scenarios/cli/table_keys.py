@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from scenarios.cli.output import grid_of
-from scenarios.definition.hints import models_of
+from scenarios.definition.hints import bounds_of, models_of
 from scenarios.definition.schema.link_tables import WORDS, SourcesTable
 from scenarios.definition.schema.scenario_tables import ScenarioTables
 from scenarios.definition.schema.settings_table import SettingsTable
@@ -151,7 +151,12 @@ def _described(doc: str, field: FieldInfo) -> str:
 
 def _values(field: FieldInfo) -> Iterator[str]:
     annotation = field.annotation
-    words = [word for part in _parts(annotation) for word in _words(part)]
+    words = [
+        word
+        for part in _parts(annotation)
+        if get_origin(part) is Literal
+        for word in get_args(part)
+    ]
     if words:
         yield " | ".join(f'"{word}"' for word in words)
     elif get_origin(annotation) is dict:
@@ -165,12 +170,7 @@ def _values(field: FieldInfo) -> Iterator[str]:
     elif models := list(models_of(annotation)):
         is_list = any(get_origin(part) is tuple for part in _parts(annotation))
         yield "list of tables" if is_list else "table" if len(models) == 1 else KINDS
-    bounds = {
-        word: bound
-        for part in (*field.metadata, *_metadata(annotation))
-        for word in BOUNDS
-        if (bound := getattr(part, word, None)) is not None
-    }
+    bounds = bounds_of(field)
     if {"ge", "le"} <= set(bounds):
         yield f"{bounds['ge']:g} to {bounds['le']:g}"
     else:
@@ -199,11 +199,6 @@ def _default(field: FieldInfo) -> Iterator[str]:
         yield f"default {list(default)}"
 
 
-def _words(part: Any) -> Iterator[str]:
-    if get_origin(part) is Literal:
-        yield from (str(word) for word in get_args(part))
-
-
 def _parts(annotation: Any) -> Iterator[Any]:
     """Yield an annotation and all that it is made of, except what is inside tables."""
     if annotation is None or annotation is NoneType:
@@ -212,9 +207,3 @@ def _parts(annotation: Any) -> Iterator[Any]:
     if get_origin(annotation) is not Literal:
         for part in get_args(annotation):
             yield from _parts(part)
-
-
-def _metadata(annotation: Any) -> Iterator[Any]:
-    for part in _parts(annotation):
-        if isinstance(part, FieldInfo):
-            yield from part.metadata

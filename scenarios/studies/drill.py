@@ -85,7 +85,14 @@ def drill_variants(
 def run_drill(variant: Variant) -> DrillResult:
     began = time.perf_counter()
     summary = variant.run()
-    return drill_result(variant, summary, time.perf_counter() - began)
+    return DrillResult(
+        drill=variant.name,
+        seed=variant.seed,
+        limits=summary.limits,
+        other_reason=_other_reason(summary),
+        command=variant.command,
+        duration_s=time.perf_counter() - began,
+    )
 
 
 def run_drills(variants: Sequence[Variant], engine: Engine) -> list[DrillResult]:
@@ -99,17 +106,6 @@ def run_drills(variants: Sequence[Variant], engine: Engine) -> list[DrillResult]
     ]
     engine.progress.total = len(jobs)
     return engine.results(jobs)
-
-
-def drill_result(variant: Variant, summary: RunSummary, duration_s: float) -> DrillResult:
-    return DrillResult(
-        drill=variant.name,
-        seed=variant.seed,
-        limits=summary.limits,
-        other_reason=_other_reason(summary),
-        command=variant.command,
-        duration_s=duration_s,
-    )
 
 
 def _other_reason(summary: RunSummary) -> str:

@@ -19,7 +19,7 @@ from scenarios.definition.check.steering_loop import (
     sampled_loop_warnings,
     slip_warnings,
 )
-from scenarios.definition.check.unusual import lap_warnings, unusual_settings
+from scenarios.definition.check.unusual import unusual_settings
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.schema.change_tables import SpeedChangeTable
 from scenarios.definition.traces.reading import DriveInPlane
@@ -69,23 +69,23 @@ def receiver_warnings(scenario: Scenario) -> Iterator[str]:
         own = _Lasting() if setup.has_exact_state else errors[name]
         apart[name] = max(own.from_another(errors[sender]) for sender in setup.flow.lateral)
         rooms[name] = 0.5 * max(scenario.tables.events.lane_width_m - setup.parameters.width, 0.0)
-    beyond = [name for name in apart if apart[name] > rooms[name]]
-    if beyond:
+    for is_beyond in (True, False):
+        names = [
+            name
+            for name, off in apart.items()
+            if off > NOTICED and (off > rooms[name]) == is_beyond
+        ]
+        if not names:
+            continue
+        what, effect = "followers drive off the lead's path", ""
+        if is_beyond:
+            room = min(rooms[name] for name in names)
+            what = "receivers differ"
+            effect = f": the lane leaves {room:.1f} m beside a car, which will leave it"
         yield (
-            f"{', '.join(beyond)}: receivers differ by up to {max(apart.values()):.1f} m (two "
-            "standard deviations of drift and bias), the lane leaves "
-            f"{min(rooms[name] for name in beyond):.1f} m beside a car: cars will leave the lane "
-            'even on clean links, and slide at high speed. Set gnss.preset = "rtk_fixed" or '
-            '"rtk_float".'
-        )
-    noticed = [name for name in apart if NOTICED < apart[name] <= rooms[name]]
-    if noticed:
-        yield (
-            f"{', '.join(noticed)}: followers will drive up to "
-            f"{max(apart[name] for name in noticed):.1f} m off the lead's path even on clean "
-            "links, as their receivers have drift and bias of their own (two standard deviations), "
-            'and nothing measures a position relative to the lead. Set gnss.preset = "rtk_fixed", '
-            "or gnss.common_drift for an error that all receivers share."
+            f"{', '.join(names)}: {what} by up to {max(apart[one] for one in names):.1f} m (two "
+            f"standard deviations of drift and bias) even on clean links{effect}. Set gnss.preset "
+            '= "rtk_fixed", or gnss.common_drift for an error that all receivers share.'
         )
 
 
@@ -277,7 +277,6 @@ def _warnings(scenario: Scenario, run: _Run) -> tuple[str, ...]:
     has_bends = float(np.max(np.abs(scenario.route.path.curvature))) > STRAIGHT
     result = (
         *drive_warnings(scenario),
-        *lap_warnings(scenario),
         *_vehicle_warnings(scenario),
         *_recording_warnings(scenario),
         *_replay_warnings(scenario),

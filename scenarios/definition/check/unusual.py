@@ -48,24 +48,6 @@ def longer_than_lap(scenario: Scenario) -> Iterator[str]:
     )
 
 
-def lap_warnings(scenario: Scenario) -> Iterator[str]:
-    """Warn if the lead must drive slower than planned behind its last vehicle."""
-    names = scenario.vehicle_names
-    if not scenario.tables.speed.lead_keeps_gap:
-        return
-    fastest = max(scenario.route.profile.speeds)
-    length, standing = (_length(scenario, speed, whole=True) for speed in (fastest, 0.0))
-    loop = _driven_loop(scenario, length)
-    if loop is None or loop.name == "loop" or not standing < loop.length < length:
-        return
-    slower = fastest * (loop.length - standing) / (length - standing)
-    yield (
-        f"at {fastest:.1f} m/s the convoy with its gaps is {length:.0f} m long and a lap "
-        f"{loop.length:.0f} m: the lead keeps its distance from {names[-1]} ahead of it and drives "
-        f"at most {slower:.1f} m/s on average. Lower convoy.vehicles or the gaps."
-    )
-
-
 def _driven_loop(scenario: Scenario, length: float) -> _Loop | None:
     """Shortest loop that the lead drives, if that is a lap or shorter than `length` (m)."""
     route, names = scenario.route, scenario.vehicle_names

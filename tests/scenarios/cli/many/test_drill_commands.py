@@ -122,7 +122,6 @@ def test_overrides_apply_to_each_drill(tmp_path: Path) -> None:
         (("nowhere",), "nowhere: no such file"),
         (("lane_change",), "lane_change: limits: missing"),
         (("tunnel", "--set", "links.loss=1"), "--set: links.loss: given 1"),
-        (("tunnel", "--clock", "wall"), "--out: missing, --clock wall needs"),
     ],
 )
 def test_invalid_drills_are_refused_in_one_line(arguments: tuple[str, ...], line: str) -> None:
