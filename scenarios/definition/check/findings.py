@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 from math import hypot, inf
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -344,22 +343,6 @@ def _slower_in_curves(scenario: Scenario) -> str:
     return f'Set speed.lead = "set", or raise path.smoothing_m{noise}'
 
 
-def _lowered(scenario: Scenario, run: _Run) -> Iterator[tuple[float, float]]:
-    """Yield the lowest speed (m/s) in curves and the set speed, for each set speed of the run.
-
-    Between two set speeds the lead changes its speed: only below both it is in a curve.
-    """
-    changes = [table for table in scenario.tables.change if isinstance(table, SpeedChangeTable)]
-    sets = [(0.0, scenario.tables.speed.set_mps)]
-    sets += sorted((table.at_s, table.speed_mps) for table in changes)
-    for (at, set_speed), (until, _) in pairwise((*sets, (inf, 0.0))):
-        first, last = int(at / STEP), int(min(until / STEP, run.speeds.size))
-        speeds = run.speeds[first:last]
-        least = float(np.min(speeds, initial=inf))
-        if least < set_speed and (first == 0 or least < speeds[0]):
-            yield least, set_speed
-
-
 def _acceleration_warnings(scenario: Scenario, run: _Run) -> Iterator[str]:
     """Warn if followers that keep a gap cannot accelerate like the lead, and fall behind."""
     if scenario.tables.speed.followers != "gap" or len(scenario.vehicle_names) == 1:
@@ -403,12 +386,12 @@ def _speed_warnings(scenario: Scenario, run: _Run) -> Iterator[str]:
             f"{scenario.duration_s:g} s: the lead drives at its set speed. Lower it, or raise "
             "duration_s."
         )
-    lowered = list(_lowered(scenario, run)) if speed.lead == "set" else []
-    if lowered:
-        slowest, set_speed = min(lowered)
+    changes = [one for one in scenario.tables.change if isinstance(one, SpeedChangeTable)]
+    least_set = min([speed.set_mps, *(one.speed_mps for one in changes)])
+    if speed.lead == "set" and run.speed_range[0] < least_set:
         yield (
-            f"the set speed of {set_speed:g} m/s is lowered to {slowest:.1f} m/s in curves: "
-            f"{speed.lateral_acceleration_mps2_max:g} m/s² are allowed. Raise "
+            f"the set speed of {least_set:g} m/s is lowered to {run.speed_range[0]:.1f} m/s in "
+            f"curves: {speed.lateral_acceleration_mps2_max:g} m/s² are allowed. Raise "
             "speed.lateral_acceleration_mps2_max to drive faster."
         )
     if run.lateral_max > speed.lateral_acceleration_mps2_max * 1.1:
