@@ -420,7 +420,6 @@ A metric is a number in summary.json (see `convoy reference fields`):
     "Draw metrics and limits into this new file, .png, .svg or .pdf: over one key, or over one with"
     " numbers and a line for each value of another one. Two keys with numbers give a heat map."
 )
-@click.option("--parquet", is_flag=True, help="Write the tables as Parquet too.")
 def sweep(
     *,
     scenario: str,
@@ -432,7 +431,6 @@ def sweep(
     out: Path,
     workers: int | None,
     scheduler: str,
-    parquet: bool,
     output: Path | None,
 ) -> None:
     """Run a scenario over values and seeds.
@@ -443,8 +441,6 @@ def sweep(
     with clear_errors():
         if output is not None:
             require("--output", "studies", "scipy")
-        if parquet:
-            require("--parquet", "tables", "pyarrow")
     from rich.console import Console
 
     from scenarios.runs.stop import EXIT_FAILED
@@ -457,7 +453,7 @@ def sweep(
         )
         fleet = selected_workers(workers, scheduler)
         report = partial(click.echo, err=True)
-        table, written = run_sweep(plan, out, fleet, report, parquet=parquet, picture=output)
+        table, written = run_sweep(plan, out, fleet, report, picture=output)
         print_sweep(table, Console())
         click.echo(f"written: {', '.join(map(str, written))}")
         if table.errors:

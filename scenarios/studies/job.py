@@ -122,15 +122,15 @@ def write_files(out: Path, contents: Mapping[str, Any]) -> list[Path]:
 def write_file(path: Path, content: Any) -> None:
     """Put one file in its place once it is complete.
 
-    A mapping is written as JSON, a list of rows as CSV, or as Parquet by the name, a figure of
-    matplotlib as PNG, SVG or PDF by the name, a text as it is.
+    A mapping is written as JSON, a list of rows as CSV, a figure of matplotlib as PNG, SVG or PDF
+    by the name, a text as it is.
     """
     if isinstance(content, str):
         data = content.encode()
     elif isinstance(content, Mapping):
         data = json.dumps(content, indent=1).encode() + b"\n"
     elif isinstance(content, list):
-        data = _parquet(content) if path.suffix == ".parquet" else _csv(content)
+        data = _csv(content)
     else:
         data = encoded(content, picture_format_of(path))
     write_whole(path, data)
@@ -142,13 +142,3 @@ def _csv(rows: Sequence[Row]) -> bytes:
     writer.writeheader()
     writer.writerows(rows)
     return text.getvalue().encode()
-
-
-def _parquet(rows: Sequence[Row]) -> bytes:
-    import pyarrow  # noqa: PLC0415 - an extra
-    import pyarrow.parquet  # noqa: PLC0415
-
-    sink = pyarrow.BufferOutputStream()
-    columns = {name: [row[name] for row in rows] for name in rows[0]}
-    pyarrow.parquet.write_table(pyarrow.table(columns), sink)
-    return bytes(sink.getvalue().to_pybytes())

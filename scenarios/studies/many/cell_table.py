@@ -2,17 +2,15 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from importlib.util import find_spec
-from statistics import fmean, geometric_mean
 from typing import Any
 
 import numpy as np
 
 from scenarios.studies.job import Row
 from scenarios.studies.many.plan import SweepFigure, SweepPlan, run_key
-from scenarios.studies.many.variant import agresti_coull, geometric_mean_of, mean_of
+from scenarios.studies.many.variant import agresti_coull, mean_interval
 
-SCHEMA = "convoy.sweep/1"
+SCHEMA = "convoy.sweep/2"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,7 +168,7 @@ def _spread(values: Sequence[float | None], is_gain: bool) -> FigureSpread:
     if not known:
         return FigureSpread(count=0)
     p5, median, p95 = map(float, np.quantile(known, (0.05, 0.5, 0.95)))
-    mean, low, high = _mean(known, is_gain)
+    mean, low, high = mean_interval(known, is_gain=is_gain)
     return FigureSpread(
         count=len(known),
         mean=mean,
@@ -184,15 +182,6 @@ def _spread(values: Sequence[float | None], is_gain: bool) -> FigureSpread:
     )
 
 
-def _mean(known: Sequence[float], is_gain: bool) -> tuple[float, float | None, float | None]:
-    """Mean and its 95 % interval, which needs two runs and SciPy."""
-    is_gain = is_gain and min(known) > 0.0
-    if len(known) > 1 and find_spec("scipy"):
-        mean = geometric_mean_of(known) if is_gain else mean_of(known)
-        return mean.value, mean.low, mean.high
-    return (geometric_mean(known) if is_gain else fmean(known)), None, None
-
-
 def _share(broken: Sequence[bool]) -> LimitShare:
     count = sum(broken)
     low, high = agresti_coull(count, len(broken))
@@ -200,32 +189,22 @@ def _share(broken: Sequence[bool]) -> LimitShare:
     return LimitShare(broken=count, ratio=ratio, low=low, high=high)
 
 
-# ---- JSON and Parquet
+# ---- Files
 
 
-def machine_readable(table: SweepTable) -> dict[str, object]:
-    cells = [_cell_content(table, cell) for cell in table.cells]
-    return {"schema": SCHEMA, "configuration": table.plan.identity(), "cells": cells}
+CELLS, RUNS, JSON_FILE = "sweep.csv", "runs.csv", "sweep.json"
 
 
-def _cell_content(table: SweepTable, cell: SweepCell) -> dict[str, object]:
-    keys = [axis.key for axis in table.plan.axes]
-    figures = [figure.name for figure in table.plan.figures]
-    limits = [str(limit) for limit in table.plan.limits]
-    runs = [asdict(run) for run in cell.runs]
-    for run in runs:
-        del run["values"]
-        for names, key in ((figures, "figures"), (limits, "broken")):
-            run[key] = dict(zip(names, run[key], strict=False))
-    return {
-        "values": dict(zip(keys, cell.values, strict=True)),
-        "failed": cell.failed,
-        "errors": cell.errors,
-        "figures": dict(zip(figures, map(asdict, cell.figures), strict=True)),
-        "limits": dict(zip(limits, map(asdict, cell.limits), strict=True)),
-        "worst_seed": cell.worst.seed,
-        "runs": runs,
+def tables_of(table: SweepTable) -> dict[str, Any]:
+    """Return the files of a sweep by name: both tables as CSV and, with typed keys, as JSON."""
+    cells, runs = table.rows(), table.run_rows()
+    content = {
+        "schema": SCHEMA,
+        "configuration": table.plan.identity(),
+        "cells": typed_rows(table, cells),
+        "runs": typed_rows(table, runs),
     }
+    return {CELLS: cells, RUNS: runs, JSON_FILE: content}
 
 
 def typed_rows(table: SweepTable, rows: Sequence[Row]) -> list[Row]:

@@ -10,7 +10,14 @@ from scenarios.results.figure_style import require_new_picture
 from scenarios.studies.engine import JOURNAL, Engine, Outcome, open_journal, study_engine
 from scenarios.studies.job import require_place, write_file, write_files
 from scenarios.studies.many.boundary import BoundaryQuery, BoundaryResult, find_boundary
-from scenarios.studies.many.cell_table import SweepTable, machine_readable, table_of, typed_rows
+from scenarios.studies.many.cell_table import (
+    CELLS,
+    JSON_FILE,
+    RUNS,
+    SweepTable,
+    table_of,
+    tables_of,
+)
 from scenarios.studies.many.plan import SweepPlan, refuse_picture
 from scenarios.studies.workers import OpenWorkers
 
@@ -69,17 +76,12 @@ def readable_result(query: BoundaryQuery, result: BoundaryResult) -> dict[str, A
 # ---- `convoy sweep`: runs, tables and the picture
 
 
-CELLS, RUNS, JSON_FILE = "sweep.csv", "runs.csv", "sweep.json"
-PARQUET = ("sweep.parquet", "runs.parquet")
-
-
 def run_sweep(
     plan: SweepPlan,
     out: Path | None,
     open_workers: OpenWorkers,
     report: Callable[[str], None],
     *,
-    parquet: bool = False,
     picture: Path | None = None,
 ) -> tuple[SweepTable, list[Path]]:
     """Simulate the runs that are not in the journal in `out`; return table and files.
@@ -95,13 +97,13 @@ def run_sweep(
         journal = None
         if out is not None:
             if not (out / JOURNAL).exists():
-                require_place(out, (CELLS, RUNS, JSON_FILE, *PARQUET))
+                require_place(out, (CELLS, RUNS, JSON_FILE))
             journal = stack.enter_context(open_journal(out, plan.identity(), report))
         engine = stack.enter_context(
             study_engine(open_workers, report, plug_ins=plan.plug_ins, journal=journal)
         )
         table = table_of(plan, _entries(plan, engine))
-        written = [] if out is None else write_files(out, tables_of(table, parquet=parquet))
+        written = [] if out is None else write_files(out, tables_of(table))
         if picture is not None:
             from scenarios.studies.many.pictures import sweep_picture  # noqa: PLC0415 - an extra
 
@@ -121,12 +123,3 @@ def _entries(plan: SweepPlan, engine: Engine) -> dict[str, dict[str, Any]]:
 
 def _entry(outcome: Outcome) -> dict[str, Any]:
     return {"error": outcome.error} if outcome.error else dict(outcome.result)
-
-
-def tables_of(table: SweepTable, *, parquet: bool = False) -> dict[str, Any]:
-    cells, runs = table.rows(), table.run_rows()
-    contents: dict[str, Any] = {CELLS: cells, RUNS: runs, JSON_FILE: machine_readable(table)}
-    if parquet:
-        for name, rows in zip(PARQUET, (cells, runs), strict=True):
-            contents[name] = typed_rows(table, rows)
-    return contents

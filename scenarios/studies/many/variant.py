@@ -3,6 +3,7 @@
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from math import exp, log, sqrt
 from statistics import fmean, stdev
 
@@ -41,40 +42,26 @@ def _check(successes: int, count: int) -> None:
         raise ValueError(f"{successes} of {count}")
 
 
-@dataclass(frozen=True, slots=True)
-class Mean:
-    """Mean of independent values with its standard error and interval."""
+def mean_interval(
+    values: Sequence[float], confidence: float = CONFIDENCE, *, is_gain: bool = False
+) -> tuple[float, float | None, float | None]:
+    """Mean of independent values, and the ends of Student's t interval.
 
-    value: float
-    standard_error: float
-    low: float
-    high: float
-
-
-def mean_of(values: Sequence[float], confidence: float = CONFIDENCE) -> Mean:
-    """Mean of independent values with Student's t interval.
-
-    Of a right-skewed law, such as that of the estimates of a small probability, the interval is
-    slightly too low with few values. Raises ValueError for fewer than two values.
+    The interval needs two values and SciPy. Of a right-skewed law, such as that of the estimates of
+    a small probability, it is slightly too low with few values. The mean of positive gains is the
+    geometric one, with the interval of the logarithms.
     """
+    if is_gain and min(values) > 0.0:
+        mean, low, high = mean_interval(list(map(log, values)), confidence)
+        return exp(mean), low if low is None else exp(low), high if high is None else exp(high)
+    mean = fmean(values)
+    if len(values) < 2 or not find_spec("scipy"):
+        return mean, None, None
     from scipy.stats import t  # noqa: PLC0415 - optional
 
-    if len(values) < 2:
-        raise ValueError(f"no interval of {len(values)} values")
-    value = fmean(values)
     error = stdev(values) / sqrt(len(values))
     half = float(t.ppf(0.5 + 0.5 * confidence, len(values) - 1)) * error
-    return Mean(value, error, value - half, value + half)
-
-
-def geometric_mean_of(values: Sequence[float], confidence: float = CONFIDENCE) -> Mean:
-    """Geometric mean of independent positive values, such as gains: `mean_of` their logarithms.
-
-    Raises ValueError for fewer than two values, and for any that are not positive.
-    """
-    logs = mean_of([log(value) for value in values], confidence)
-    value = exp(logs.value)
-    return Mean(value, value * logs.standard_error, exp(logs.low), exp(logs.high))
+    return mean, mean - half, mean + half
 
 
 # ---- Variant

@@ -29,8 +29,8 @@ from transport.log.mcap_file import McapFile
 
 SHORT = "--set convoy.vehicles=2 --set duration_s=0.2"
 HERE = f"{SHORT} --workers 0"
-SWEEP = f"sweep lane_change --vary convoy.gap_m=3,10 --seeds 1 {HERE} --parquet --out out"
-SWEPT = "sweep.csv runs.csv sweep.json sweep.parquet runs.parquet"
+SWEEP = f"sweep lane_change --vary convoy.gap_m=3,10 --seeds 1 {HERE} --out out"
+SWEPT = "sweep.csv runs.csv sweep.json"
 SMALL_DRILL = """
 extends = "lane_change"
 duration_s = 0.2

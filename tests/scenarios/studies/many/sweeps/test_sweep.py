@@ -26,15 +26,15 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_each_run_equals_that_of_its_variant(whole: Path) -> None:
     plan = small_plan()
-    cells = json.loads((whole / "sweep.json").read_text())["cells"]
+    runs = json.loads((whole / "sweep.json").read_text())["runs"]
     for place, seed in ((0, 1), (3, 2)):
         variant = plan.variants(plan.cells[place])[seed - 1]
         summary = variant.run()
-        run = cells[place]["runs"][seed - 1]
+        run = runs[2 * place + seed - 1]
         assert run["command"] == variant.command
         errors = [row.cross_track_error_m_max for row in summary.vehicles[1:]]
-        assert run["figures"]["cross_track_error_m_max"] == max(filter(None, errors))
-    figures = {run["figures"][DEFAULT_FIGURE] for cell in cells for run in cell["runs"]}
+        assert run["cross_track_error_m_max"] == max(filter(None, errors))
+    figures = {run[DEFAULT_FIGURE] for run in runs}
     assert len(figures) == plan.runs, "all runs differ"
 
 
