@@ -10,27 +10,17 @@ from rich.text import Text
 
 from scenarios.cli.output import grid_of
 from scenarios.definition.channel.build import ExpectedChannel
-from scenarios.definition.check.drive_report import (
-    DriveReport,
-    PathFacts,
-    drive_report,
-    recording_warnings,
-)
+from scenarios.definition.check.drive_report import DriveReport, PathFacts, drive_report
 from scenarios.definition.check.findings import CheckReport, whole_report
 from scenarios.definition.check.held_braking import TYRES, HeldBraking
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import is_drive
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.definition.schema.path_tables import PointsPath
-from scenarios.definition.traces.drive import WRONG_TIME
 from scenarios.definition.traces.reading import DriveInPlane
 from scenarios.results.figure_style import picture_format_of
 from scenarios.results.files import json_text
 
 Row = tuple[str, str]
-
-MOST = 10
-"""Number of holes, pauses and remarks that are listed."""
 
 
 def print_report(report: CheckReport | None, drive: DriveReport | None, console: Console) -> None:
@@ -127,25 +117,6 @@ def _recording(drive: DriveReport) -> Iterator[Row]:
     noise = f"noise {100.0 * drive.noise_m:.1f} cm"
     yield "points", f"{drive.points} of {drive.records} records, {noise}"
     yield "recorded speed", _speed(drive)
-    holes = (
-        f"{hole.length_m:.1f} m at {hole.at_m:.0f} m, after {hole.after}" for hole in drive.holes
-    )
-    pauses = (
-        f"{pause.lasts_s:.1f} s at {pause.at_m:.0f} m, after {pause.after}, "
-        + ("cut" if pause.is_cut else 'kept unless path.pauses = "cut"')
-        for pause in drive.pauses
-    )
-    counts = (
-        f"{kind}: {count}" + (", corrected" if kind == WRONG_TIME else "")
-        for kind, count in drive.left_out.items()
-    )
-    left_out = [*counts, *drive.left_out_first]
-    listed = {"hole": holes, "pause": pauses, "left out": left_out, "note": drive.remarks}
-    for what, facts in listed.items():
-        lines = list(facts)
-        yield from ((what, line) for line in lines[:MOST])
-        if len(lines) > MOST:
-            yield "", f"and {len(lines) - MOST} more"
 
 
 def _speed(drive: DriveReport) -> str:
@@ -228,18 +199,8 @@ def _report(scenario: Scenario, drive: DriveInPlane | None, *, as_json: bool) ->
         click.echo(json_text(report), nl=False)
         return
     print_report(report, report.drive, Console())
-    listed = _listed_faults(scenario) if drive is not None else set()
     for line in report.warnings:
-        if line not in listed:
-            click.echo(f"warning: {line}")
-
-
-def _listed_faults(scenario: Scenario) -> set[str]:
-    """Return the warnings that the table of a drive replaces."""
-    table, road = scenario.tables.path, scenario.route.smoothed
-    if not isinstance(table, PointsPath) or road is None:
-        return set()
-    return set(recording_warnings(table, road))
+        click.echo(f"warning: {line}")
 
 
 def _draw(

@@ -43,38 +43,33 @@ def preview_warnings(scenario: Scenario, speeds: tuple[float, float]) -> Iterato
     `speeds` (m/s) are the lowest and the highest planned. The path is known up to the newest pose
     of a source: its spacing less the distance driven during latency and one interval of poses.
     """
-    thin: dict[str, _Sight] = {}
-    short: dict[str, _Sight] = {}
+    found = dict[str, dict[str, _Sight]]()
     for name in scenario.vehicle_names[1:]:
         if name in scenario.tables.replayed:
             continue
         for speed in {max(speed, SLOWEST) for speed in speeds}:
             sight = _best_sight(scenario, scenario.vehicle(name), speed)
             if sight.samples < MIN_SAMPLES:
-                thin.setdefault(name, sight)
+                found.setdefault("thin", {}).setdefault(name, sight)
             elif sight.reach < sight.behind:
-                short.setdefault(name, sight)
+                found.setdefault("short", {}).setdefault(name, sight)
     keeps_gap = scenario.tables.speed.followers == "gap"
     gap_key = "speed.gap.standstill_m" if keeps_gap else "convoy.gap_m"
-    for names, sight in _worst(thin):
-        yield (
-            f"{names}: at {sight.speed:g} m/s the preview ({sight.preview:.1f} m of known path) "
-            f"holds {sight.samples:.1f} poses of {sight.source} ({MIN_SAMPLES} needed): corners "
-            "will be cut. "
-            f"{sight.remedy} or raise {gap_key}."
-        )
-    for names, sight in _worst(short):
-        yield (
-            f"{names}: at {sight.speed:g} m/s the path of {sight.source} is known "
-            f"{sight.reach:.1f} m ahead ({sight.behind:.1f} m needed): curves are detected late "
-            f"and errors may grow. Raise {gap_key} or lower links.latency_ms."
-        )
-
-
-def _worst(sights: dict[str, _Sight]) -> Iterator[tuple[str, _Sight]]:
-    """Yield the names of all followers concerned with the worst of their cases, if any."""
-    if sights:
-        yield ", ".join(sights), min(sights.values(), key=lambda sight: sight.reach)
+    for kind, sights in sorted(found.items(), reverse=True):
+        worst = min(sights.values(), key=lambda sight: sight.reach)
+        text = f"{', '.join(sights)}: at {worst.speed:g} m/s the "
+        if kind == "thin":
+            yield (
+                f"{text}preview ({worst.preview:.1f} m of known path) holds {worst.samples:.1f} "
+                f"poses of {worst.source} ({MIN_SAMPLES} needed): corners will be cut. "
+                f"{worst.remedy} or raise {gap_key}."
+            )
+        else:
+            yield (
+                f"{text}path of {worst.source} is known {worst.reach:.1f} m ahead "
+                f"({worst.behind:.1f} m needed): curves are detected late and errors may grow. "
+                f"Raise {gap_key} or lower links.latency_ms."
+            )
 
 
 def _best_sight(scenario: Scenario, setup: VehicleSetup, speed: float) -> _Sight:

@@ -2,25 +2,17 @@
 
 import os
 from collections.abc import Iterator
-from typing import NamedTuple
 
 from scenarios.definition.road.route import spacing_policy
 from scenarios.definition.scenario import Scenario
 from vehicles.car.parameters import least_spacing
 from vehicles.driver.convoy import shortest_loop
 
-# ---- Convoys that are longer than a lap or another loop of their path, or nearly so
+# ---- Convoys that are longer than a lap or another loop of their path
 
 
 LAP_TOLERANCE = 1.0
 """A loop that is shorter than the lap by less than this (m) is the lap."""
-
-
-class _Loop(NamedTuple):
-    """Name and length (m) of the shortest way back to the path that the convoy drives on."""
-
-    name: str
-    length: float
 
 
 def longer_than_lap(scenario: Scenario) -> Iterator[str]:
@@ -28,55 +20,41 @@ def longer_than_lap(scenario: Scenario) -> Iterator[str]:
 
     On a lap the lead may keep its distance; then the convoy must fit if it stands.
     """
-    vehicles, fastest = len(scenario.vehicle_names), max(scenario.route.profile.speeds)
-    loop = _driven_loop(scenario, _length(scenario, fastest, whole=False))
-    if loop is None:
-        return
-    keeps_gap = loop.name == "lap" and bool(scenario.tables.speed.lead_keeps_gap)
-    length = _length(scenario, 0.0 if keeps_gap else fastest, whole=keeps_gap)
-    if length < loop.length:
-        return
-    end = "stops permanently behind" if keeps_gap else "runs into"
-    if loop.name == "loop":
-        end = "or another vehicle can run into"
-    cars = vehicles if keeps_gap else vehicles - 1
-    most = max(int(loop.length * cars / length), 2)
-    several = ", or path.laps = 1" if scenario.tables.path.laps > 1 else ""
-    yield (
-        f"the convoy is {length:.0f} m long and a {loop.name} {loop.length:.0f} m: its lead {end} "
-        f"its last vehicle. Set convoy.vehicles = {most} or less, smaller gaps{several}."
-    )
-
-
-def _driven_loop(scenario: Scenario, length: float) -> _Loop | None:
-    """Shortest loop that the lead drives, if that is a lap or shorter than `length` (m)."""
     route, names = scenario.route, scenario.vehicle_names
     if len(names) < 2:
-        return None
-    driven = route.profile.distance(scenario.duration_s)
+        return
+    driven, length = route.profile.distance(scenario.duration_s), _length(scenario)
     lead, last = (scenario.vehicle(name).parameters for name in (names[0], names[-1]))
     end = route.start + (min(driven, 2.0 * route.lap) if route.lap else driven)
-    loop = shortest_loop(route.path, lead, last, end, length)
-    if loop < (route.lap - LAP_TOLERANCE if route.lap else length):
-        return _Loop("loop", loop)
-    return _Loop("lap", route.lap) if route.lap and driven >= route.lap else None
+    loop, what = shortest_loop(route.path, lead, last, end, length), "loop"
+    if loop >= (route.lap - LAP_TOLERANCE if route.lap else length):
+        if not route.lap or driven < route.lap:
+            return
+        loop, what = route.lap, "lap"
+    meets, gaps = (
+        "runs into" if what == "lap" else "or another vehicle can run into",
+        len(names) - 1,
+    )
+    if what == "lap" and scenario.tables.speed.lead_keeps_gap:
+        meets, gaps = "stops permanently behind", len(names)
+        own = spacing_policy(scenario.tables, least_spacing(last, lead))
+        length = _length(scenario, 0.0) + own.desired(0.0)
+    if length >= loop:
+        several = ", or path.laps = 1" if scenario.tables.path.laps > 1 else ""
+        yield (
+            f"the convoy is {length:.0f} m long and a {what} {loop:.0f} m: its lead {meets} its "
+            f"last vehicle. Set convoy.vehicles = {max(int(loop * gaps / length), 2)} or less, "
+            f"smaller gaps{several}."
+        )
 
 
-def _length(scenario: Scenario, speed: float, *, whole: bool) -> float:
-    """Length (m) of the convoy at `speed` (m/s), between centres of mass; `whole`, of all gaps.
-
-    All gaps include that of the lead to the last vehicle ahead of it.
-    """
-    tables, names = scenario.tables, scenario.vehicle_names
-    if tables.speed.followers == "gap":
-        places = range(1, len(names))
-        length = sum(scenario.spacing_policy(place).desired(speed) for place in places)
-    else:
-        length = sum(scenario.route.spacings)
-    if not whole:
-        return length
-    cars = [scenario.vehicle(name).parameters for name in (names[-1], names[0])]
-    return length + spacing_policy(tables, least_spacing(*cars)).desired(speed)
+def _length(scenario: Scenario, speed: float | None = None) -> float:
+    """Length (m) of the convoy at `speed` (m/s) or full speed, between centres of mass."""
+    if scenario.tables.speed.followers != "gap":
+        return sum(scenario.route.spacings)
+    speed = max(scenario.route.profile.speeds) if speed is None else speed
+    places = range(1, len(scenario.vehicle_names))
+    return sum(scenario.spacing_policy(place).desired(speed) for place in places)
 
 
 # ---- Warnings
