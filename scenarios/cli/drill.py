@@ -33,7 +33,6 @@ In real time, with a process for each vehicle: convoy run lead_lost
 """
 )
 @click.argument("names", nargs=-1, metavar="[NAME|FILE]…")
-@click.option("--list", "as_list", is_flag=True, help="List the shipped drills and exit.")
 @override_options
 @click.option(
     "--seeds", type=click.IntRange(1, 100_000), metavar="N",
@@ -52,7 +51,6 @@ In real time, with a process for each vehicle: convoy run lead_lost
 def drill(
     *,
     names: tuple[str, ...],
-    as_list: bool,
     overrides: tuple[str, ...],
     seeds: int | None,
     workers: int | None,
@@ -63,11 +61,11 @@ def drill(
     """Run failure drills.
 
     A drill is a scenario in which something fails, with limits that must hold. By default all
-    shipped drills run. The exit code is 1 if a limit is broken.
+    shipped drills run; `convoy list` has their names. The exit code is 1 if a limit is broken.
     """
     from rich.console import Console
 
-    from scenarios.definition.scenario import drills, load_scenario
+    from scenarios.definition.scenario import drills
     from scenarios.runs.stop import EXIT_FAILED
     from scenarios.studies.drill import (
         JSON_FILE,
@@ -81,10 +79,6 @@ def drill(
     from scenarios.studies.job import refuse_existing, require_place, write_files
 
     with clear_errors():
-        if as_list:
-            for name in drills():
-                click.echo(f"{name:20} {load_scenario(name).tables.description}")
-            return
         refuse_existing(junit)
         chosen = range(1, seeds + 1) if seeds else ()
         variants = [

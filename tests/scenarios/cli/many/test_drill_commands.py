@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from scenarios.cli.main import cli
-from scenarios.definition.scenario import drills, load_scenario
+from scenarios.definition.scenario import load_scenario
 from scenarios.results.limits import deadline_figures, limit_figures
 from scenarios.results.log_summary import summary_of, tables_of
 from scenarios.results.run_event import run_events
@@ -52,13 +52,6 @@ def short(folder: Path, name: str = "short", error: float = 0.5) -> Path:
     file = folder / f"{name}.toml"
     file.write_text(SHORT.format(error=error))
     return file
-
-
-def test_drills_are_listed_with_what_fails() -> None:
-    lines = convoy("drill", "--list").stdout.splitlines()
-    assert [line.split()[0] for line in lines] == list(drills())
-    for line, name in zip(lines, drills(), strict=True):
-        assert line.endswith(load_scenario(name).tables.description)
 
 
 def test_a_passed_drill_has_a_table_two_files_and_exit_code_0(tmp_path: Path) -> None:
