@@ -9,7 +9,6 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
 from io import FileIO
 from pathlib import Path
 from typing import Any
@@ -28,28 +27,13 @@ MAX_ATTEMPTS = 3
 WORKER_DIED = "the worker process died at each attempt"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
-    """The result of the job `key`, or its error.
-
-    `exception` is set if the command line prints it unchanged. `abandoned` jobs killed their
-    workers.
-    """
-
-    key: str
-    result: Any = None
-    error: str = ""
-    exception: Exception | None = None
-    abandoned: bool = False
-
-
 def outcomes_of(
     jobs: Sequence[Job],
     workers: WorkerGroup,
     plug_ins: Mapping[str, str] | None = None,
     idle: Callable[[], None] = lambda: None,
-) -> Iterator[Outcome]:
-    """Run jobs on workers, and yield their outcomes as they finish.
+) -> Iterator[tuple[str, JobResult]]:
+    """Run jobs on workers, and yield their keys and results as they finish.
 
     A job whose worker died is retried. `plug_ins` are digests that workers must have, see
     `run_job`; `idle` is called each second. Raises EngineError if the workers are lost or have
@@ -72,20 +56,18 @@ def outcomes_of(
             job = running.pop(future)
             attempts[job.key] += 1
             try:
-                yield _outcome(job, future, workers.worker_lost)
+                yield job.key, _result(future, workers.worker_lost)
             except workers.worker_lost as error:
                 if isinstance(error, workers.no_retry) or attempts[job.key] >= MAX_ATTEMPTS:
-                    yield Outcome(key=job.key, error=WORKER_DIED, abandoned=True)
+                    yield job.key, JobResult(error=WORKER_DIED)
                 else:
                     waiting.appendleft(job)
 
 
-def _outcome(
-    job: Job, future: Future[JobResult], worker_lost: tuple[type[BaseException], ...]
-) -> Outcome:
-    """Outcome of a finished job; raises EngineError, or an error of `worker_lost`."""
+def _result(future: Future[JobResult], worker_lost: tuple[type[BaseException], ...]) -> JobResult:
+    """Result of a finished job; raises EngineError, or an error of `worker_lost`."""
     try:
-        found = future.result()
+        return future.result()
     except EngineError:
         raise
     except worker_lost:
@@ -94,7 +76,6 @@ def _outcome(
         raise EngineError(["lost the connection to the scheduler"]) from error
     except Exception as error:
         raise EngineError([f"a worker failed: {error_line(error)}"]) from error
-    return Outcome(key=job.key, result=found.result, error=found.error, exception=found.exception)
 
 
 # ---- A file of results, from which an interrupted sweep resumes
@@ -104,8 +85,6 @@ JOURNAL = "journal.jsonl"
 SCHEMA = "convoy.journal/2"
 CHECKSUM, CHECKSUM_BYTES = re.compile(rb',"crc32":"([0-9a-f]{8})"}'), 20
 OTHER_FOLDER = "give another folder by --out"
-ABANDONED = "given_up"
-"""Journal key of a job that killed its workers. It is retried when the study resumes."""
 MAX_SHOWN = 60
 """Longest value that a refusal quotes."""
 
@@ -314,45 +293,43 @@ class Engine:
         """
         commands = {job.key: job.command or job.key for job in jobs}
         results: dict[str, Any] = {}
-        for outcome in self.outcomes(jobs):
-            if outcome.error:
-                why = f"{commands[outcome.key]}: {outcome.error}"
-                raise outcome.exception or EngineError([why])
-            results[outcome.key] = outcome.result
+        for key, (result, error, exception) in self.outcomes(jobs):
+            if error:
+                raise exception or EngineError([f"{commands[key]}: {error}"])
+            results[key] = result
         return [results[job.key] for job in jobs]
 
     def count_done(self, jobs: Sequence[Job]) -> int:
         return sum(self._recorded(job) is not None for job in jobs)
 
-    def _recorded(self, job: Job) -> Outcome | None:
+    def _recorded(self, job: Job) -> JobResult | None:
         entry = None if self._journal is None else self._journal.entries.get(job.key)
-        if entry is None or entry.get(ABANDONED):
-            return None
-        return Outcome(key=job.key, result=entry.get("result"), error=entry.get("error", ""))
+        return None if entry is None else JobResult(entry.get("result"), entry.get("error", ""))
 
-    def outcomes(self, jobs: Sequence[Job]) -> Iterator[Outcome]:
-        """Yield outcomes as jobs finish, first those in the journal."""
+    def outcomes(self, jobs: Sequence[Job]) -> Iterator[tuple[str, JobResult]]:
+        """Yield keys and results as jobs finish, first those in the journal.
+
+        A job that killed its workers is not in the journal, and retried when the sweep resumes.
+        """
         left = []
         for job in jobs:
-            outcome = self._recorded(job)
-            if outcome is None:
+            recorded = self._recorded(job)
+            if recorded is None:
                 left.append(job)
             else:
                 self.progress.done += 1
-                yield outcome
+                yield job.key, recorded
         if left and self._workers is None:
             self._workers = self._exit_stack.enter_context(self._open_workers())
         if self._workers is None:
             return
         idle = self.progress.report_if_due
-        for outcome in outcomes_of(left, self._workers, self._plug_ins, idle):
-            if self._journal is not None:
-                entry: Entry = {"result": outcome.result}
-                if outcome.error:
-                    entry = {"error": outcome.error, ABANDONED: outcome.abandoned}
-                self._journal.add(outcome.key, entry)
+        for key, found in outcomes_of(left, self._workers, self._plug_ins, idle):
+            if self._journal is not None and found.error != WORKER_DIED:
+                entry = {"error": found.error} if found.error else {"result": found.result}
+                self._journal.add(key, entry)
             self.progress.count_job()
-            yield outcome
+            yield key, found
 
 
 @contextmanager

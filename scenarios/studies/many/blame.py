@@ -106,7 +106,7 @@ def smallest_set(
     """
     alone = [row for row in rows if row.alone is not None and trials.is_breach(row.alone)]
     start = min(alone, key=lambda row: (row.messages, row.span_s)).group if alone else bursts
-    trials.set_stage("reducing the set of messages")
+    trials.engine.progress.stage = "reducing the set of messages"
     messages = [message for burst in start for message in burst.messages]
 
     def first_breaking(sets: Sequence[tuple[LostMessage, ...]]) -> int | None:
@@ -173,16 +173,16 @@ def blame(
         raise LogError(
             f"{log}: no message was lost until {until_s:.2f} s, one second after the worst {figure}"
         )
-    trials.set_stage("repeating the run, with and without its losses")
+    trials.engine.progress.stage = "repeating the run, with and without its losses"
     _check_same(trials, run)
     (clean,) = trials.results([frozenset()], whole=True)
-    trials.set_stage("restoring bursts")
+    trials.engine.progress.stage = "restoring bursts"
     rows = rank_losses(trials, bursts, recorded, recorded.badness_m - clean.badness_m)
-    trials.set_stage("losing single bursts only")
+    trials.engine.progress.stage = "losing single bursts only"
     run_alone(trials, rows)
     not_reduced_reason = _reason_not_reduced(recorded, clean, limit)
     smallest = None if not_reduced_reason else smallest_set(trials, bursts, rows)
-    trials.set_stage("simulating the plotted runs")
+    trials.engine.progress.stage = "simulating the plotted runs"
     (best_restored,) = trials.results([losses_of(bursts) - rows[0].losses], whole=True)
     smallest_results = (
         trials.results([frozenset(smallest.items)], whole=True) if smallest else [None]
@@ -200,7 +200,7 @@ def blame(
         smallest_result=smallest_results[0],
         not_reduced_reason=not_reduced_reason,
         runs=trials.runs,
-        seconds=trials.seconds,
+        seconds=engine.progress.seconds,
     )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from scenarios.results.figure_style import require_new_picture
-from scenarios.studies.engine import JOURNAL, Engine, Outcome, open_journal, study_engine
+from scenarios.studies.engine import JOURNAL, Engine, open_journal, study_engine
 from scenarios.studies.job import require_place, write_file, write_files
 from scenarios.studies.many.boundary import BoundaryQuery, BoundaryResult, find_boundary
 from scenarios.studies.many.cell_table import (
@@ -118,8 +118,7 @@ def _entries(plan: SweepPlan, engine: Engine) -> dict[str, dict[str, Any]]:
     if done:
         engine.report(f"{done} of {plan.runs} runs are in the journal, {plan.runs - done} left")
     engine.progress.total = plan.runs
-    return {outcome.key: _entry(outcome) for outcome in engine.outcomes(jobs)}
-
-
-def _entry(outcome: Outcome) -> dict[str, Any]:
-    return {"error": outcome.error} if outcome.error else dict(outcome.result)
+    return {
+        key: {"error": found.error} if found.error else dict(found.result)
+        for key, found in engine.outcomes(jobs)
+    }

@@ -138,13 +138,6 @@ class Trials:
     def is_exhausted(self) -> bool:
         return self.runs >= self.max_runs
 
-    @property
-    def seconds(self) -> float:
-        return self.engine.progress.seconds
-
-    def set_stage(self, stage: str) -> None:
-        self.engine.progress.stage = stage
-
     def results(self, sets: Iterable[Losses], *, whole: bool = False) -> list[RerunResult]:
         """Return the results of runs with exactly these losses; `whole`: with series."""
         wanted = list(sets)

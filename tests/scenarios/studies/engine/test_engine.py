@@ -16,7 +16,13 @@ from hypothesis import strategies as st
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.versions import current_stamp, module_digests
-from scenarios.studies.engine import MAX_ATTEMPTS, WORKER_DIED, outcomes_of
+from scenarios.studies.engine import (
+    MAX_ATTEMPTS,
+    WORKER_DIED,
+    open_journal,
+    outcomes_of,
+    study_engine,
+)
 from scenarios.studies.job import Job, Work, run_job
 from scenarios.studies.workers import InlineExecutor, WorkerGroup, open_workers
 from tests.made.many.engines import engine_here
@@ -41,7 +47,7 @@ def jobs_of(works: Mapping[Any, Work]) -> list[Job]:
 
 
 def outcomes(works: Mapping[Any, Work], workers: WorkerGroup) -> dict[str, tuple[Any, str]]:
-    found = [(done.key, (done.result, done.error)) for done in outcomes_of(jobs_of(works), workers)]
+    found = [(key, done[:2]) for key, done in outcomes_of(jobs_of(works), workers)]
     assert len(dict(found)) == len(found)
     return dict(found)
 
@@ -136,6 +142,17 @@ def test_a_job_that_kills_its_workers_is_one_line_with_its_command() -> None:
     with engine_here(1) as engine, pytest.raises(ScenarioError) as error:
         engine.results([job])
     assert error.value.lines == (f"convoy run lane_change --seed 7: {WORKER_DIED}",)
+
+
+def test_a_job_that_kills_its_workers_is_not_kept(tmp_path: Path) -> None:
+    deadly = Job(key="deadly", work=partial(os._exit, 9))
+    with (
+        open_journal(tmp_path, {}, print) as journal,
+        study_engine(partial(open_workers, 1), print, journal=journal) as engine,
+    ):
+        ((_, found),) = engine.outcomes([deadly])
+        assert found.error == WORKER_DIED
+        assert not journal.entries
 
 
 def test_no_more_jobs_run_after_the_caller_stops(tmp_path: Path) -> None:

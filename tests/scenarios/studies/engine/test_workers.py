@@ -31,7 +31,7 @@ def test_jobs_run_in_worker_processes(tmp_path: Path) -> None:
 def test_without_workers_jobs_run_here_in_order(tmp_path: Path) -> None:
     with engine_here() as engine:
         found = [
-            (done.key, done.result) for done in engine.outcomes(marker_jobs(tmp_path, "b", "a"))
+            (key, done.result) for key, done in engine.outcomes(marker_jobs(tmp_path, "b", "a"))
         ]
     assert found == [("b", os.getpid()), ("a", os.getpid())]
 

@@ -1,14 +1,12 @@
 """Metrics of the user's functions in limits, sweeps, searches and comparisons."""
 
 from collections.abc import Callable
-from functools import partial
 
 import pytest
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.run_limits import Limit, limits_of
 from scenarios.definition.schema.plug_ins.point import PlugInError
-from scenarios.results.limits import broken_by
 from scenarios.results.summary import RunSummary
 from scenarios.studies.comparison.metrics import metric_differences
 from scenarios.studies.many.plan import figures_of, planned
@@ -61,8 +59,7 @@ def test_limits_bound_own_figures_of_the_convoy_and_of_a_vehicle(module: Module)
 def test_searches_judge_own_figures_at_the_end(module: Module, limit: str, broken: bool) -> None:
     run, parsed = variant(module(CODE), limit)
     assert str(parsed) == limit
-    summary = run.run()
-    assert (broken_by(parsed, summary), run.breaks(parsed)) == (broken, broken)
+    assert run.breaks(parsed) == broken
 
 
 def test_sweeps_and_comparisons_have_own_figures(module: Module) -> None:
@@ -101,7 +98,6 @@ def test_a_figure_that_fails_is_not_judged(module: Module) -> None:
         (None, False, True)
     ]
     assert summary.outcome == "failed"
-    for breaks in (run.breaks, partial(broken_by, summary=summary)):
-        with pytest.raises(PlugInError, match="faulty_max=1: v1 has no figure faulty"):
-            breaks(limit)
+    with pytest.raises(PlugInError, match="faulty_max=1: v1 has no figure faulty"):
+        run.breaks(limit)
     assert any("figure" in line and "ZeroDivisionError" in line for line in summary.warnings)

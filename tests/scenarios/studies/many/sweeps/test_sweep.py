@@ -10,7 +10,6 @@ import pytest
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.results.versions import _module_digest
-from scenarios.studies.engine import JOURNAL, open_journal
 from scenarios.studies.many.files import run_sweep
 from scenarios.studies.many.plan import DEFAULT_FIGURE, planned
 from scenarios.studies.workers import WorkerGroup
@@ -92,15 +91,6 @@ def test_an_error_is_counted_in_its_cell(tmp_path: Path) -> None:
     before = tables(tmp_path)
     run_sweep_here(plan, tmp_path)
     assert tables(tmp_path) == before
-
-
-def test_a_run_whose_worker_died_is_retried_on_resume(whole: Path, tmp_path: Path) -> None:
-    (tmp_path / JOURNAL).write_bytes((whole / JOURNAL).read_bytes())
-    with open_journal(tmp_path, small_plan().identity(), print) as journal:
-        for key in list(journal.entries)[1:3]:
-            journal.add(key, {"error": "died", "given_up": True})
-    run_sweep_here(small_plan(), tmp_path)
-    assert tables(tmp_path) == tables(whole)
 
 
 def test_other_files_are_not_overwritten(tmp_path: Path) -> None:
