@@ -29,7 +29,6 @@ from scenarios.studies.many.losses import (
     bursts_of,
     loss_free,
     read_run,
-    true_positions,
 )
 from scenarios.studies.many.trials import (
     MAX_ALONE,
@@ -174,8 +173,8 @@ def blame(
             f"{log}: no message was lost until {until_s:.2f} s, one second after the worst {figure}"
         )
     trials.engine.progress.stage = "repeating the run, with and without its losses"
-    _check_same(trials, run)
-    (clean,) = trials.results([frozenset()], whole=True)
+    again, clean = trials.results([losses_of(bursts), frozenset()], whole=True)
+    _check_same(run, result_of(run.tables, trials.criteria, whole=True), again)
     trials.engine.progress.stage = "restoring bursts"
     rows = rank_losses(trials, bursts, recorded, recorded.badness_m - clean.badness_m)
     trials.engine.progress.stage = "losing single bursts only"
@@ -204,18 +203,21 @@ def blame(
     )
 
 
-def _check_same(trials: Trials, run: RecordedRun) -> None:
-    """Raise LogError unless a rerun with the same losses has identical true poses."""
-    everything = frozenset(run.lost(run.tables.ran_ns + SECOND * 3600))
-    difference = trials.first_difference(everything, true_positions(run.tables))
-    if difference is None:
-        return
-    vehicle, at = difference
-    late = f" ({run.late} messages were late)" if run.late else ""
-    raise LogError(
-        f"{run.log}: not reproducible: in a rerun, {vehicle} differs from {at / SECOND:.2f} s "
-        f"on{late}; use the log of a run with `--clock virtual`"
-    )
+def _check_same(run: RecordedRun, recorded: RerunResult, again: RerunResult) -> None:
+    """Raise LogError unless a rerun with the same losses has the same figures at all instants."""
+    differences = [
+        (min(before[0], after[0]), name)
+        for name, points in again.series.items()
+        for before, after in zip(recorded.series[name], points, strict=False)
+        if before != after
+    ]
+    if differences:
+        at_s, vehicle = min(differences)
+        late = f" ({run.late} messages were late)" if run.late else ""
+        raise LogError(
+            f"{run.log}: not reproducible: in a rerun, {vehicle} differs from {at_s:.2f} s "
+            f"on{late}; use the log of a run with `--clock virtual`"
+        )
 
 
 def _reason_not_reduced(recorded: RerunResult, clean: RerunResult, limit: Limit) -> str:

@@ -15,7 +15,7 @@ from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
 from scenarios.results.log_info import session_of
 from scenarios.results.log_summary import tables_in
 from scenarios.results.tables import TOPICS_OF_METRICS, RunTables
-from transport.columns import Columns, Flags, Floats
+from transport.columns import Columns, Flags
 from transport.links.laws.recorded_losses import EarlierRun, Listed, NumberSet
 from transport.log.errors import LogError
 from transport.log.reader import LogReader
@@ -100,16 +100,6 @@ def read_run(log: Path) -> RecordedRun:
     if not recorded.lost():
         raise LogError(f"{log}: no message was lost")
     return recorded
-
-
-def true_positions(run: RunTables) -> dict[str, Floats]:
-    """Instants (ns after the start) and true positions (east, north, m) by vehicle, (n, 3)."""
-    positions = {}
-    for name in run.names:
-        truth = run.table(name, "truth")
-        columns = (truth.at_ns - run.beginning, truth["east_m"], truth["north_m"])
-        positions[name] = np.column_stack(columns)
-    return positions
 
 
 # ---- Bursts and overlaps

@@ -1,6 +1,6 @@
 """Parallel reruns with other losses; none is repeated."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from math import inf
@@ -23,10 +23,7 @@ from scenarios.studies.many.losses import (
     Losses,
     LossFreeScenario,
     overlaps_of,
-    true_positions,
 )
-from transport.columns import Floats
-from vehicles.messages import RunStart, TruePose
 from vehicles.schedule import SECOND
 
 # ---- One run with other losses: its worst figure, and whether it breaks a limit
@@ -100,20 +97,6 @@ def rerun(scenario: Scenario, criteria: RerunCriteria, *, whole: bool = False) -
     return result_of(run, criteria, whole=whole)
 
 
-def first_difference(text: str, positions: Mapping[str, Floats]) -> tuple[str, int] | None:
-    """Run in virtual time; return vehicle and instant of the first unlike `true_positions`."""
-    run, _ = run_tables(scenario_from_text(text), kinds=frozenset((RunStart, TruePose)))
-    differences = []
-    for name, again in true_positions(run).items():
-        before = positions[name]
-        count = min(len(before), len(again))
-        unlike = (before[:count] != again[:count]).any(axis=1)
-        if unlike.any() or count < len(before):
-            row = int(np.argmax(unlike)) if unlike.any() else count
-            differences.append((int(before[row, 0]), name))
-    return min(differences)[::-1] if differences else None
-
-
 # ---- Trials
 
 
@@ -150,17 +133,6 @@ class Trials:
         self.runs += len(jobs)
         self._results |= zip(new, self.engine.results(jobs), strict=True)
         return [self._results[losses] for losses in wanted]
-
-    def first_difference(
-        self, losses: Losses, positions: Mapping[str, Floats]
-    ) -> tuple[str, int] | None:
-        """Return vehicle and instant of the first pose unlike `true_positions`, or None."""
-        work = partial(first_difference, self.convoy.with_losses(losses).text, positions)
-        job = Job(key="as recorded", work=work)
-        self.runs += 1
-        difference: tuple[str, int] | None
-        (difference,) = self.engine.results([job])
-        return difference
 
     def first_breaking(self, sets: Sequence[Losses]) -> int | None:
         """Return the index of the first set of losses that breaks the limit, or None.
