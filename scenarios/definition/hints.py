@@ -180,9 +180,12 @@ LARGEST = 1e15
 """Larger numbers were not meant to be another unit."""
 
 SAME, IN_TABLE, OF_QUANTITY, LEAST = 1.5, 0.4, 0.4, 1.05
-"""Score of a key with the same stem, of one in the same table, of one whose unit has the quantity
-of the given unit, and the least score of a key that is offered. Another stem scores its similarity,
-0 to 1."""
+"""Score of a key with the same stem; what its place in the same table adds, and there also a unit
+of the given quantity; and the least score of a key that is offered. Another stem scores its
+similarity, 0 to 1."""
+
+TABLE_FOR_NUMBER = -0.2
+"""What it adds that a number is given for a table."""
 
 
 def key_hint(location: Location, given: object) -> str:
@@ -344,9 +347,8 @@ def _score(one: _Key, written: Location, value: object) -> float:
     is_of_quantity = unit != "" and its_unit != "" and UNITS[unit][0] == UNITS[its_unit][0]
     if unit and not is_of_quantity and not (own == stem and its_unit):  # `lead_mps` is not `lead`
         return 0.0
-    if isinstance(value, int | float | Mapping) and _has_tables(one.field) != isinstance(
-        value, Mapping
-    ):
+    is_table = _has_tables(one.field)
+    if isinstance(value, Mapping) and not is_table:
         return 0.0
     alias = ALIASES.get(word, ALIASES.get(stem, "")).split(".")
     is_alias = alias[0] == one.key[0] and alias[-1] == one.key[-1]
@@ -357,7 +359,8 @@ def _score(one: _Key, written: Location, value: object) -> float:
         likeness += 0.25 * (stem.split("_")[0] == own.split("_")[0])
     table, other = (".".join(map(str, key[:-1])).lower() for key in (written, one.key))
     is_in_table = SequenceMatcher(None, table, other).ratio()
-    return likeness + IN_TABLE * is_in_table + OF_QUANTITY * is_of_quantity
+    likeness += TABLE_FOR_NUMBER * (is_table and isinstance(value, int | float))
+    return likeness + (IN_TABLE + OF_QUANTITY * is_of_quantity) * is_in_table
 
 
 @cache
