@@ -81,8 +81,8 @@ def _class_problem(context: Mapping[str, Any], _given: object) -> str:
         return str(context["text"])
     use, names = str(context["use"]), context["names"]
     text = f"given {toml_repr(use)}" if use and "." not in use else context["text"]
-    allowed = "".join(f"{toml_repr(name)}, " for name in names)
-    return f"{text}, allowed {allowed}or your own package.module.name{did_you_mean(use, names)}"
+    allowed = f"{', '.join(map(toml_repr, names))}, or " if names else ""
+    return f"{text}, allowed {allowed}your own package.module.name{did_you_mean(use, names)}"
 
 
 def _allowed(location: Location, problem: ErrorDetails) -> str:

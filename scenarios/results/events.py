@@ -156,7 +156,8 @@ def _near_misses(run: RunTables, pair: tuple[str, str], apart: Gaps) -> Iterator
     """Yield spans below a gap (m) or a time to collision (s) without a collision."""
     rules, nears = run.scenario.tables.events, apart.closing > 0.0
     left = np.full(len(apart.at_ns), np.inf)
-    left[nears] = apart.distance[nears] / apart.closing[nears]
+    with np.errstate(over="ignore"):  # at a closing speed of almost zero
+        left[nears] = apart.distance[nears] / apart.closing[nears]
     holds = (apart.distance < rules.near_miss_gap_m) | (left < rules.near_miss_time_s)
     holds |= apart.distance == 0.0
     for first, last in spans(apart.at_ns, holds, QUIET_NS):

@@ -1,6 +1,6 @@
 """Events and metrics of the user's functions."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from scenarios.definition.schema.plug_ins.point import PlugInError, called
@@ -39,20 +39,25 @@ def own_measures(run: RunTables) -> OwnMeasures:
 def _add_figure(found: OwnMeasures, run: RunTables, table: PlugInTable) -> None:
     result = table.build(run)
     by_name = result if isinstance(result, Mapping) else dict.fromkeys(run.names, result)
-    for name in run.names:
-        if name in by_name:
-            found.figures[name][table.word] = by_name[name]
+    _refuse_unknown(run, table, by_name)
+    for name, value in by_name.items():
+        found.figures[name][table.word] = None if value is None else float(value)
 
 
 def _add_events(found: OwnMeasures, run: RunTables, table: PlugInTable) -> None:
     what = table.point.what(table.use)
     held = called(lambda: [(name, int(at), int(to)) for name, at, to in table.build(run)], what)
-    if unknown := {name for name, _, _ in held}.difference(run.names):
-        raise PlugInError(f"{what} returned spans of {unknown}, expected {', '.join(run.names)}")
+    _refuse_unknown(run, table, (name for name, _, _ in held))
     for name, at, to in held:
         figures = {"duration_s": (to - at) / SECOND}
         place = place_at(run.table(name, "truth"), at)
         found.events.append(Event("own", (name,), at, figures, place, table.word))
+
+
+def _refuse_unknown(run: RunTables, table: PlugInTable, names: Iterable[object]) -> None:
+    if unknown := ", ".join(map(str, set(names).difference(run.names))):
+        what = table.point.what(table.use)
+        raise PlugInError(f"{what} returned vehicles {unknown}, expected {', '.join(run.names)}")
 
 
 def own_events(run: RunTables) -> Sequence[Event]:

@@ -130,7 +130,7 @@ class RunTables:
         `holds` has an entry for each message of a vehicle and topic.
         """
         at = self.table(vehicle, topic).at_ns
-        rows = spans(at, holds, QUIET_NS)
+        rows = spans(at, np.broadcast_to(holds, at.shape), QUIET_NS)
         return [(vehicle, int(at[first]), int(at[last])) for first, last in rows]
 
     def until(self, at: int) -> "RunTables":

@@ -26,7 +26,7 @@ def exit_code_of_signal(number: int) -> int:
 EXIT_CODES: Mapping[int, str] = {
     EXIT_DONE: "done as planned",
     EXIT_FAILED: "failed: a limit was broken, a process failed, output could not be written; or,"
-    " of diff, the runs differ, of bisect, the range holds no boundary",
+    " of compare, the runs differ, of bisect, the range holds no boundary",
     EXIT_BAD_INPUT: "the input cannot be used: an option, a scenario, a log or a router",
     exit_code_of_signal(signal.SIGINT): "stopped by Ctrl-C (SIGINT); files are complete",
     exit_code_of_signal(signal.SIGTERM): "stopped by SIGTERM; files are complete",

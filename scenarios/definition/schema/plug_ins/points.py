@@ -1,6 +1,8 @@
 """All plug-in points."""
 
 from collections.abc import Iterable, Mapping
+from math import isfinite
+from numbers import Real
 from typing import Any, Protocol, get_args
 
 from scenarios.definition.schema.plug_ins.point import (
@@ -78,9 +80,9 @@ SPANS = Result("tuples (vehicle, first ns, last ns)", lambda value, *_: isinstan
 FIGURES = Result(
     "a finite number, or one or None by vehicle",
     lambda value, *_: (
-        all_finite(*(one for one in value.values() if one is not None))
+        all(one is None or (isinstance(one, Real) and isfinite(one)) for one in value.values())
         if isinstance(value, Mapping)
-        else is_finite(value)
+        else isinstance(value, Real) and isfinite(value)
     ),
 )
 

@@ -24,6 +24,7 @@ from scenarios.definition.schema.plug_ins.point import (
     PlugInPoint,
     called,
     guarded,
+    line_of,
     parameters_of,
 )
 from scenarios.definition.schema.settings_table import SettingField, SettingsTable, generated
@@ -200,12 +201,22 @@ def plug_in(point: PlugInPoint, shipped: Any = PlugInTable) -> Any:
             raise _custom_error(str(error), {"use": use, "names": list(point.shipped)}) from error
         named = {**table, "use": point.short_names.get(use, use)}
         try:
-            return model.model_validate(named)
+            return _validated(model, named, point.what(use))
         except ValidationError as error:
             tag = _tag(point, named["use"])
             raise ValidationError.from_exception_data(use, list(_tagged(error, tag))) from error
 
     return Annotated[shipped, WrapValidator(validate), AS_ANY]
+
+
+def _validated(model: type[BaseModel], named: Mapping[str, Any], what: str) -> BaseModel:
+    """Validate a table, whose class may be a user's model that fails."""
+    try:
+        return model.model_validate(named)
+    except ValidationError:
+        raise
+    except Exception as error:
+        raise _custom_error(f"{what}: invalid parameters: {line_of(error)}", {}) from error
 
 
 def _absent(point: PlugInPoint) -> type[BaseModel]:

@@ -75,6 +75,9 @@ def function(run, share=1.0):
 
 class Half(BaseLoss):
     ratio: float
+class Raises(BaseLoss):
+    def model_post_init(self, context):
+        raise RuntimeError("early")
 """
 REFUSALS = {
     "control.controller=nobody.Law": "control.controller: No module named 'nobody', neither in the",
@@ -91,6 +94,7 @@ REFUSALS = {
     "figure=[{use='M.function',more=1}]": "figure[0].more: unknown key",
     "figure=['M.function','M.function']": "figure[1]: given function twice",
     "links.loss={use='M.Half'}": "links.loss.ratio: missing",
+    "links.loss={use='M.Raises'}": "links.loss: invalid parameters: RuntimeError: early",
     "links.delay=M.Half": "links.delay: a class with the base transport.links.laws.delays",
     "gnss.errors=[{use='M.None'}]": "gnss.errors[0]: is not in M; expected a class with the base",
     "control.longitudinal=acc": 'control.longitudinal: given acc, but speed.followers = "same"',
@@ -265,9 +269,11 @@ def every(run):
 def distance(run):
     return {name: run.table(name, "truth")["distance_m"][-1] for name in run.names}
 def whole(run):
-    return 7
+    return run.table("v1", "truth")["seq"][7] - run.table("v1", "truth")["seq"][0]
 def faulty(run):
     return {"v1": float("inf")}
+def foreign(run):
+    return {"v9": 1.0}
 def stranger(run):
     yield "v9", 0, 1
 def broken(run):
@@ -292,9 +298,12 @@ def test_own_events_and_metrics_are_in_the_summary(module: Module, tmp_path: Pat
 
 def test_a_function_that_fails_is_left_out_with_a_warning(module: Module, tmp_path: Path) -> None:
     name = module(MEASURES)
-    own = [f"event=['{name}.stranger','{name}.broken']", f"figure=['{name}.faulty']"]
+    own = [
+        f"event=['{name}.stranger','{name}.broken']",
+        f"figure=['{name}.faulty','{name}.foreign']",
+    ]
     summary = virtual(tmp_path, *TWO, *own)
     assert summary.outcome == "completed"
     assert [line.split("'")[1] for line in summary.warnings] == [
-        f"{name}.{one}" for one in ("faulty", "stranger", "broken")
+        f"{name}.{one}" for one in ("faulty", "foreign", "stranger", "broken")
     ]
