@@ -32,7 +32,7 @@ class Other(FeedforwardFeedback):
     def __init__(self, parameters):
         pass
 """
-RAISED = "v2: controller 'own.Raising': steer() raised RuntimeError: no path, "
+RAISED = "v2: controller 'own.Raising': steer() raised RuntimeError: no path (own.py, line 9), "
 
 
 @pytest.fixture
@@ -68,7 +68,7 @@ def test_a_controller_with_a_wrong_constructor_is_refused_before_the_start(
     ran = run_to_the_end(*arguments(controlled("v2", "Other")), folder=folder)
     assert ran.exit_code == 2
     (line,) = ran.lines()
-    assert "'own.Other': cannot be built as Other(parameters, gains): TypeError" in line
+    assert "'own.Other': cannot be built as Other(parameters, gains, …): TypeError" in line
     assert not (folder / "run").exists()
 
 
