@@ -82,6 +82,8 @@ def _run_loaded(scenario: Scenario, arguments: Sequence[str], options: RunOption
     unusual = unusual_settings(scenario, wall_clock=on_wall_clock)
     for line in (*unusual, *warnings(scenario)):
         click.echo(f"warning: {line}", err=True)
+    for name in scenario.vehicle_names:
+        scenario.vehicle(name).controller()  # refuse a user's class that cannot be built
     refuse_picture(options.rerun, out)  # in one line here, before the recorder starts
     folder = folder_of(scenario, out)
     with claimed(folder, fresh=out is None):

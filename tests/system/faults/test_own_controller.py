@@ -8,7 +8,7 @@ import pytest
 from tests.system.logs import Run, assert_sound
 from tests.system.processes import run_to_the_end
 
-NOT_A_NUMBER = "v3: controller 'own.ReturnsNan': steer() returned steering = nan"
+NOT_A_NUMBER = "v3: controller 'own.ReturnsNan': steer() returned SteeringCommand(steering=nan"
 CONTINUES = "; the convoy continues without it"
 
 OWN = """
@@ -68,7 +68,7 @@ def test_a_controller_with_a_wrong_constructor_is_refused_before_the_start(
     ran = run_to_the_end(*arguments(controlled("v2", "Other")), folder=folder)
     assert ran.exit_code == 2
     (line,) = ran.lines()
-    assert "'own.Other': cannot be built as Other(parameters, gains, …): TypeError" in line
+    assert "'own.Other' cannot be built as Other(parameters, gains, …): TypeError" in line
     assert not (folder / "run").exists()
 
 
