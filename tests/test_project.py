@@ -108,25 +108,25 @@ def test_all_files_of_the_packages_are_distributed(monkeypatch: pytest.MonkeyPat
 ROOMS = {
     "scenarios": 10,
     "scenarios/api": 760,
-    "scenarios/cli": 6_105,
-    "scenarios/definition": 14_015,
-    "scenarios/results": 8_650,
-    "scenarios/runs": 6_435,
-    "scenarios/studies": 11_570,
-    "transport": 1_190,
+    "scenarios/cli": 5_310,
+    "scenarios/definition": 12_480,
+    "scenarios/results": 7_780,
+    "scenarios/runs": 6_340,
+    "scenarios/studies": 8_540,
+    "transport": 1_170,
     "transport/bus": 780,
-    "transport/links": 4_620,
-    "transport/log": 1_615,
-    "transport/picture": 1_955,
+    "transport/links": 4_330,
+    "transport/log": 1_440,
+    "transport/picture": 1_680,
     "vehicles": 630,
-    "vehicles/car": 2_845,
+    "vehicles/car": 2_800,
     "vehicles/driver": 4_700,
-    "vehicles/geometry": 1_545,
+    "vehicles/geometry": 1_550,
     "vehicles/preview": 1_630,
-    "vehicles/theory": 1_095,
+    "vehicles/theory": 1_060,
 }
 """Ceiling of each room in lines. A feature raises it only in a commit that says so."""
-PRODUCT_MAX, TESTS_MAX, MODULES_MAX = 70_100, 61_140, 326
+PRODUCT_MAX, TESTS_MAX, MODULES_MAX = 62_830, 53_760, 311
 """Lines of the product and of the tests, and modules of the product, `__init__` included."""
 LOADED_MAX, CALLS_MAX = 550, 400
 """Own modules that a virtual run loads, and own Python calls of its busiest follower in a control
