@@ -456,6 +456,12 @@ def sweep(
         table, written = run_sweep(plan, out, fleet, report, picture=output)
         print_sweep(table, Console())
         click.echo(f"written: {', '.join(map(str, written))}")
+        if failed := [run for cell in table.cells for run in cell.runs if run.reason]:
+            report(
+                f"{len(failed)} of {plan.runs} runs failed, the first is {failed[0].command}: ",
+                nl=False,
+            )
+            report(failed[0].reason)
         if table.errors:
             first = next(run for cell in table.cells for run in cell.runs if run.error)
             print_error(f"{table.errors} of {plan.runs} runs raised an error")
@@ -483,7 +489,8 @@ def _table(table: "SweepTable", number: int) -> "Table":
     columns += [] if number else [Column("worst\nseed", lambda cell: cell.worst.seed)]
     columns = [replace(column, max_width=WIDEST) for column in columns]
     names = ", ".join((*(figure.name for figure in figures), *map(str, limits)))
-    title = f"{names}; {table.plan.seeds} runs per row"
+    seeds = table.plan.seeds
+    title = f"{names}; {seeds} run{'s' * (seeds > 1)} per row"
     return table_of(columns, table.cells[:MOST_ROWS], title=title, title_justify="left")
 
 
