@@ -49,7 +49,7 @@ def is_finite(value: object) -> bool:
 
 
 class Result(NamedTuple):
-    """What a method has to return: in words, and as a test of the result and the arguments."""
+    """What a method has to return: as text, and as a test of the result and the arguments."""
 
     words: str
     fits: Callable[..., bool]
