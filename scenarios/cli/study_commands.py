@@ -456,14 +456,12 @@ def sweep(
         table, written = run_sweep(plan, out, fleet, report, picture=output)
         print_sweep(table, Console())
         click.echo(f"written: {', '.join(map(str, written))}")
-        if failed := [run for cell in table.cells for run in cell.runs if run.reason]:
-            report(
-                f"{len(failed)} of {plan.runs} runs failed, the first is {failed[0].command}: ",
-                nl=False,
-            )
-            report(failed[0].reason)
+        runs = [run for cell in table.cells for run in cell.runs]
+        if failed := [run for run in runs if run.reason]:
+            named = f"{failed[0].command}: {failed[0].reason}"
+            report(f"{len(failed)} of {plan.runs} runs failed, the first is {named}")
         if table.errors:
-            first = next(run for cell in table.cells for run in cell.runs if run.error)
+            first = next(run for run in runs if run.error)
             print_error(f"{table.errors} of {plan.runs} runs raised an error")
             print_error(f"{first.command}: {first.error}")
             raise SystemExit(EXIT_FAILED)

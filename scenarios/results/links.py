@@ -275,7 +275,7 @@ def expected(account: LinkAccount, requested: LinkTable, *, is_changed: bool) ->
     """
     channel = expected_channel(requested)
     if is_changed:
-        channel = replace(channel, latency_ms_mean=None, latency_ms_deviation=None)
+        channel = replace(channel, latency_ms_mean=None)
     elif not np.isin(account.verdicts["reason"], OF_VEHICLES).any():
         return channel
     return replace(channel, loss_ratio=None, burst_messages=None)
