@@ -109,10 +109,10 @@ ROOMS = {
     "scenarios": 10,
     "scenarios/api": 760,
     "scenarios/cli": 5_310,
-    "scenarios/definition": 12_480,
+    "scenarios/definition": 12_680,
     "scenarios/results": 7_780,
-    "scenarios/runs": 6_340,
-    "scenarios/studies": 8_540,
+    "scenarios/runs": 6_900,
+    "scenarios/studies": 9_000,
     "transport": 1_170,
     "transport/bus": 780,
     "transport/links": 4_330,
@@ -126,7 +126,7 @@ ROOMS = {
     "vehicles/theory": 1_060,
 }
 """Ceiling of each room in lines. A feature raises it only in a commit that says so."""
-PRODUCT_MAX, TESTS_MAX, MODULES_MAX = 62_830, 53_760, 311
+PRODUCT_MAX, TESTS_MAX, MODULES_MAX = 62_830, 53_760, 316
 """Lines of the product and of the tests, and modules of the product, `__init__` included."""
 LOADED_MAX, CALLS_MAX = 550, 400
 """Own modules that a virtual run loads, and own Python calls of its busiest follower in a control
