@@ -17,13 +17,6 @@ Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-DEVIATION = "deviation"  # Topic of the true errors and gaps, which only the log has
-
-
-def instant_of(topic: str) -> str:
-    """Field with the instant at which a message of `topic` was valid."""
-    return "true_at_ns" if topic == DEVIATION else TOPICS[topic].instant
-
 
 class Lists(NamedTuple):
     """A field with a list of values in each message: row k is `values[offsets[k]:offsets[k + 1]]`.
@@ -85,7 +78,7 @@ class Columns:
 
     @property
     def at_ns(self) -> Integers:
-        return self.fields[instant_of(self.topic)]
+        return self.fields[TOPICS[self.topic].instant]
 
 
 def ranges(starts: Integers, counts: Integers, step: int) -> Integers:

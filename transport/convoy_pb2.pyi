@@ -1212,53 +1212,6 @@ class RunEnd(_message.Message):
 Global___RunEnd: _TypeAlias = RunEnd  # noqa: Y015
 
 @_typing.final
-class Deviation(_message.Message):
-    """Only in the log: computed by the recorder from the true poses, for plots. NaN where there is
-    nothing to measure.
-    """
-
-    DESCRIPTOR: _descriptor.Descriptor
-
-    VEHICLE_FIELD_NUMBER: _builtins.int
-    TRUE_AT_NS_FIELD_NUMBER: _builtins.int
-    CROSS_TRACK_ERROR_M_FIELD_NUMBER: _builtins.int
-    TRUE_GAP_M_FIELD_NUMBER: _builtins.int
-    vehicle: _builtins.str
-    true_at_ns: _builtins.int
-    cross_track_error_m: _builtins.float
-    true_gap_m: _builtins.float
-    def __init__(
-        self,
-        *,
-        vehicle: _builtins.str | None = ...,
-        true_at_ns: _builtins.int | None = ...,
-        cross_track_error_m: _builtins.float | None = ...,
-        true_gap_m: _builtins.float | None = ...,
-    ) -> None: ...
-    _HasFieldArgType: _TypeAlias = _typing.Literal["_cross_track_error_m", b"_cross_track_error_m", "_true_at_ns", b"_true_at_ns", "_true_gap_m", b"_true_gap_m", "_vehicle", b"_vehicle", "cross_track_error_m", b"cross_track_error_m", "true_at_ns", b"true_at_ns", "true_gap_m", b"true_gap_m", "vehicle", b"vehicle"]  # noqa: Y015
-    def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["_cross_track_error_m", b"_cross_track_error_m", "_true_at_ns", b"_true_at_ns", "_true_gap_m", b"_true_gap_m", "_vehicle", b"_vehicle", "cross_track_error_m", b"cross_track_error_m", "true_at_ns", b"true_at_ns", "true_gap_m", b"true_gap_m", "vehicle", b"vehicle"]  # noqa: Y015
-    def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
-    _WhichOneofReturnType__cross_track_error_m: _TypeAlias = _typing.Literal["cross_track_error_m"]  # noqa: Y015
-    _WhichOneofArgType__cross_track_error_m: _TypeAlias = _typing.Literal["_cross_track_error_m", b"_cross_track_error_m"]  # noqa: Y015
-    _WhichOneofReturnType__true_at_ns: _TypeAlias = _typing.Literal["true_at_ns"]  # noqa: Y015
-    _WhichOneofArgType__true_at_ns: _TypeAlias = _typing.Literal["_true_at_ns", b"_true_at_ns"]  # noqa: Y015
-    _WhichOneofReturnType__true_gap_m: _TypeAlias = _typing.Literal["true_gap_m"]  # noqa: Y015
-    _WhichOneofArgType__true_gap_m: _TypeAlias = _typing.Literal["_true_gap_m", b"_true_gap_m"]  # noqa: Y015
-    _WhichOneofReturnType__vehicle: _TypeAlias = _typing.Literal["vehicle"]  # noqa: Y015
-    _WhichOneofArgType__vehicle: _TypeAlias = _typing.Literal["_vehicle", b"_vehicle"]  # noqa: Y015
-    @_typing.overload
-    def WhichOneof(self, oneof_group: _WhichOneofArgType__cross_track_error_m) -> _WhichOneofReturnType__cross_track_error_m | None: ...
-    @_typing.overload
-    def WhichOneof(self, oneof_group: _WhichOneofArgType__true_at_ns) -> _WhichOneofReturnType__true_at_ns | None: ...
-    @_typing.overload
-    def WhichOneof(self, oneof_group: _WhichOneofArgType__true_gap_m) -> _WhichOneofReturnType__true_gap_m | None: ...
-    @_typing.overload
-    def WhichOneof(self, oneof_group: _WhichOneofArgType__vehicle) -> _WhichOneofReturnType__vehicle | None: ...
-
-Global___Deviation: _TypeAlias = Deviation  # noqa: Y015
-
-@_typing.final
 class Records(_message.Message):
     """Only on the wire: a batch of messages of one vehicle. A log holds the messages themselves."""
 

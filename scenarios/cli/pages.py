@@ -16,7 +16,6 @@ from scenarios.results.string_figures import LEAST_ACCELERATION_MPS2, LEAST_ERRO
 from scenarios.results.summary import documented_fields
 from scenarios.runs.processes.membership import SEPARATOR, Fingerprint
 from scenarios.runs.stop import EXIT_CODES
-from transport.convoy_pb2 import Deviation
 from transport.log.foxglove import standard_messages
 from transport.topics import (
     REASONS,
@@ -233,8 +232,6 @@ SECTIONS: Mapping[str, Section] = {
 
 RUN_MESSAGES = RunStart, RunEnd
 """Messages that the recorder publishes for the whole run."""
-DEVIATION_ROW = "deviation", "Deviation", "true error and gap of a follower, ten times a second"
-"""Topic that only the log has."""
 
 
 def topics_page() -> None:
@@ -246,16 +243,13 @@ def topics_page() -> None:
         "Foxglove messages, which other programs can draw."
     )
     rows = [(name, topic.message.__name__, topic.meaning) for name, topic in TOPICS.items()]
-    print_section("topics", [*rows, DEVIATION_ROW])
+    print_section("topics", rows)
     print_section("modes of a vehicle", MODES.items())
     print_section("Foxglove messages", standard_rows())
     for topic in TOPICS.values():
         click.echo()
         print_text(f"{topic.message.__name__}: {getdoc(topic.message)}")
         print_text(f"fields: {', '.join(one.name for one in fields(topic.message))}")
-    click.echo()
-    print_text("Deviation: True error and gap of a follower. The recorder computes them for plots.")
-    print_text(f"fields: {', '.join(Deviation.DESCRIPTOR.fields_by_name)}")
 
 
 def standard_rows() -> Iterator[Row]:

@@ -3,8 +3,7 @@
 from collections import Counter, defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
-from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +20,8 @@ from scenarios.results.events import (
 )
 from scenarios.results.tables import QUIET_NS, Collector, RunTables
 from scenarios.results.true_motion import (
-    at_instants,
     cross_track_error,
-    first_of_periods,
     gaps,
-    path_feet,
 )
 from transport.columns import Columns, columns_from, joined
 from transport.topics import counts_as_loss
@@ -38,7 +34,7 @@ from vehicles.messages import (
     Tracking,
     TruePose,
 )
-from vehicles.schedule import MILLISECOND, SECOND
+from vehicles.schedule import SECOND
 
 LIVE_KINDS: frozenset[type[Message]] = frozenset(
     {Change, Health, LinkVerdict, RunStart, Tracking, TruePose}
@@ -47,7 +43,6 @@ WINDOW_NS = 5 * SECOND
 """Time of which messages are kept, besides the lead's path and the first pose of each vehicle."""
 PATIENCE_NS = SECOND
 """A vehicle whose poses are further behind the newest ones is not waited for."""
-DEVIATION_PERIOD_NS = 100 * MILLISECOND
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,33 +179,6 @@ class LiveRun:
         near = self.scenario.tables.events.near_miss_gap_m
         recent = apart.at_ns > self.evaluated_until - QUIET_NS
         return bool((apart.distance[recent] < near).any())
-
-
-class Deviation(NamedTuple):
-    """True error and gap (m, NaN if unknown) of a follower at an instant (ns)."""
-
-    vehicle: str
-    at_ns: int
-    error_m: float
-    gap_m: float
-
-
-def deviations(run: RunTables, since: int, until: int) -> list[Deviation]:
-    """True errors and gaps of the followers ten times a second, in the order of time.
-
-    Those after `since` and up to `until` (ns), at the first true pose in each period.
-    """
-    found = []
-    for name in run.followers:
-        at = run.table(name, "truth").at_ns
-        is_first = first_of_periods(at, DEVIATION_PERIOD_NS)
-        (rows,) = np.nonzero((at > since) & (at <= until) & is_first)
-        apart = gaps(run, name)
-        gap = at_instants(at[rows], apart.at_ns, apart.distance)
-        error = path_feet(run, name).lateral[rows]
-        columns = (at[rows].tolist(), error.tolist(), gap.tolist())
-        found += [Deviation(name, *row) for row in zip(*columns, strict=True)]
-    return sorted(found, key=attrgetter("at_ns"))
 
 
 def _last(values: NDArray[Any], unknown: Any) -> Any:

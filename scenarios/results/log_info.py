@@ -28,14 +28,10 @@ def recover_log(log: Path, output: Path) -> int:
     if output.exists():
         raise LogError(f"{output}: exists; a log is never overwritten")
     reader = LogReader(log)  # refuse other files
-    part = output.with_name(output.name + ".part")
     try:
-        write_again(reader.file, part)
-        part.rename(output)
+        write_again(reader.file, output)
     except OSError as error:
         raise UnwritableError(f"{output}: cannot write the log: {error.strerror}") from error
-    finally:
-        part.unlink(missing_ok=True)
     return sum(reader.counts.values())
 
 
@@ -98,7 +94,7 @@ def info_of(log: Path) -> LogInfo:
 
 
 def _channels(reader: LogReader) -> list[ChannelInfo]:
-    messages = reader.file.without_content()
+    messages = reader.file.without_content
     rows = []
     for number, channel in sorted(reader.file.channels.items(), key=lambda row: row[1].topic):
         chosen = messages.of(messages.channels == number)

@@ -13,7 +13,7 @@ from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.limits import collision_ends_run, failure_reason, limit_figures
 from scenarios.results.link_account import accounts
 from scenarios.results.links import silent_links
-from scenarios.results.live import LiveRun, deviations
+from scenarios.results.live import LiveRun
 from scenarios.results.log_summary import METADATA_NAME, summarise, tables_in, write_summary
 from scenarios.results.record import hole_lines, record_holes
 from scenarios.results.run_event import events, run_events
@@ -91,7 +91,6 @@ class RunLog:
         self._start_at: int | None = None
         self._end_at = 0
         self._logged_events: set[tuple[object, ...]] = set()
-        self._deviations_until = 0
         self._tables: RunTables | None = None
         self._recorded_at_end = 0
         self.early_end: EarlyEnd | None = None
@@ -104,7 +103,7 @@ class RunLog:
 
     def start(self, at: int, start_at: int) -> bytes:
         """Log the start (ns); returns the announcement for the bus."""
-        self._start_at = self._deviations_until = start_at
+        self._start_at = start_at
         return self.recorder.begin(at, start_at, self._identity.run_id)
 
     def update(self, at: int) -> bool:
@@ -114,7 +113,6 @@ class RunLog:
         self.early_end = self.early_end or early_end_of(self._live)
         if self._writes_live:
             self._log_events(at, self._live.window, self._live.events)
-            self._write_deviations(at, self._live.window, self._live.evaluated_until)
         return True
 
     def _log_events(self, at: int, run: RunTables, found: Sequence[Event]) -> None:
@@ -124,12 +122,6 @@ class RunLog:
                 self._logged_events.add(event.key)
                 (listed,) = run_events(run, [event])
                 self.recorder.log(at, listed.line, listed.level, valid_at=event.at_ns)
-
-    def _write_deviations(self, at: int, run: RunTables, until: int) -> None:
-        """Write true errors and gaps up to an instant, for plots without this project."""
-        for row in deviations(run, self._deviations_until, until):
-            self._writer.write_deviation(at, *row)
-        self._deviations_until = until
 
     def end(self, at: int, reason: str) -> bytes:
         """Log that the run is over; an empty `reason` means as planned.
@@ -146,7 +138,6 @@ class RunLog:
                 self.recorder.log(at, line, "warning", valid_at=beyond_at)
             self._log_events(at, run, events(run))
             self._live.events = list(events(run))
-            self._write_deviations(at, run, self._end_at)
             for line in hole_lines(record_holes(run), MOST_HOLE_LINES):
                 self.recorder.log(at, line, "warning")
             silent = silent_links(run, accounts(run))

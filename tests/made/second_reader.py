@@ -16,7 +16,6 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from transport import convoy_pb2
 
-DEVIATION = "deviation"
 MESSAGES = {
     "gps": "GpsPose",
     "truth": "TruePose",
@@ -29,7 +28,6 @@ MESSAGES = {
     "change": "Change",
     "start": "RunStart",
     "end": "RunEnd",
-    DEVIATION: "Deviation",
 }
 """Message types by topic."""
 

@@ -5,7 +5,7 @@ numbers, as every serializer writes them; other messages are decoded one by one.
 Buffers documentation, "Encoding".
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
@@ -16,17 +16,14 @@ from numpy.typing import NDArray
 
 from transport.codec import MessageForm, RefusedMessageError, decode, form_of
 from transport.columns import (
-    DEVIATION,
     Array,
     Columns,
     Integers,
     Lists,
     columns_from,
-    instant_of,
     joined,
     ranges,
 )
-from transport.convoy_pb2 import Deviation
 from transport.log.errors import LogError
 from transport.log.mcap_file import ChunkPlace, McapFile, Messages, numbers_at
 from transport.texts import printable
@@ -57,11 +54,11 @@ class _Field(NamedTuple):
 
 
 class _Layout(NamedTuple):
-    """Fields of the messages of a topic; the deviation has no message class, so no `form`."""
+    """Fields of the messages of a topic."""
 
     topic: str
     fields: tuple[_Field, ...]
-    form: MessageForm | None
+    form: MessageForm
 
     def wanted(self, names: Collection[str] | None) -> frozenset[str]:
         """Fields to decode; raises ValueError for an unknown name.
@@ -73,20 +70,14 @@ class _Layout(NamedTuple):
             return frozenset(known)
         if unknown := set(names) - known:
             raise ValueError(f"topic {self.topic} has no field {', '.join(sorted(unknown))}")
-        firsts = {first for first, name in self.tables if name in names}
-        return frozenset({*names, *firsts, instant_of(self.topic)})
-
-    @property
-    def tables(self) -> Sequence[tuple[str, str]]:
-        """Lists with the lists whose lengths they share."""
-        return self.form.columns if self.form else ()
+        firsts = {first for first, name in self.form.columns if name in names}
+        return frozenset({*names, *firsts, TOPICS[self.topic].instant})
 
 
 @cache
 def _layout(topic: str) -> _Layout:
-    form = None if topic == DEVIATION else form_of(TOPICS[topic].message)
-    descriptor = (form.protobuf if form else Deviation).DESCRIPTOR
-    rows = sorted(descriptor.fields, key=lambda row: row.number)
+    form = form_of(TOPICS[topic].message)
+    rows = sorted(form.protobuf.DESCRIPTOR.fields, key=lambda row: row.number)
     return _Layout(topic, tuple(map(_field, rows)), form)
 
 
@@ -160,8 +151,6 @@ def _read(
 
 def _decode_singly(messages: Messages, layout: _Layout, like: Columns) -> Columns:
     """Decode messages one by one, into the columns of others; raises RefusedMessageError."""
-    if layout.form is None:
-        raise RefusedMessageError("garbage", "not a complete Deviation")
     spans = zip(messages.starts.tolist(), messages.ends.tolist(), strict=True)
     decoded = [decode(TOPICS[layout.topic], messages.content[start:end]) for start, end in spans]
     columns = columns_from(layout.topic, decoded, messages.logged_at.tolist())
@@ -179,7 +168,7 @@ def _decode(messages: Messages, layout: _Layout, wanted: frozenset[str]) -> tupl
     at, is_odd = messages.starts.copy(), np.zeros(len(ends), bool)
     fields: dict[str, Array] = {}
     lists: dict[str, Lists] = {}
-    defaults = layout.form.defaults if layout.form else {}
+    defaults = layout.form.defaults
     for row in layout.fields:
         is_there = data.has_tag(row.tag, at) & (at < ends)
         rows: Any = slice(None) if is_there.all() else np.flatnonzero(is_there)
@@ -203,10 +192,10 @@ def _decode(messages: Messages, layout: _Layout, wanted: frozenset[str]) -> tupl
         is_odd[rows] |= is_wrong
         at[rows] = after
     is_odd |= at != ends
-    for first, name in layout.tables:
+    for first, name in layout.form.columns:
         if name in wanted:
             is_odd |= np.diff(lists[first].offsets) != np.diff(lists[name].offsets)
-    for name, words in layout.form.words if layout.form else ():
+    for name, words in layout.form.words:
         if name in wanted and (unknown := set(fields[name]) - words):
             is_odd |= np.isin(fields[name], list(unknown))
     columns = Columns("", layout.topic, messages.order, messages.logged_at, fields, lists)

@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 from contextlib import suppress
 from difflib import get_close_matches
+from functools import cached_property
 from io import BytesIO
 from pathlib import Path
 from typing import IO, NamedTuple, cast
@@ -43,8 +44,6 @@ _PADDING = bytes(32)
 """Bytes after unpacked records, so that a record that ends too early can be read beyond its end."""
 LARGEST_RECORD = 2**30
 """Bytes; a larger stated size is damage."""
-MAX_LISTED = 3
-"""Maximum number of damaged places that are listed."""
 
 THINNED_NAME = "thinned"
 """Name of the metadata record with the maximum rates of thinned topics."""
@@ -232,36 +231,22 @@ class McapFile:
         """Number of readable messages by channel."""
         if self.stated and not self.damage:
             return self.stated
-        return Counter(self.without_content().channels.tolist())
+        return Counter(self.without_content.channels.tolist())
 
+    @cached_property
     def without_content(self) -> Messages:
         """All readable messages, whose places are those in their chunks."""
         parts = [self.read([])[1:], *(self.read([chunk])[1:] for chunk in self.chunks)]
         return Messages(b"", *map(np.concatenate, zip(*parts, strict=True)))
 
-    def last_numbers(self, channels: Set[int]) -> dict[int, int]:
-        """Largest number in the last chunk with messages of each channel."""
-        last: dict[int, int] = {}
-        for chunk in reversed(self.chunks):
-            if searched := (channels & chunk.channels) - last.keys():
-                read = self.read([chunk])
-                for channel in searched:
-                    numbers = read.numbers[read.channels == channel].astype(np.int64)
-                    last[channel] = int(numbers.max(initial=-1))
-        return last
-
     def _describe(self, wrong: list[tuple[int, int]]) -> str:
+        """Describe damaged bytes by their place, and by the time between the nearest messages."""
         if not wrong:
             return ""
         lost = sum(end - start for start, end in wrong)
-        named = [self._place(*span) for span in wrong[:MAX_LISTED]]
-        if len(wrong) > MAX_LISTED:
-            named.append(f"and {len(wrong) - MAX_LISTED} more")
-        return f"{self.path}: damaged, {lost} bytes cannot be read: {'; '.join(named)}"
-
-    def _place(self, start: int, end: int) -> str:
-        """Describe damaged bytes by their place, and by the time between the nearest messages."""
-        text = f"{end - start} at byte {start}"
+        (start, _), (_, end) = wrong[0], wrong[-1]
+        where = f" in {len(wrong)} places" if len(wrong) > 1 else ""
+        text = f"{self.path}: damaged, {lost} bytes cannot be read{where}, from byte {start} on"
         if not self.chunks:
             return text
         origin = self.chunks[0].first_at
@@ -381,41 +366,49 @@ def lock(file: IO[bytes], path: Path) -> None:
 
 
 def write_again(log: McapFile, path: Path) -> None:
-    """Write the readable messages, attachments and metadata of a log; raises OSError.
+    """Put the readable messages, attachments and metadata of a log in place of a file.
 
-    The metadata `repaired` has the number of messages.
+    The metadata `repaired` has the number of messages. Raises OSError.
     """
-    count = 0
-    with path.open("xb") as file:
-        writer = Writer(file, enable_data_crcs=True)
-        writer.start()
-        schemas = {
-            number: writer.register_schema(schema.name, schema.encoding, schema.data)
-            for number, schema in log.schemas.items()
-        }
-        channels = {
-            number: writer.register_channel(
-                one.topic, one.message_encoding, schemas.get(one.schema_id, 0), one.metadata
-            )
-            for number, one in log.channels.items()
-        }
-        for name, values in log.metadata.items():
-            writer.add_metadata(name, values)
-        for one in log.attachments.values():
-            writer.add_attachment(one.create_time, one.log_time, one.name, one.media_type, one.data)
-        for chunk in log.chunks:
-            read = log.read([chunk])
-            for start, end in zip(read.starts.tolist(), read.ends.tolist(), strict=True):
-                head = _MESSAGE.unpack_from(read.content, start - _MESSAGE.size)
-                _, _, channel, number, logged_at, sent_at = head
-                if channel in channels:
-                    data = read.content[start:end]
-                    writer.add_message(channels[channel], logged_at, data, sent_at, number)
-                    count += 1
-        writer.add_metadata(REPAIRED, {"messages": str(count)})
-        writer.finish()  # type: ignore[no-untyped-call]
-        file.flush()
-        os.fsync(file.fileno())
+    part = path.with_name(f"{path.name}.part")
+    try:
+        with part.open("wb") as file:
+            _copy(log, file)
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _copy(log: McapFile, file: IO[bytes]) -> None:
+    count, writer = 0, Writer(file, enable_data_crcs=True)
+    writer.start()
+    schemas = {
+        number: writer.register_schema(schema.name, schema.encoding, schema.data)
+        for number, schema in log.schemas.items()
+    }
+    channels = {
+        number: writer.register_channel(
+            one.topic, one.message_encoding, schemas.get(one.schema_id, 0), one.metadata
+        )
+        for number, one in log.channels.items()
+    }
+    for name, values in log.metadata.items():
+        writer.add_metadata(name, values)
+    for one in log.attachments.values():
+        writer.add_attachment(one.create_time, one.log_time, one.name, one.media_type, one.data)
+    for chunk in log.chunks:
+        read = log.read([chunk])
+        for start, end in zip(read.starts.tolist(), read.ends.tolist(), strict=True):
+            head = _MESSAGE.unpack_from(read.content, start - _MESSAGE.size)
+            _, _, channel, number, logged_at, sent_at = head
+            if channel in channels:
+                data = read.content[start:end]
+                writer.add_message(channels[channel], logged_at, data, sent_at, number)
+                count += 1
+    writer.add_metadata(REPAIRED, {"messages": str(count)})
+    writer.finish()  # type: ignore[no-untyped-call]
 
 
 def repair(path: Path) -> bool:
@@ -424,21 +417,15 @@ def repair(path: Path) -> bool:
     Raises LogError if the file is not an MCAP log, is being written or cannot be replaced; then it
     stays as it is, which readers read up to its end.
     """
-    beside = path.with_name(path.name + ".repaired")
     try:
         with path.open("r+b", buffering=0) as file:
             lock(file, path)
             log = McapFile(path)
-            if not log.truncated:
-                return False
-            try:
-                write_again(log, beside)
-                beside.replace(path)
-            finally:
-                beside.unlink(missing_ok=True)
+            if log.truncated:
+                write_again(log, path)
+            return log.truncated
     except OSError as error:
         raise UnwritableError(f"{path}: cannot repair the log: {error.strerror}") from error
-    return True
 
 
 def repair_if_truncated(log: Path) -> bool:

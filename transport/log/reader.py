@@ -5,7 +5,7 @@ from functools import cached_property
 from pathlib import Path
 
 from transport.codec import RefusedMessageError, decode
-from transport.columns import DEVIATION, Columns
+from transport.columns import Columns
 from transport.log.columns import read_columns
 from transport.log.errors import LogError
 from transport.log.mcap_file import REPAIRED, THINNED_NAME, McapFile
@@ -29,11 +29,6 @@ class LogReader:
         self.file = McapFile(path)
         self.truncated, self.damage = self.file.truncated, self.file.damage
         counts = self.file.counts()
-        nameless = sum(
-            count for number, count in counts.items() if number not in self.file.channels
-        )
-        if self.damage and nameless:
-            self.damage += f"; the topics of {nameless} messages are lost"
         self._keys = {
             number: key
             for number, channel in self.file.channels.items()
@@ -101,10 +96,9 @@ class LogReader:
     ) -> dict[tuple[str, str], Columns]:
         """Read messages as arrays by (vehicle, topic), 20 times as fast as `messages`.
 
-        The topic "deviation" has the true errors and gaps. `fields` are the fields to read by
-        topic, all by default. `vehicles` and `span_ns`, the first and the last instant of
-        recording, select messages; only the chunks within the span are decoded. Unreadable
-        messages are left out, see `damage` and `missing`.
+        `fields` are the fields to read by topic, all by default. `vehicles` and `span_ns`, the
+        first and the last instant of recording, select messages; only the chunks within the span
+        are decoded. Unreadable messages are left out, see `damage` and `missing`.
         """
         wanted = {topic: (fields or {}).get(topic) for topic in topics}
         span = span_ns or (0, 2**64)
@@ -117,13 +111,12 @@ class LogReader:
         A message is missing if its number was used but the log lacks it: the log is damaged, or the
         message did not reach the recorder. Thinned topics are left out.
         """
-        numbered = self._channels(TOPICS.keys() - self.thinned.keys(), None)
-        stated, last = self.file.stated, self.file.last_numbers(numbered.keys())
-        missing = {}
-        for number, name in numbered.items():
-            total = stated.get(number, self.counts[name])
+        missing, messages = {}, self.file.without_content
+        for channel, name in self._channels(TOPICS.keys() - self.thinned.keys(), None).items():
+            total = self.file.stated.get(channel, self.counts[name])
             if name[1] not in OF_DECISIONS:
-                total = max(total, last.get(number, -1) + 1)
+                numbers = messages.numbers[messages.channels == channel]
+                total = max(total, int(numbers.max(initial=0)) + bool(len(numbers)))
             if total > self.counts[name]:
                 missing[name] = total - self.counts[name], total
         return missing
@@ -179,6 +172,6 @@ class LogReader:
 def _key_of(channel: str) -> tuple[str, str] | None:
     """Vehicle and topic of a channel `/convoy/<vehicle>/<topic>`; None for another one."""
     match channel.split("/"):
-        case ["", "convoy", vehicle, name] if name in {*TOPICS, DEVIATION}:
+        case ["", "convoy", vehicle, name] if name in TOPICS:
             return vehicle, name
     return None

@@ -10,7 +10,6 @@ import errno
 import os
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
-from itertools import count
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -20,11 +19,10 @@ from mcap.writer import Writer
 
 from transport.closing import Closing
 from transport.codec import PROTOBUF, encode
-from transport.convoy_pb2 import Deviation
 from transport.log.errors import LogError, UnwritableError
 from transport.log.foxglove import Scene, StandardMessage, standard_messages
 from transport.log.mcap_file import THINNED_NAME, lock
-from transport.topics import TOPIC_OF, TOPICS, Thinning, Topic, key
+from transport.topics import TOPIC_OF, Thinning, Topic, key
 from vehicles.messages import Message
 from vehicles.schedule import SECOND, Timer
 
@@ -94,7 +92,6 @@ class LogWriter(Closing):
         self._writer = Writer(self._file, enable_data_crcs=True)
         self._flushed = self._log_time = self._chunk_ends_at = 0
         self._standard = standard_messages(scene)
-        self._deviations: dict[str, tuple[int, Iterator[int]]] = {}
         self._channels: dict[tuple[str, str], Channels] = {}
         self._schemas: dict[str, int] = {}
         self._thinning = Thinning(rates_hz or {})
@@ -125,22 +122,6 @@ class LogWriter(Closing):
             if not standard.period_ns or timer.is_due(valid_at):
                 content = standard.make(message).SerializeToString()
                 self._add(channel, log_time, content, valid_at, message.seq)
-
-    def write_deviation(
-        self, log_time: int, vehicle: str, true_at: int, error: float, gap: float
-    ) -> None:
-        """Log the true error and gap (m, may be NaN) of a vehicle at an instant (ns)."""
-        if self.failure:
-            return
-        if vehicle not in self._deviations:
-            name = f"/convoy/{vehicle}/deviation"
-            channel = self._register(name, Deviation, of=key(vehicle, TOPICS["truth"]))
-            self._deviations[vehicle] = channel, count()
-        channel, numbers = self._deviations[vehicle]
-        message = Deviation(
-            vehicle=vehicle, true_at_ns=true_at, cross_track_error_m=error, true_gap_m=gap
-        )
-        self._add(channel, log_time, message.SerializeToString(), true_at, next(numbers))
 
     def _add(self, channel: int, log_time: int, data: bytes, sent_at: int, number: int) -> None:
         """Write one message, into a new chunk after `CHUNK_NS`."""

@@ -9,12 +9,13 @@ import numpy as np
 
 from scenarios.results.run_drawing import batches, scene_of
 from scenarios.studies.comparison.runs import RunComparison, RunGroup
-from transport.columns import Columns, instant_of
+from transport.columns import Columns
 from transport.log.reader import LogReader
 from transport.picture.batch import Batch, Mark, RunScene, VehicleValues
 from transport.picture.option import RerunOption
 from transport.picture.view import RerunView
 from transport.picture.viewer_process import ViewerError
+from transport.topics import TOPICS
 from vehicles.schedule import nanoseconds
 
 
@@ -79,7 +80,7 @@ def _renamed(batch: Batch, label: str, start: int) -> Batch:
     shift = start - batch.start_ns
 
     def columns_of(columns: Columns, name: str) -> Columns:
-        instant = instant_of(columns.topic)
+        instant = TOPICS[columns.topic].instant
         fields = {**columns.fields, instant: columns.at_ns + shift}
         return replace(columns, vehicle=name, fields=fields)
 

@@ -20,8 +20,6 @@ TICKS = 60
 def write(path: Path, ticks: int = TICKS, scene: Scene | None = None) -> list[tuple[int, Message]]:
     messages = list(drive.drive(ticks))
     with LogWriter(path, library="test", scene=scene) as log:
-        for name in drive.VEHICLES[1:] if scene else ():
-            log.write_deviation(drive.START, name, drive.START, 0.1, drive.SPACING)
         log.metadata("convoy", {"scenario": "circle", "seed": "1"})
         log.attach("scenario.toml", "application/toml", b"seed = 1\n")
         for at, message in messages:

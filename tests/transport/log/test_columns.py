@@ -14,9 +14,8 @@ from tests.made.transport import drive
 from tests.made.transport.logs import write
 from tests.transport.any_messages import any_message
 from transport.codec import encode
-from transport.columns import DEVIATION, Columns
+from transport.columns import Columns
 from transport.log.errors import LogError
-from transport.log.foxglove import Scene
 from transport.log.reader import LogReader
 from transport.log.writer import LogWriter
 from transport.topics import TOPIC_OF, TOPICS
@@ -121,14 +120,6 @@ def test_fields_vehicles_and_a_span_select(tmp_path: Path) -> None:
     assert set(truth.fields) == {"east_m", "true_at_ns"}
     with pytest.raises(ValueError, match="east_km"):
         LogReader(path).columns(["truth"], fields={"truth": ["east_km"]})
-
-
-def test_true_errors_and_gaps(tmp_path: Path) -> None:
-    write(tmp_path / "run.mcap", scene=Scene())
-    columns = LogReader(tmp_path / "run.mcap").columns([DEVIATION])
-    assert {vehicle for vehicle, _ in columns} == {"v2", "v3"}
-    assert columns["v2", DEVIATION]["cross_track_error_m"].tolist() == [0.1]
-    assert columns["v2", DEVIATION].at_ns.tolist() == [drive.START]
 
 
 def test_refused_messages_are_errors(tmp_path: Path) -> None:

@@ -93,8 +93,8 @@ def test_a_damaged_chunk_is_passed_over_and_named(tmp_path: Path) -> None:
     assert log.counts["v2", "truth"] < TICKS
     assert log.attachments() == {"scenario.toml": b"seed = 1\n"}
     assert re.fullmatch(
-        rf"{path}: damaged, \d+ bytes cannot be read: "
-        rf"\d+ at byte {second - 9 - 32}, between 0\.\d s and 0\.\d s",
+        rf"{path}: damaged, \d+ bytes cannot be read, "
+        rf"from byte {second - 9 - 32} on, between 0\.\d s and 0\.\d s",
         log.damage,
     )
 

@@ -1,6 +1,5 @@
 """Contents of a written log, and their standard form."""
 
-import math
 import resource
 from pathlib import Path
 
@@ -9,7 +8,6 @@ import pytest
 from tests.made.transport import drive
 from tests.made.transport.logs import TICKS, put, rerun_accepts, rows, write
 from transport.codec import encode
-from transport.convoy_pb2 import Deviation
 from transport.log.errors import LogError
 from transport.log.mcap_file import repair
 from transport.log.reader import LogReader
@@ -41,23 +39,6 @@ def test_same_writes_give_the_same_bytes(tmp_path: Path) -> None:
     first = (tmp_path / "one.mcap").read_bytes()
     assert first == (tmp_path / "two.mcap").read_bytes()
     assert first != (tmp_path / "other.mcap").read_bytes()
-
-
-def test_true_errors_are_logged_with_the_messages_and_may_be_nan(tmp_path: Path) -> None:
-    with LogWriter(tmp_path / "run.mcap") as log:
-        put(log, drive.START + 5, drive.truth("v2", 0))
-        log.write_deviation(drive.START + 3, "v2", drive.START, 0.25, math.nan)
-        log.write_deviation(drive.START + 9, "v2", drive.START + 4, -0.5, 7.5)
-    found = [row for row in rows(tmp_path / "run.mcap") if row[1].topic == "/convoy/v2/deviation"]
-    assert [(r.log_time, r.publish_time, r.sequence) for _, _, r in found] == [
-        (drive.START + 5, drive.START, 0),
-        (drive.START + 9, drive.START + 4, 1),
-    ]
-    first, second = (Deviation.FromString(record.data) for _, _, record in found)
-    assert (first.vehicle, first.cross_track_error_m) == ("v2", 0.25)
-    assert math.isnan(first.true_gap_m)
-    assert (second.true_at_ns, second.true_gap_m) == (drive.START + 4, 7.5)
-    assert len(list(LogReader(tmp_path / "run.mcap").messages())) == 1
 
 
 def test_flushed_messages_are_readable_before_the_end(tmp_path: Path) -> None:

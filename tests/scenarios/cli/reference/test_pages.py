@@ -10,7 +10,6 @@ from click.testing import CliRunner
 from pydantic import BaseModel
 
 from scenarios.cli.main import cli
-from scenarios.cli.pages import DEVIATION_ROW
 from scenarios.cli.plug_in_page import shipped_texts
 from scenarios.cli.scenario_commands import PAGES, printers
 from scenarios.cli.scenario_pages import limit_texts
@@ -143,7 +142,7 @@ def test_every_mode_has_its_meaning(page: str) -> None:
 
 def test_topics_are_those_of_the_log() -> None:
     expected = [[name, topic.message.__name__, topic.meaning] for name, topic in TOPICS.items()]
-    assert rows(sections("topics")["topics"]) == [*expected, list(DEVIATION_ROW)]
+    assert rows(sections("topics")["topics"]) == expected
     standard = [
         [one.name, one.kind.DESCRIPTOR.full_name, f"from {topic.name}"]
         for topic in TOPICS.values()
