@@ -79,8 +79,7 @@ def _checked(table: ReplayTable, path: Path) -> ReplayTable:
                 senders = ", ".join(sorted({one for one, of in reader.counts if of == topic}))
                 missing = f"holds no messages of {name} on the topic {topic}"
                 raise ValueError(f"{missing}, but of {senders or 'none'}")
-        fields = {"truth": ("true_at_ns",), "start": ("start_at_ns",)}
-        columns = reader.columns(("truth", "start"), fields=fields)
+        columns = reader.columns(("truth", "start"))
     except LogError as error:
         raise ValueError(str(error).removeprefix(f"{path}: ")) from error
     starts = [one for (_, topic), one in columns.items() if topic == "start"]

@@ -10,6 +10,7 @@ import numpy as np
 
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.definition.wording import did_you_mean
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME, write_whole
 from scenarios.results.limits import deadline_figures, failure_reason, limit_figures
 from scenarios.results.link_account import accounts, away_spans, contradictions
@@ -190,7 +191,10 @@ SHOWN_RUNS = 3
 
 
 def log_in(path: Path) -> Path:
-    """Return the log of a run's folder; raises LogError for a folder of runs."""
+    """Return the log of a run's folder; raises LogError for a folder of runs and a missing one."""
+    if not path.exists() and path.parent.is_dir():
+        similar = did_you_mean(path.name, (one.name for one in path.parent.iterdir()))
+        raise LogError(f"{path}: no such file or folder{similar}")
     log = path / LOG_NAME if path.is_dir() else path
     if path.is_dir() and not log.exists():
         runs = sorted(str(run.parent) for run in path.glob(f"*/{LOG_NAME}"))

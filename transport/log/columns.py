@@ -5,7 +5,7 @@ numbers, as every serializer writes them; other messages are decoded one by one.
 Buffers documentation, "Encoding".
 """
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
@@ -54,24 +54,11 @@ class _Field(NamedTuple):
 
 
 class _Layout(NamedTuple):
-    """Fields of the messages of a topic."""
+    """Fields of the messages of a topic; all are read but the vehicle."""
 
     topic: str
     fields: tuple[_Field, ...]
     form: MessageForm
-
-    def wanted(self, names: Collection[str] | None) -> frozenset[str]:
-        """Fields to decode; raises ValueError for an unknown name.
-
-        The instant of the message and the first column of each table are added.
-        """
-        known = {row.name for row in self.fields} - {"vehicle"}
-        if names is None:
-            return frozenset(known)
-        if unknown := set(names) - known:
-            raise ValueError(f"topic {self.topic} has no field {', '.join(sorted(unknown))}")
-        firsts = {first for first, name in self.form.columns if name in names}
-        return frozenset({*names, *firsts, TOPICS[self.topic].instant})
 
 
 @cache
@@ -96,15 +83,13 @@ def _field(row: FieldDescriptor) -> _Field:
 def read_columns(
     file: McapFile,
     channels: Mapping[int, tuple[str, str]],
-    fields: Mapping[str, Collection[str] | None],
     span: tuple[int, int],
 ) -> dict[tuple[str, str], Columns]:
     """Read messages by (vehicle, topic); `channels` are these by channel number.
 
-    `fields` are those to read by topic, None for all. Only the chunks within `span` (ns) are read.
-    Raises LogError for a message that its topic refuses.
+    Only the chunks within `span` (ns) are read. Raises LogError for a message that its topic
+    refuses.
     """
-    wanted = {topic: _layout(topic).wanted(names) for topic, names in fields.items()}
     parts: dict[tuple[str, str], list[Columns]] = {key: [] for key in channels.values()}
     for batch in _batches(file, channels, span):
         is_within = (batch.logged_at >= span[0]) & (batch.logged_at <= span[1])
@@ -112,7 +97,7 @@ def read_columns(
             numbers = {number: key[0] for number, key in channels.items() if key[1] == topic}
             messages = batch.of(is_within & np.isin(batch.channels, list(numbers)))
             try:
-                for part in _read(messages, _layout(topic), wanted[topic], numbers):
+                for part in _read(messages, _layout(topic), numbers):
                     parts[part.vehicle, topic].append(part)
             except (RefusedMessageError, OverflowError) as error:
                 raise LogError(f"{file.path}: topic {topic}: {error}") from error
@@ -135,13 +120,11 @@ def _batches(
     yield file.read(chosen)
 
 
-def _read(
-    messages: Messages, layout: _Layout, wanted: frozenset[str], vehicles: Mapping[int, str]
-) -> Iterator[Columns]:
+def _read(messages: Messages, layout: _Layout, vehicles: Mapping[int, str]) -> Iterator[Columns]:
     """Decode the messages of a topic, and split them by vehicle."""
-    columns, is_odd = _decode(messages, layout, wanted)
+    columns, is_odd = _decode(messages, layout)
     if is_odd.any():
-        odd = _decode_singly(messages.of(is_odd), layout, columns)
+        odd = _decode_singly(messages.of(is_odd), layout.topic)
         columns = joined([columns.of(~is_odd), odd])
         columns = columns.of(np.argsort(columns.order))
     for vehicle in dict.fromkeys(vehicles.values()):
@@ -149,20 +132,15 @@ def _read(
         yield replace(columns.of(np.isin(messages.channels, numbers)), vehicle=vehicle)
 
 
-def _decode_singly(messages: Messages, layout: _Layout, like: Columns) -> Columns:
-    """Decode messages one by one, into the columns of others; raises RefusedMessageError."""
+def _decode_singly(messages: Messages, topic: str) -> Columns:
+    """Decode messages one by one; raises RefusedMessageError."""
     spans = zip(messages.starts.tolist(), messages.ends.tolist(), strict=True)
-    decoded = [decode(TOPICS[layout.topic], messages.content[start:end]) for start, end in spans]
-    columns = columns_from(layout.topic, decoded, messages.logged_at.tolist())
-    return replace(
-        columns,
-        order=messages.order,
-        fields={name: columns.fields[name] for name in like.fields},
-        lists={name: columns.lists[name] for name in like.lists},
-    )
+    decoded = [decode(TOPICS[topic], messages.content[start:end]) for start, end in spans]
+    columns = columns_from(topic, decoded, messages.logged_at.tolist())
+    return replace(columns, order=messages.order)
 
 
-def _decode(messages: Messages, layout: _Layout, wanted: frozenset[str]) -> tuple[Columns, Flags]:
+def _decode(messages: Messages, layout: _Layout) -> tuple[Columns, Flags]:
     """Decode the messages of a topic; returns also which of them have to be decoded one by one."""
     data, ends = _WireData(messages.content), messages.ends
     at, is_odd = messages.starts.copy(), np.zeros(len(ends), bool)
@@ -177,13 +155,13 @@ def _decode(messages: Messages, layout: _Layout, wanted: frozenset[str]) -> tupl
         values, begin, after = data.span(row, at[rows] + len(row.tag))
         is_wrong = after > ends[rows]
         after = np.minimum(after, ends[rows])
-        if row.name in wanted and row.is_list:
+        if row.is_list:
             counts, values, is_wrong_list = data.packed(row, np.minimum(begin, after), after)
             lengths = np.zeros(len(at), np.int64)
             lengths[rows] = counts
             lists[row.name] = Lists(np.concatenate(([0], np.cumsum(lengths))), values)
             is_wrong |= is_wrong_list
-        elif row.name in wanted:
+        elif row.name != "vehicle":
             if row.type == FieldDescriptor.TYPE_STRING:
                 values, is_wrong_text = data.texts(begin, after)
                 is_wrong |= is_wrong_text
@@ -193,10 +171,9 @@ def _decode(messages: Messages, layout: _Layout, wanted: frozenset[str]) -> tupl
         at[rows] = after
     is_odd |= at != ends
     for first, name in layout.form.columns:
-        if name in wanted:
-            is_odd |= np.diff(lists[first].offsets) != np.diff(lists[name].offsets)
+        is_odd |= np.diff(lists[first].offsets) != np.diff(lists[name].offsets)
     for name, words in layout.form.words:
-        if name in wanted and (unknown := set(fields[name]) - words):
+        if unknown := set(fields[name]) - words:
             is_odd |= np.isin(fields[name], list(unknown))
     columns = Columns("", layout.topic, messages.order, messages.logged_at, fields, lists)
     return columns, is_odd

@@ -12,7 +12,6 @@ import zlib
 from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 from contextlib import suppress
-from difflib import get_close_matches
 from functools import cached_property
 from io import BytesIO
 from pathlib import Path
@@ -265,20 +264,10 @@ def map_log(path: Path) -> mmap.mmap:
     except ValueError as error:  # an empty file cannot be mapped
         raise LogError(f"{path}: is empty, not an MCAP log") from error
     except OSError as error:
-        text = f"{path}: cannot read the log: {error.strerror}{_similar(path)}"
-        raise LogError(text) from error
+        raise LogError(f"{path}: cannot read the log: {error.strerror}") from error
     if log[: len(MAGIC)] != MAGIC:
         raise LogError(f"{path}: is not an MCAP log; expected run.mcap or the folder of a run")
     return log
-
-
-def _similar(path: Path) -> str:
-    """Return a question that offers a folder or file with a similar name; empty without one."""
-    if path.exists() or not path.parent.is_dir():
-        return ""
-    names = [one.name for one in path.parent.iterdir()]
-    matches = get_close_matches(path.name, names, n=1, cutoff=0.7)
-    return f", did you mean {path.with_name(matches[0])}?" if matches else ""
 
 
 def ending_fault(path: Path) -> str:

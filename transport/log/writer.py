@@ -8,10 +8,10 @@ and attachments, so that the file alone suffices to review and measure the run.
 import contextlib
 import errno
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from google.protobuf.descriptor import FileDescriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
@@ -96,9 +96,8 @@ class LogWriter(Closing):
         self._schemas: dict[str, int] = {}
         self._thinning = Thinning(rates_hz or {})
         try:
-            with self._named_failure():
-                self._writer.start(profile="", library=library or library_name())
-                self._file.flush()  # a log without messages is recognised, too
+            self._try(self._writer.start, "", library or library_name())
+            self._try(self._file.flush)  # a log without messages is recognised, too
         except LogError:
             path.unlink(missing_ok=True)
             raise
@@ -126,14 +125,11 @@ class LogWriter(Closing):
     def _add(self, channel: int, log_time: int, data: bytes, sent_at: int, number: int) -> None:
         """Write one message, into a new chunk after `CHUNK_NS`."""
         self._log_time = at = max(self._log_time, log_time)
-        try:
-            if at >= self._chunk_ends_at:
-                self._end_chunk()
-                self._chunk_ends_at = at + CHUNK_NS
-            # MCAP's instants are unsigned.
-            self._writer.add_message(channel, at, data, max(sent_at, 0), number & SEQUENCE_MASK)
-        except OSError as error:
-            self._give_up(error)
+        if at >= self._chunk_ends_at:
+            self._try(self._end_chunk)
+            self._chunk_ends_at = at + CHUNK_NS
+        sent_at = max(sent_at, 0)  # MCAP's instants are unsigned
+        self._try(self._writer.add_message, channel, at, data, sent_at, number & SEQUENCE_MASK)
 
     def _open(self, topic: Topic, vehicle: str) -> Channels:
         origin = key(vehicle, topic)
@@ -148,44 +144,37 @@ class LogWriter(Closing):
     def _register(self, topic: str, kind: Any, **metadata: str) -> int:
         """Register a channel of a Protobuf class, and its schema."""
         name = kind.DESCRIPTOR.full_name
-        with self._named_failure():
-            if name not in self._schemas:
-                schema = self._writer.register_schema(name, "protobuf", protobuf_schema(kind))
-                self._schemas[name] = schema
-            return self._writer.register_channel(topic, "protobuf", self._schemas[name], metadata)
+        register = self._writer.register_schema
+        if name not in self._schemas:
+            self._schemas[name] = self._try(register, name, "protobuf", protobuf_schema(kind))
+        of = self._schemas[name]
+        channel: int = self._try(self._writer.register_channel, topic, "protobuf", of, metadata)
+        return channel
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Attach a file with the log time of the last message."""
-        if self.failure:
-            return
-        with self._named_failure():
-            self._writer.add_attachment(0, self._log_time, name, media_type, data)
+        self._try(self._writer.add_attachment, 0, self._log_time, name, media_type, data)
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write named text values; readers use the last record of a name."""
-        if self.failure:
-            return
-        with self._named_failure():
-            self._writer.add_metadata(name, dict(values))
+        self._try(self._writer.add_metadata, name, dict(values))
 
     def flush(self) -> None:
-        if self.failure:
-            return
         self._chunk_ends_at = 0  # the next message begins a chunk
-        with self._named_failure():
-            self._end_chunk()
+        self._try(self._end_chunk)
 
     def close(self) -> None:
         """Complete the log and write it to the disk; further calls have no effect."""
-        if self._file.closed:
-            return
-        with self._named_failure():
-            self._end_chunk()
-            self._writer.finish()  # type: ignore[no-untyped-call]
-            self._file.flush()
-            os.fsync(self._file.fileno())
-            self._check_file()
-            self._file.close()
+        if not self._file.closed:
+            self._try(self._complete)
+
+    def _complete(self) -> None:
+        self._end_chunk()
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._file.flush()
+        os.fsync(self._file.fileno())
+        self._check_file()
+        self._file.close()
 
     def _end_chunk(self) -> None:
         self._check_file()  # bytes written from now on would hide what is gone
@@ -202,16 +191,12 @@ class LogWriter(Closing):
         if status.st_size < self._flushed:
             raise OSError(errno.EIO, f"cut to {status.st_size} of {self._flushed} bytes")
 
-    @contextlib.contextmanager
-    def _named_failure(self) -> Iterator[None]:
-        """Turn OSError into LogError, and stop writing."""
+    def _try(self, call: Callable[..., Any], *args: Any) -> Any:
+        """Call, unless the log has failed; raises LogError at the first OSError."""
         try:
-            yield
+            return None if self.failure else call(*args)
         except OSError as error:
-            self._give_up(error)
-
-    def _give_up(self, error: OSError) -> NoReturn:
-        self.failure = f"{self._path}: cannot write the log: {error.strerror}"
-        with contextlib.suppress(OSError):
-            self._file.close()
-        raise UnwritableError(self.failure) from error
+            self.failure = f"{self._path}: cannot write the log: {error.strerror}"
+            with contextlib.suppress(OSError):
+                self._file.close()
+            raise UnwritableError(self.failure) from error

@@ -21,6 +21,7 @@ from scenarios.definition.channel.presets import presets, read_preset
 from scenarios.definition.library import template
 from scenarios.definition.scenario import drills, library, load_scenario
 from scenarios.results.live import LiveRun
+from scenarios.results.log_summary import log_in
 from scenarios.runs.run_log import RunLog
 from transport.codec import encode
 from transport.log.errors import LogError
@@ -623,7 +624,7 @@ def test_an_endless_file_is_refused_at_once() -> None:
 def test_a_misspelt_run_is_answered_with_the_similar_one(tmp_path: Path) -> None:
     (tmp_path / "first").mkdir()
     with pytest.raises(LogError, match=r"frist: .*first\?"):
-        LogReader(tmp_path / "frist")
+        log_in(tmp_path / "frist")
 
 
 def test_a_file_that_is_no_log_is_refused_with_the_expected_one() -> None:

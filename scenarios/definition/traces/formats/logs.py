@@ -75,7 +75,7 @@ def _read_run(log: "LogReader", vehicle: str | None) -> DriveTable:
     if name not in senders:
         raise TraceError(f"given vehicle {name}, allowed {', '.join(senders) or 'none'}")
     fields = ("seq", "measured_at_ns", "latitude_deg", "longitude_deg", "altitude_m", "speed_mps")
-    read = log.columns(("gps",), fields={"gps": fields}, vehicles=(name,))[name, "gps"].fields
+    read = log.columns(("gps",), vehicles=(name,))[name, "gps"].fields
     order = np.argsort(read["measured_at_ns"], kind="stable")
     numbers, times, *values = (read[key][order] for key in fields)
     left_out = LeftOutRecords()
