@@ -12,24 +12,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from google.protobuf.descriptor import FieldDescriptor
-from numpy.typing import NDArray
 
 from transport.codec import MessageForm, RefusedMessageError, decode, form_of
-from transport.columns import (
-    Array,
-    Columns,
-    Integers,
-    Lists,
-    columns_from,
-    joined,
-    ranges,
-)
+from transport.columns import Array, Columns, Flags, Integers, Lists, columns_from, joined, ranges
 from transport.log.errors import LogError
 from transport.log.mcap_file import ChunkPlace, McapFile, Messages, numbers_at
 from transport.texts import printable
 from transport.topics import TOPICS
-
-Flags = NDArray[np.bool_]
 
 BATCH_BYTES = 2**24
 """Size of the records that are decoded at once; limits the memory."""

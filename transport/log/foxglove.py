@@ -14,7 +14,6 @@ from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
 from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
 from foxglove_schemas_protobuf.Log_pb2 import Log
-from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
@@ -95,6 +94,9 @@ class Scene:
         return _poses(start.start_at_ns, dashes)
 
 
+NO_SCENE = Scene()
+
+
 def _entity(update: Any, at: int, frame: str, name: str) -> Any:
     entity = update.entities.add()
     entity.timestamp.FromNanoseconds(at)
@@ -167,14 +169,6 @@ def _location(gps: GpsPose) -> LocationFix:
     return fix
 
 
-def _pose(truth: TruePose) -> PoseInFrame:
-    pose = PoseInFrame(frame_id=FRAME_ID)
-    pose.timestamp.FromNanoseconds(truth.true_at_ns)
-    place = pose.pose
-    _set_pose(place.position, place.orientation, truth.east_m, truth.north_m, truth.yaw_rad)
-    return pose
-
-
 def _transform(truth: TruePose) -> FrameTransform:
     frame = FrameTransform(parent_frame_id=FRAME_ID, child_frame_id=truth.vehicle)
     frame.timestamp.FromNanoseconds(truth.true_at_ns)
@@ -193,14 +187,12 @@ def _text(line: LogText) -> Log:
 
 
 def standard_messages(
-    scene: Scene | None = None,
+    scene: Scene = NO_SCENE,
 ) -> Mapping[type[Message], tuple[StandardMessage, ...]]:
     """Standard messages by the class of ours."""
-    scene = scene or Scene()
     return {
         GpsPose: (StandardMessage("location", LocationFix, _location),),
         TruePose: (
-            StandardMessage("pose", PoseInFrame, _pose, POSE_PERIOD_NS),
             StandardMessage("transform", FrameTransform, _transform, POSE_PERIOD_NS),
             StandardMessage("box", SceneUpdate, scene.make_box, ONCE_NS),
         ),

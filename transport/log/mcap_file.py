@@ -173,11 +173,14 @@ class McapFile:
         try:
             chunk, content = self._unpack(start)
             for at in self._places[start].tolist():
+                if content[at] not in {Opcode.SCHEMA, Opcode.CHANNEL}:
+                    continue
+                stream = ReadDataStream(BytesIO(content[at + _HEAD.size :]))
                 if content[at] == Opcode.SCHEMA:
-                    schema = Schema.read(_stream(content, at))
+                    schema = Schema.read(stream)
                     self.schemas[schema.id] = schema
-                elif content[at] == Opcode.CHANNEL:
-                    channel = Channel.read(_stream(content, at))
+                else:
+                    channel = Channel.read(stream)
                     self.channels[channel.id] = channel
         except (LogError, McapError, ValueError, struct.error):
             return False
@@ -314,11 +317,6 @@ def _record(log: mmap.mmap, at: int) -> object:
         return next(reader.records, None)
     except Exception:  # noqa: BLE001 - the library and struct raise their own
         return None
-
-
-def _stream(content: bytes, at: int) -> ReadDataStream:
-    """Content of the record at byte `at`, for the library."""
-    return ReadDataStream(BytesIO(content[at + _HEAD.size :]))
 
 
 def _places_in(content: bytes, size: int) -> Integers:

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 from mcap.reader import NonSeekingReader
+from mcap.records import Channel, Message, Schema
 
 from transport.log.errors import LogError
 
@@ -12,25 +12,12 @@ RECORD_BYTES_MAX = 2**28
 """Maximum length of a record; a larger one is damage."""
 
 
-class RawMessage(NamedTuple):
-    """The bytes of a message, their schema and encoding, and when it was logged."""
-
-    topic: str
-    schema: str
-    encoding: str
-    data: bytes
-    logged_at_ns: int
-
-
-def raw_messages(path: Path) -> Iterator[RawMessage]:
+def raw_messages(path: Path) -> Iterator[tuple[Schema | None, Channel, Message]]:
     """Yield the messages of a file in its order; raises LogError at the first damage."""
     try:
         with path.open("rb") as file:
             reader = NonSeekingReader(file, record_size_limit=RECORD_BYTES_MAX)
-            for schema, channel, message in reader.iter_messages(log_time_order=False):
-                name = schema.name if schema else ""
-                form = channel.message_encoding
-                yield RawMessage(channel.topic, name, form, message.data, message.log_time)
+            yield from reader.iter_messages(log_time_order=False)
     except OSError as error:
         raise LogError(f"cannot read the log: {error.strerror}") from error
     except Exception as error:  # zstandard and struct raise their own

@@ -20,7 +20,7 @@ from mcap.writer import Writer
 from transport.closing import Closing
 from transport.codec import PROTOBUF, encode
 from transport.log.errors import LogError, UnwritableError
-from transport.log.foxglove import Scene, StandardMessage, standard_messages
+from transport.log.foxglove import NO_SCENE, Scene, StandardMessage, standard_messages
 from transport.log.mcap_file import THINNED_NAME, lock
 from transport.topics import TOPIC_OF, Thinning, Topic, key
 from vehicles.messages import Message
@@ -75,7 +75,7 @@ class LogWriter(Closing):
         path: Path,
         *,
         library: str | None = None,
-        scene: Scene | None = None,
+        scene: Scene = NO_SCENE,
         rates_hz: Mapping[str, float] | None = None,
     ) -> None:
         """Create the file; raises LogError. `rates_hz` are maximum rates by topic."""

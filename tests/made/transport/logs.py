@@ -9,7 +9,7 @@ from mcap.reader import make_reader
 
 from tests.made.transport import drive
 from transport.codec import encode
-from transport.log.foxglove import Scene
+from transport.log.foxglove import NO_SCENE, Scene
 from transport.log.writer import LogWriter
 from transport.picture import viewer_process
 from vehicles.messages import Message
@@ -17,7 +17,7 @@ from vehicles.messages import Message
 TICKS = 60
 
 
-def write(path: Path, ticks: int = TICKS, scene: Scene | None = None) -> list[tuple[int, Message]]:
+def write(path: Path, ticks: int = TICKS, scene: Scene = NO_SCENE) -> list[tuple[int, Message]]:
     messages = list(drive.drive(ticks))
     with LogWriter(path, library="test", scene=scene) as log:
         log.metadata("convoy", {"scenario": "circle", "seed": "1"})

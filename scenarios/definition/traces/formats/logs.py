@@ -96,15 +96,14 @@ def _read_topic(path: Path, topic: str | None, otherwise: str) -> DriveTable:
     by_topic: dict[tuple[bool, str], list[LoggedPosition]] = {}
     damage = ""
     try:
-        for message in raw_messages(path):
-            kind = message.schema.replace("/", ".").rpartition(".")[2]
+        for schema, channel, message in raw_messages(path):
+            kind = (schema.name if schema else "").replace("/", ".").rpartition(".")[2]
             if kind in GEODETIC + PLANE:
-                positions = _positions(kind, message.encoding, message.data)
+                positions = _positions(kind, channel.message_encoding, message.data)
                 timed = [
-                    one if one.at_ns else one._replace(at_ns=message.logged_at_ns)
-                    for one in positions
+                    one if one.at_ns else one._replace(at_ns=message.log_time) for one in positions
                 ]
-                by_topic.setdefault((kind in GEODETIC, message.topic), []).extend(timed)
+                by_topic.setdefault((kind in GEODETIC, channel.topic), []).extend(timed)
     except LogError as error:
         damage = str(error)
     names = ", ".join(sorted(name for _, name in by_topic)) or "none"
