@@ -1,6 +1,6 @@
 """Tables of NumPy columns, and their conversion to pandas, Polars and Arrow."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:  # extras
 
 Array = NDArray[Any]
 Values = Array | Lists
-Compute = Callable[[], Values]
 SHOWN_ROWS = 5
 """First and last rows that are shown as text or in a notebook."""
 TEXT_WIDTH = 100
@@ -47,8 +46,7 @@ class DataTable:
     arrays.
     """
 
-    def __init__(self, columns: Mapping[str, Values | Compute]) -> None:
-        """Take columns, or functions that compute one when it is first read."""
+    def __init__(self, columns: Mapping[str, Values]) -> None:
         self._columns = dict(columns)
 
     @classmethod
@@ -59,10 +57,7 @@ class DataTable:
     def _values(self, name: str) -> Values:
         if name not in self._columns:
             raise UnknownNameError("column", name, list(self._columns))
-        column = self._columns[name]
-        if callable(column):
-            column = self._columns[name] = column()
-        return column
+        return self._columns[name]
 
     def __getitem__(self, name: str) -> Array:
         values = self._values(name)
@@ -85,8 +80,7 @@ class DataTable:
         return iter(self._columns)
 
     def __len__(self) -> int:
-        name = next(name for name, column in self._columns.items() if not callable(column))
-        values = self._values(name)
+        values = next(iter(self._columns.values()))
         return len(values.offsets) - 1 if isinstance(values, Lists) else len(values)
 
     def __dir__(self) -> list[str]:

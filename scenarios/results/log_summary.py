@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from scenarios.definition.errors import ScenarioError
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.definition.wording import did_you_mean
@@ -286,4 +287,8 @@ def scenario_in(reader: LogReader) -> Scenario:
         text = attached.decode()
     except UnicodeDecodeError as error:
         raise LogError(f"{log} ({ATTACHED_AS}): is not text") from error
-    return scenario_from_text(text, label=f"{log} ({ATTACHED_AS})", recorded=True)
+    try:
+        return scenario_from_text(text, label=f"{log} ({ATTACHED_AS})", recorded=True)
+    except ScenarioError as error:
+        first, *_ = str(error).splitlines()
+        raise LogError(f"{first}; this version cannot read the scenario of the log") from error

@@ -12,8 +12,6 @@ from zlib import crc32
 import click
 import numpy as np
 
-from scenarios.definition.errors import ScenarioError
-from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario
 from scenarios.results.events import Event
 from scenarios.results.live import LiveRun
@@ -29,7 +27,7 @@ from transport.log.reader import LogReader
 from transport.picture.batch import BATCH_NS, DRAWN_TOPICS, Batch, Mark, RunScene, VehicleValues
 from transport.picture.option import RerunOption, require_cursor
 from transport.picture.view import RerunView
-from transport.topics import RUN_SENDER, TOPICS, valid_at
+from transport.topics import RUN_SENDER, TOPICS
 from vehicles.messages import Message
 from vehicles.schedule import SECOND
 
@@ -221,19 +219,18 @@ def review(
     reader = LogReader(log)
     if reader.faults:
         warn(reader.faults)
-    scenario = _scenario_in(reader, warn)
-    convoy = _in_order(reader) if scenario is None else list(scenario.vehicle_names)
+    scenario = scenario_in(reader)
+    convoy = list(scenario.vehicle_names)
     if unknown := set(excerpt.vehicles or ()).difference(convoy):
         names = ", ".join(sorted(unknown))
         raise LogError(f"{log}: holds no vehicle {names}; it has {', '.join(convoy)}")
     if excerpt.vehicles is not None:
         shown = [name for name in convoy if name == convoy[0] or name in excerpt.vehicles]
         excerpt = excerpt._replace(vehicles=shown)
-    vehicles, title = excerpt.vehicles or convoy, ""
-    scene = RunScene(vehicles=vehicles, convoy=convoy)
-    if scenario is not None:
-        scene, title = scene_of(scenario, vehicles), scenario.title
-    with RerunView(option, recording_id=recording_id(log), scene=scene, title=title) as view:
+    scene = scene_of(scenario, excerpt.vehicles or convoy)
+    with RerunView(
+        option, recording_id=recording_id(log), scene=scene, title=scenario.title
+    ) as view:
         count = 0
         for batch, share in batches(reader, scenario, excerpt):
             view.draw(batch)
@@ -248,50 +245,27 @@ def review(
 
 
 def batches(
-    reader: LogReader, scenario: Scenario | None, excerpt: Excerpt = WHOLE_RUN
+    reader: LogReader, scenario: Scenario, excerpt: Excerpt = WHOLE_RUN
 ) -> Iterator[tuple[Batch, float]]:
     """Yield part of a run in batches, each with the share of the run that has been yielded.
 
     Its errors and events need the messages from the start of the run on. Raises LogError.
     """
-    # The start of the run or, if it was not recorded, the first true pose.
-    starts = (valid_at(message) for _, _, message in reader.messages(("start", "truth")))
-    start = next(starts, 0)
+    run = tables_in(reader, scenario)
+    start, found = run.beginning, events(run)
     first, last = excerpt.span(start, reader)
-    run = None if scenario is None else tables_in(reader, scenario)
-    found = () if run is None else events(run)
     vehicles = None if excerpt.vehicles is None else {*excerpt.vehicles, RUN_SENDER}
+    shown = vehicles or {*run.names}
     begin = max(first, min(reader.first_at, start))
     while begin <= min(reader.last_at, last):
         end = max(begin, start) + SPAN_NS
         span = begin, min(end - 1, last)
         tables = reader.columns(DRAWN_TOPICS, vehicles=vehicles, span_ns=span)
-        batch = Batch(start_ns=start, tables=tables)
-        if run is not None:
-            shown = vehicles or {*run.names}
-            new = [
-                event
-                for event in found
-                if span[0] <= event.at_ns <= span[1] and not shown.isdisjoint(event.vehicles)
-            ]
-            batch = batch_of(run, new, tables, (span[0], span[1] + 1), shown)
+        new = [
+            event
+            for event in found
+            if span[0] <= event.at_ns <= span[1] and not shown.isdisjoint(event.vehicles)
+        ]
+        batch = batch_of(run, new, tables, (span[0], span[1] + 1), shown)
         yield batch, min((end - start) / max(reader.last_at - start, 1), 1.0)
         begin = end
-
-
-def _scenario_in(reader: LogReader, warn: Callable[[str], None]) -> Scenario | None:
-    if ATTACHED_AS not in reader.attachments():
-        return None
-    try:
-        return scenario_in(reader)
-    except (LogError, ScenarioError) as error:  # damaged, or of another version
-        warn(f"{reader.path}: road, true errors, gaps and events are left out: {error}")
-        return None
-
-
-def _in_order(reader: LogReader) -> list[str]:
-    """Names of the vehicles, the lead first: it has no verdicts on received messages."""
-    vehicles = [name for name in reader.vehicles if name != RUN_SENDER]
-    if not vehicles:
-        raise LogError(f"{reader.path}: holds no vehicle's messages")
-    return sorted(vehicles, key=lambda name: (reader.counts.get((name, "verdict"), 0) > 0, name))

@@ -279,7 +279,7 @@ def run_figure(record: RunRecord, names: Sequence[str]) -> Figure:
 def report_figures(record: RunRecord, summary: RunSummary) -> Iterator[tuple[str, str]]:
     """Yield titles and SVGs of the figures of a report: over time, by place, by frequency."""
     names = worst_vehicles(vehicles_with_truth(record), summary, MOST_CURVES)
-    if not names or record.known_scenario is None:
+    if not names:
         return
     drawing = Drawing(record, names, PAGE_POINTS // ((len(QUANTITIES) + 2) * len(names)))
     with mpl.rc_context(REPORT_STYLE):

@@ -8,9 +8,7 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario
-from scenarios.definition.topology import usual_links
 from scenarios.results.data_table import Array, DataTable, UnknownNameError, Values
 from scenarios.results.link_account import CAUSE_WORDS, Link, LinkAccount, accounts
 from scenarios.results.log_summary import (
@@ -26,7 +24,7 @@ from scenarios.results.true_motion import at_instants, gaps, path_feet
 from transport.columns import Columns, columns_from
 from transport.log.errors import LogError
 from transport.log.reader import LogReader
-from transport.topics import RUN_SENDER, TOPICS
+from transport.topics import TOPICS
 from vehicles.schedule import SECOND
 
 ORIGIN_SCHEMA = "convoy.export/1"
@@ -107,33 +105,19 @@ class RunRecord:
         return scenario_in(self._reader)
 
     @cached_property
-    def known_scenario(self) -> Scenario | None:
-        """The scenario; None if the log lacks it or it cannot be read by this version."""
-        try:
-            return self.scenario
-        except (LogError, ScenarioError):
-            return None
-
-    @cached_property
     def tables(self) -> RunTables:
         """Messages of which metrics are made, and the functions' argument; raises LogError."""
         return tables_in(self._reader, self.scenario)
 
-    @cached_property
+    @property
     def start_at_ns(self) -> int:
         """Instant of the start; without its record, that of the first true pose."""
-        starts = self.columns_of("start").get(RUN_SENDER)
-        if starts is not None and len(starts):
-            return int(starts.at_ns[0])
-        firsts = [truth.at_ns[0] for truth in self.columns_of("truth").values() if len(truth)]
-        return int(min(firsts, default=0))
+        return self.tables.beginning
 
-    @cached_property
+    @property
     def vehicle_names(self) -> Sequence[str]:
         """Names of the vehicles, the lead first."""
-        if self.known_scenario is not None:
-            return self.known_scenario.vehicle_names
-        return [name for name in self._reader.vehicles if name != RUN_SENDER]
+        return self.scenario.vehicle_names
 
     @cached_property
     def vehicles(self) -> Named[str, "VehicleRecord"]:
@@ -145,16 +129,9 @@ class RunRecord:
         """Tables of each link, by (sender, receiver)."""
         return Named("link", {link: LinkRecord(self, link) for link in self._accounts})
 
-    @cached_property
+    @property
     def _accounts(self) -> Mapping[Link, LinkAccount]:
-        """Accounts of all links; without a scenario they hold only the recorded verdicts."""
-        if self.known_scenario is not None:
-            return accounts(self.tables)
-        found = {}
-        for link in usual_links(self.vehicle_names):
-            rows = self.columns_of("verdict").get(link[1], columns_from("verdict", [], []))
-            found[link] = LinkAccount(link, 0, rows.of(rows["sender"] == link[0]))
-        return found
+        return accounts(self.tables)
 
     @cached_property
     def texts(self) -> DataTable:
@@ -208,7 +185,7 @@ class RunRecord:
 
     def _distance(self, link: Link, at_ns: Array) -> Array:
         """True distance (m) of the centres of mass of two vehicles at instants; NaN if unknown."""
-        if self.known_scenario is None or not len(at_ns):
+        if not len(at_ns):
             return np.full(len(at_ns), np.nan)
         truths = [self.tables.table(name, "truth") for name in link]
         if not all(map(len, truths)):
@@ -257,7 +234,7 @@ class RunRecord:
         """
         columns = self._columns_of(vehicle, "truth")
         station = error = gap = np.full(len(columns), np.nan)
-        if self.known_scenario is not None and vehicle != self.tables.lead:
+        if vehicle != self.tables.lead:
             run = self.tables
             columns, apart = run.table(vehicle, "truth"), gaps(run, vehicle)
             station, error = path_feet(run, vehicle)

@@ -137,9 +137,7 @@ def placed_vehicles(record: RunRecord, reference: RunRecord) -> Mapping[str, Pla
 
 def _in_plane_of(points: Floats, run: RunRecord, reference: RunRecord) -> Floats:
     """Move points (2, n) into the plane of the reference run, if its origin differs."""
-    if run.known_scenario is None:
-        return points
-    origin, wanted = run.known_scenario.origin, reference.scenario.origin
+    origin, wanted = run.scenario.origin, reference.scenario.origin
     if origin == wanted:
         return points
     plane, target = LocalPlane(origin), LocalPlane(wanted)

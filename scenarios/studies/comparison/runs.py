@@ -176,13 +176,12 @@ def logs_of(path: Path) -> tuple[Path, ...]:
 
 
 def _recorded(log: Path, faults: list[str]) -> ComparedRun:
-    """Read a run; a damaged log may lack its summary and its scenario."""
+    """Read a run; a damaged log may lack its summary."""
     record, summary = RunRecord(log), None
-    settings: dict[str, Any] = {}
-    if record.known_scenario:
-        tables = tomllib.loads(record.known_scenario.text)
-        kept = {key: value for key, value in tables.items() if key not in NOT_SETTINGS}
-        settings |= dict(flattened(kept))
+    tables = tomllib.loads(record.scenario.text)
+    settings: dict[str, Any] = dict(
+        flattened({key: value for key, value in tables.items() if key not in NOT_SETTINGS})
+    )
     try:
         summary = summary_of(log, faults.append)
     except LogError as error:
@@ -227,7 +226,7 @@ def setting_differences(groups: Sequence[RunGroup]) -> dict[str, tuple[str, ...]
     What a damaged log has lost is not compared.
     """
     runs = [group.runs[0] for group in groups]
-    is_whole = all(run.summary and run.record.known_scenario for run in runs)
+    is_whole = all(run.summary for run in runs)
     found = {}
     for key in dict.fromkeys(key for run in runs for key in run.settings):
         texts = tuple(_text(run.settings.get(key)) for run in runs)

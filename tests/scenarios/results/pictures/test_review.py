@@ -8,13 +8,16 @@ from typing import Any
 import pytest
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
+from scenarios.results.log_summary import summary_of
 from scenarios.results.run_drawing import Excerpt, open_drawing, review
+from scenarios.results.run_record import RunRecord
 from scenarios.results.summary import RunSummary
 from scenarios.results.true_motion import BodySize
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from tests.made.transport import drive
 from tests.made.transport.recording import Table, columns
+from transport.log.errors import LogError
 from transport.log.writer import LogWriter
 from transport.picture.layout import EVENTS
 from transport.picture.option import parse_rerun_option
@@ -65,21 +68,13 @@ def without_start_time(table: Table) -> Table:
 
 
 @pytest.mark.parametrize("attached", [None, b'name = "written by a later version"\nx = 1\n'])
-def test_without_a_scenario_road_and_true_figures_are_missing(
-    tmp_path: Path, attached: bytes | None
-) -> None:
-    write_log(tmp_path / "with.mcap", attached=scenario().text.encode())
-    write_log(tmp_path / "without.mcap", attached=attached)
-    warnings: list[str] = []
-    road = {f"/world/{name}" for name in ("road/path", "road/marks", "road/lane")}
-    road.add("/world/cars/v1/plan_name")
-    whole = without_start_time(reviewed(tmp_path / "with.mcap"))
-    rest = without_start_time(reviewed(tmp_path / "without.mcap", warnings))
-    assert rest.keys() <= whole.keys()
-    assert "/world/cars/v3" in rest
-    assert road.isdisjoint(rest)
-    assert len(warnings) == (attached is not None)
-    assert all("are left out" in line for line in warnings)
+def test_a_log_without_a_known_scenario_is_refused(tmp_path: Path, attached: bytes | None) -> None:
+    log = tmp_path / "without.mcap"
+    write_log(log, attached=attached)
+    for use in (reviewed, summary_of, lambda log: RunRecord(log).vehicles):
+        with pytest.raises(LogError, match="scenario") as refused:
+            use(log)
+        assert "\n" not in str(refused.value)
 
 
 def values(table: Table, quantity: str, vehicle: str) -> list[float]:
@@ -198,7 +193,7 @@ def test_cars_are_drawn_as_large_as_they_collide(drawn: Drawn) -> None:
 
 def test_a_truncated_log_is_shown_up_to_its_end(tmp_path: Path) -> None:
     whole = tmp_path / "whole.mcap"
-    write_log(whole, attached=None)
+    write_log(whole, attached=scenario().text.encode())
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole.read_bytes()[:-3000])
     warnings: list[str] = []
@@ -208,7 +203,7 @@ def test_a_truncated_log_is_shown_up_to_its_end(tmp_path: Path) -> None:
 
 
 def test_served_pictures_wait_until_they_are_stopped(tmp_path: Path) -> None:
-    write_log(tmp_path / "run.mcap", attached=None)
+    write_log(tmp_path / "run.mcap", attached=scenario().text.encode())
     requested: list[str] = []
     review(tmp_path / "run.mcap", parse_rerun_option("serve"), wait=requested.append)
     assert len(requested) == 1
