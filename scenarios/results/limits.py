@@ -1,15 +1,15 @@
 """The limits of a run: the figure of each one, kept, broken, or not judged for lack of messages."""
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from operator import attrgetter, itemgetter
-from typing import TypeVar, get_args
+from typing import TypeVar
 
 import numpy as np
 
 from scenarios.definition.run_limits import Limit, limits_of
-from scenarios.definition.schema.limit_rows import LIMITS, LimitRow, Live, row_of
+from scenarios.definition.schema.limit_rows import LimitRow, Live
 from scenarios.definition.schema.limit_tables import (
     DEADLINES,
     DeadlineTable,
@@ -277,9 +277,8 @@ def _judged_by_record(
         for name, seconds in late_s.items()
         if seconds > most_late + ROUNDING_S
     }
-    reasons = {(name, kind): line for name, line in late.items() for kind in get_args(RecordKind)}
-    reasons |= {
-        needed: _words(holes[needed])
+    reasons = late | {
+        needed[0]: _words(holes[needed])
         for needed, missing in missing_s.items()
         if missing > allowed + ROUNDING_S
     }
@@ -305,12 +304,20 @@ def _judged_by_record(
 
 
 def _with_reason(
-    figure: LimitFigure, names: Sequence[str], reasons: Mapping[Needed, str]
+    figure: LimitFigure, names: Sequence[str], reasons: Mapping[str, str]
 ) -> LimitFigure:
-    """Return a figure, marked as not judged if it is kept but messages are missing or late."""
+    """Return a figure, marked as not judged if it is kept but messages are missing or late.
+
+    A limit on a vehicle needs the messages of it, of the vehicle ahead and of the lead, another one
+    those of all vehicles. `reasons` are those of the vehicles that lack messages.
+    """
     if figure.broken or not reasons:
         return figure
-    found = [reasons[needed] for needed in _needed(figure, names) if needed in reasons]
+    needed = names
+    if figure.vehicle:
+        place = names.index(figure.vehicle)
+        needed = [figure.vehicle, names[max(place - 1, 0)], names[0]]
+    found = [reasons[name] for name in needed if name in reasons]
     if not found:
         return figure
     line = f"limits.{figure.limit} = {figure.bound:g}: not judged: {found[0]}"
@@ -324,25 +331,6 @@ def _words(spans: Sequence[UnseenSpan]) -> str:
         f"the log lacks {first.kind}s of {first.vehicle} from {first.from_s:.2f} to "
         f"{first.to_s:.2f} s{others}"
     )
-
-
-def _needed(figure: LimitFigure, names: Sequence[str]) -> Iterator[Needed]:
-    """Yield the messages that a limit judges."""
-    key, lead = figure.limit.removeprefix(f"{figure.vehicle}."), names[0]
-    row = LIMITS["collisions_max"] if key == "after_collision" else row_of(key)
-    if row is None:  # a deadline
-        yield figure.vehicle, "decision"
-        if key.startswith("recovery"):
-            yield figure.vehicle, "true pose"
-            yield lead, "true pose"
-        return
-    for name in [figure.vehicle] if figure.vehicle else names if row.of_lead else names[1:]:
-        if row.by_decisions:
-            yield name, "decision"
-        ahead = names[max(names.index(name) - 1, 0)]
-        witnesses = {"all": names, "lead": (name, lead), "predecessor": (name, ahead)}
-        for witness in witnesses.get(row.witness, (name,)) if row.by_truth else ():
-            yield witness, "true pose"
 
 
 # ---- When a limit was first broken

@@ -83,7 +83,8 @@ Unjudged = set[tuple[str, str]]
     ("limits", "keep", "unjudged"),
     [
         (LIMITS, lacks(TruePose, ("v3",), 0, 50 * SECONDS),
-         {("collisions_max", ""), ("cross_track_error_m_max", "v3"), ("true_gap_m_min", "v3")}),
+         {("collisions_max", ""), ("true_gap_m_min", "v3"),
+          ("cross_track_error_m_max", "v3"), ("cross_track_error_m_max", "v4")}),
         (LIMITS, FOUR_SECONDS,
          {("collisions_max", ""), *((key, name) for name in NAMES[1:]
                                     for key in ("cross_track_error_m_max", "true_gap_m_min"))}),
@@ -92,11 +93,13 @@ Unjudged = set[tuple[str, str]]
                                     for key in ("cross_track_error_m_max", "true_gap_m_min"))}),
         ((*LIMITS, "holes_s_max = 4.1"), FOUR_SECONDS, set()),
         (GAPS, lacks(TruePose, ("v2",), 150, 160),
-         {("true_gap_m_min", "v2"), ("true_gap_m_min", "v3"), ("friction_ratio_max", "v2")}),
-        # errors of followers need the lead's poses
+         {("stops_max", ""), *((key, name) for name in ("v2", "v3")
+                               for key in ("true_gap_m_min", "friction_ratio_max"))}),
+        # all limits need the lead's poses
         (ERRORS, lacks(TruePose, ("v1",), 150, 160),
-         {("friction_ratio_max", "v1"), *(("cross_track_error_m_max", one) for one in NAMES[1:])}),
-        (FRICTION, silent_from_6_s, {("friction_ratio_max", "v3")}),
+         {*(("friction_ratio_max", one) for one in NAMES),
+          *(("cross_track_error_m_max", one) for one in NAMES[1:])}),
+        (FRICTION, silent_from_6_s, {("friction_ratio_max", "v3"), ("friction_ratio_max", "v4")}),
         (FRICTION, until_9_3_s, {("friction_ratio_max", name) for name in NAMES}),
     ],
 )  # fmt: skip
