@@ -21,18 +21,18 @@ DRAWN_TOPICS = ("truth", "trajectory", "tracking", "command", "verdict", "log", 
 class RunScene:
     """What is known of a run before its messages.
 
-    `vehicles` are in order, the lead first, and may be some of a `convoy` (by default all);
+    `vehicles` are in order, the lead first, and may be some of the `convoy`;
     `spacing_m` is their usual spacing; `cars` are their lengths and widths (m), and the distances
     of their middles ahead of their poses; `path` is the lead's, `lane_m` the width of its lane.
     """
 
     vehicles: Sequence[str]
-    convoy: Sequence[str] = ()
-    spacing_m: float = 15.0
-    cars: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
-    path: Road | None = None
-    lane_m: float | None = None
-    duration_s: float | None = None
+    convoy: Sequence[str]
+    spacing_m: float
+    cars: Mapping[str, tuple[float, float, float]]
+    path: Road
+    lane_m: float
+    duration_s: float
 
 
 class VehicleValues(NamedTuple):

@@ -128,10 +128,8 @@ def _size(road: Road) -> tuple[float, float]:
     return max(east) - min(east), max(north) - min(north)
 
 
-def _is_flat(road: Road | None) -> bool:
+def _is_flat(road: Road) -> bool:
     """Whether a road is at least four times as wide as high, so that a low view suffices."""
-    if road is None:
-        return False
     width, height = _size(road)
     return width >= 4.0 * height
 
@@ -143,13 +141,13 @@ def _is_flat(road: Road | None) -> bool:
 class RunExtent:
     """Duration of a run (s), its vehicles with problems, the worst first, and its worst links."""
 
-    duration_s: float | None = None
+    duration_s: float
     vehicles: Sequence[str] = ()
     links: Sequence[str] = ()
     has_other_links: bool = True
 
 
-def blueprint(scene: RunScene, extent: RunExtent = RunExtent()) -> rrb.Blueprint:
+def blueprint(scene: RunScene, extent: RunExtent) -> rrb.Blueprint:
     """Layout for the vehicles of a scene."""
     shares = [4, 2, 0.72, 3] if _is_flat(scene.path) else [3, 3.5, 0.72, 2.5]
     rows = [(row, tabs) for row in ROWS if (tabs := _tabs(row, scene, extent))]
@@ -180,8 +178,7 @@ def _convoy_view(scene: RunScene) -> rrb.Spatial2DView:
 
 def _plan_view(scene: RunScene) -> rrb.Spatial2DView:
     """Show the convoy on the road, as dots where cars would be too small."""
-    path = scene.path
-    small = path is not None and scene.spacing_m < 0.04 * max(_size(path))
+    small = scene.spacing_m < 0.04 * max(_size(scene.path))
     hidden = [f"- /world/cars/{name}/worst/name" for name in scene.vehicles]
     hidden += [f"- /world/cars/{name}/dot" for name in scene.vehicles if not small]
     hidden += [f"- /world/events/{kind}/name" for kind in MARKS]
@@ -190,7 +187,7 @@ def _plan_view(scene: RunScene) -> rrb.Spatial2DView:
         name="Plan (north up)",
         origin="world/plan",
         contents=["/world/**", *hidden],
-        visual_bounds=bounds_of(path, 0.04 if small else 0.12) if path else None,
+        visual_bounds=bounds_of(scene.path, 0.04 if small else 0.12),
         overrides=_all_until_now(scene.vehicles),
     )
 
@@ -268,7 +265,7 @@ def _plots_of_followers(panel: Panel, scene: RunScene, extent: RunExtent) -> lis
     others = [name for name in followers if name not in single]
     if others:
         # One curve of each vehicle in its colour; in the plot of a single one they have their own.
-        curve, convoy = panel.series[-1], list(scene.convoy or scene.vehicles)
+        curve, convoy = panel.series[-1], list(scene.convoy)
         shown = {f"plots/{panel.name}/{name}/{curve.name}": name for name in others}
         styles = {
             entity: rr.SeriesLines(colors=[colour_of(convoy.index(name))], names=[name])
@@ -307,10 +304,8 @@ def _timeline(name: str, contents: Sequence[str], extent: RunExtent) -> rrb.Stat
     )
 
 
-def _whole_run(duration_s: float | None) -> rrb.TimeAxis:
-    """Time axis of the whole run; of all data if no duration is known."""
-    start = end = rr.TimeRangeBoundary.infinite()
-    if duration_s is not None:
-        start = rr.TimeRangeBoundary.absolute(seconds=0.0)
-        end = rr.TimeRangeBoundary.absolute(seconds=duration_s)
+def _whole_run(duration_s: float) -> rrb.TimeAxis:
+    """Time axis of the whole run."""
+    start = rr.TimeRangeBoundary.absolute(seconds=0.0)
+    end = rr.TimeRangeBoundary.absolute(seconds=duration_s)
     return rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))

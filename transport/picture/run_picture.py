@@ -43,7 +43,6 @@ DRIVEN_NS = 200 * MILLISECOND
 SILENT_NS = SECOND  # Time without a pose after which the view does not have to contain a vehicle
 LATE_ERROR_NS = SECOND  # How late an error is known: the path of the lead has to be known first
 WORST_FROM_M = 0.2  # Error from which the vehicle furthest off the lead's path is marked
-DEFAULT_CAR = CarShape(4.93, 1.86, -0.1568)  # A Lincoln MKZ, for vehicles of unknown size
 MAX_ZOOM = 4.0  # Largest zoom of the moving view that a vehicle other than the lead causes
 MOST_LINKS = 8  # Links with problems that are in view at once
 ROW_RATIO = 0.75  # Distance between rows of names, in distances of name tags
@@ -73,14 +72,13 @@ class RunPicture:
     def __init__(self, recording: rr.RecordingStream, scene: RunScene) -> None:
         self._recording = recording
         self._scene = scene
-        self._convoy = tuple(scene.convoy or scene.vehicles)
         self._lead = scene.vehicles[0]
         self._detailed = detailed(scene.vehicles)
         self._reach = Reach.of(scene)
-        self._places: dict[str, int] = {}
+        self._places = {name: place for place, name in enumerate(scene.convoy)}
         self._sender = RowSender(recording)
         self._send, self._due = self._sender.send, self._sender.due
-        self._series = PanelSeries(self._sender, self._detailed, self._place)
+        self._series = PanelSeries(self._sender, self._detailed, self._places.__getitem__)
         self._tracks: dict[str, Track] = {}
         self._driven: dict[str, Floats] = {}
         self._newest = 0  # instant of the latest pose
@@ -89,14 +87,13 @@ class RunPicture:
         self._marked: defaultdict[str, set[str]] = defaultdict(set)
         recording.send_blueprint(blueprint(scene, RunExtent(scene.duration_s)))
         for name in scene.vehicles:
-            self._place(name)
+            self._add_vehicle(name, colour_of(self._places[name]))
         draw_road(recording, scene)
-        if scene.path:
-            marks = road_marks(*scene.path, self._reach.tag_m)
-            recording.log("world/road/marks", marks, static=True)
-            at = (0.0, plan_tag_m(scene.path))
-            tag = points(order=30, colour=colour_of(0), text=self._lead, at=at)
-            recording.log(f"world/cars/{self._lead}/plan_name", tag, static=True)
+        marks = road_marks(*scene.path, self._reach.tag_m)
+        recording.log("world/road/marks", marks, static=True)
+        at = (0.0, plan_tag_m(scene.path))
+        tag = points(order=30, colour=colour_of(0), text=self._lead, at=at)
+        recording.log(f"world/cars/{self._lead}/plan_name", tag, static=True)
         self._log_legend()
 
     def draw(self, batch: Batch) -> None:
@@ -129,18 +126,8 @@ class RunPicture:
 
     # ---- Vehicles
 
-    def _place(self, vehicle: str) -> int:
-        """Position of a vehicle in the convoy; an unannounced vehicle comes last."""
-        place = self._places.get(vehicle)
-        if place is None:
-            known = vehicle in self._convoy
-            place = self._convoy.index(vehicle) if known else len(self._places)
-            self._places[vehicle] = place
-            self._add_vehicle(vehicle, colour_of(place))
-        return place
-
     def _add_vehicle(self, vehicle: str, colour: Colour) -> None:
-        size = CarShape(*self._scene.cars.get(vehicle, DEFAULT_CAR))
+        size = CarShape(*self._scene.cars[vehicle])
         shapes = {
             f"cars/{vehicle}/body": car(size, colour),
             f"cars/{vehicle}/dot": points(width=5.0, order=21, colour=colour, at=(0.0, 0.0)),
@@ -160,7 +147,6 @@ class RunPicture:
         rows = self._due(vehicle, "car", truth.at_ns, CAR_NS)
         at = truth.at_ns[rows]
         poses = np.column_stack([truth[name][rows] for name in ("east_m", "north_m", "yaw_rad")])
-        self._place(vehicle)
         self._newest = max(self._newest, int(truth.at_ns.max()))
         self._send(f"world/cars/{vehicle}", at, frames_of(poses))
         track = self._tracks.get(vehicle, Track(at[:0], poses[:0]))
@@ -189,7 +175,7 @@ class RunPicture:
         offsets, source = drawn.lists["sample_source"]
         axes = ("sample_east_m", "sample_north_m")
         spots = np.column_stack([drawn.lists[axis].values for axis in axes])
-        colours = packed(colours_of_sources(self._place(vehicle)))
+        colours = packed(colours_of_sources(self._places[vehicle]))
         used = colours[np.clip(source, 0, len(colours) - 1)]
         samples = rr.Points2D.columns(positions=spots, colors=used).partition(np.diff(offsets))
         self._send(f"world/samples/{vehicle}", drawn.at_ns, samples)
@@ -208,8 +194,8 @@ class RunPicture:
         poses = np.stack([track.poses[track.rows(at)] for track in tracks])
         seen = np.stack([track.at_ns[track.rows(at)] for track in tracks])
         sends = (seen <= at) & (at - seen <= SILENT_NS)  # (vehicles, instants)
-        places = np.array([self._place(name) for name in names])
-        middle = self._place(self._detailed[len(self._detailed) // 2])
+        places = np.array([self._places[name] for name in names])
+        middle = self._places[self._detailed[len(self._detailed) // 2]]
         nearest = np.argsort(np.abs(places - middle), kind="stable")
         followed = nearest[np.argmax(sends[nearest], axis=0)]
         eye = poses[followed, np.arange(len(at))]
@@ -223,7 +209,7 @@ class RunPicture:
         self._send("world/convoy", at, frames_of(eye, zoom, flip=True))
         for name, place, x, y in zip(names, places.tolist(), ahead, left, strict=True):
             # Names have a fixed distance on the screen, in a long convoy two of them in turn.
-            tag_rows = 1 + place % 2 if len(self._convoy) > FEW_VEHICLES else 1
+            tag_rows = 1 + place % 2 if len(self._places) > FEW_VEHICLES else 1
             spots = np.column_stack((x / zoom, -y / zoom - tag_rows * self._reach.tag_m))
             self._send(f"world/convoy/names/{name}", at, rr.Points2D.columns(positions=spots))
 

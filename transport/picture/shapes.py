@@ -94,19 +94,16 @@ def legend(items: Sequence[tuple[str, Colour]]) -> rr.Points2D:
 
 
 def draw_road(recording: rr.RecordingStream, scene: RunScene) -> None:
-    """Draw the path of the lead and the edges of its lane, as far as known, with north up."""
+    """Draw the path of the lead and the edges of its lane, with north up."""
     frame = rr.Transform3D(mat3x3=axes_of(np.zeros((1, 3)), 1.0, flip=True)[0].T)
     recording.log("world/plan", frame, static=True)
-    if scene.path is None:
-        return
     points = np.column_stack(scene.path)
     radius = rr.Radius.ui_points
     road = rr.LineStrips2D([points], colors=[ROAD], radii=radius(1.0), draw_order=1)
     recording.log("world/road/path", road, static=True)
-    if scene.lane_m is not None:
-        edges = edges_of(points, scene.lane_m)
-        lane = rr.LineStrips2D(edges, colors=[LANE_EDGE], radii=radius(0.7), draw_order=0)
-        recording.log("world/road/lane", lane, static=True)
+    edges = edges_of(points, scene.lane_m)
+    lane = rr.LineStrips2D(edges, colors=[LANE_EDGE], radii=radius(0.7), draw_order=0)
+    recording.log("world/road/lane", lane, static=True)
 
 
 def road_marks(east: Sequence[float], north: Sequence[float], right_m: float) -> rr.Points2D:

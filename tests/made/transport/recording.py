@@ -1,18 +1,31 @@
 """Messages as batches of a picture, and contents of a Rerun recording as tables."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from rerun.chunk import RrdReader
 
 from transport.columns import columns_from
-from transport.picture.batch import DRAWN_TOPICS, Batch, RunScene, VehicleValues
+from transport.picture.batch import DRAWN_TOPICS, Batch, Road, RunScene, VehicleValues
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
 from transport.topics import TOPIC_OF, valid_at
 from vehicles.messages import Message
+
+
+def scene_of(vehicles: Sequence[str], path: Road = ((0.0, 100.0), (0.0, 30.0))) -> RunScene:
+    """Scene of a convoy of equal cars on a road, by default one that is not flat."""
+    return RunScene(
+        vehicles=vehicles,
+        convoy=vehicles,
+        spacing_m=15.0,
+        cars=dict.fromkeys(vehicles, (4.93, 1.86, -0.1568)),
+        path=path,
+        lane_m=3.5,
+        duration_s=30.0,
+    )
 
 
 def batch_of(

@@ -7,14 +7,13 @@ import pytest
 from rerun.experimental import ViewerClient
 
 from tests.made.transport import drive
-from tests.made.transport.recording import batch_of
+from tests.made.transport.recording import batch_of, scene_of
 from tests.system.screenshot import (
     can_take_pictures,
     headless_viewer,
     take_picture,
 )
 from transport.panels import colour_of
-from transport.picture.batch import RunScene
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
 
@@ -48,7 +47,7 @@ def test_each_viewer_sees_the_whole_run() -> None:
     option = parse_rerun_option("serve")
     messages = [message for _, message in drive.drive(150)]
     half = len(messages) // 2
-    scene = RunScene(vehicles=drive.VEHICLES)
+    scene = scene_of(drive.VEHICLES)
     with RerunView(option, recording_id="circle", scene=scene) as view:
         data_url = view.destination.partition("url=")[2].replace("%3A", ":").replace("%2F", "/")
         view.draw(batch_of(messages[:half], drive.START))

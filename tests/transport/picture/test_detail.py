@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from tests.made.scenarios.messages import START, at, truth
 from tests.made.transport import drive
-from tests.made.transport.recording import batch_of, drawn
-from transport.picture.batch import RunScene, VehicleValues
+from tests.made.transport.recording import batch_of, drawn, scene_of
+from transport.picture.batch import VehicleValues
 from transport.picture.layout import MAX_ALL_DETAILED, detailed
 from vehicles.messages import Message
 
@@ -44,7 +44,7 @@ def test_the_picture_of_forty_has_all_cars_and_the_curves_of_some(tmp_path: Path
         name: VehicleValues(times, np.full(100, 0.3 * (name == "v20"))) for name in vehicles[1:]
     }
     batch = batch_of(messages, START, errors)
-    table = drawn(tmp_path / "long.rrd", RunScene(vehicles=vehicles), batch)
+    table = drawn(tmp_path / "long.rrd", scene_of(vehicles), batch)
     some = set(detailed(vehicles))
     for name in vehicles:
         assert len(table[f"/world/cars/{name}"]["Transform3D:translation"]) == 50

@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 from tests.made.scenarios.messages import START, at
-from tests.made.transport.recording import batch_of, drawn
-from transport.picture.batch import RunScene
+from tests.made.transport.recording import batch_of, drawn, scene_of
 from transport.picture.layout import LEGEND_WIDTH, MARKS, RunExtent, blueprint
 from transport.picture.run_picture import LINE_LENGTH
 from transport.picture.shapes import MARK_CLEARANCE_M, legend, road_marks
@@ -22,7 +21,7 @@ def convoy(count: int) -> list[str]:
 
 def rows(count: int, extent: RunExtent) -> list[list[Any]]:
     """Views of each row of tabs on the right side."""
-    layout: Any = blueprint(RunScene(vehicles=convoy(count)), extent)
+    layout: Any = blueprint(scene_of(convoy(count)), extent)
     _, right = layout.root_container.contents
     return [list(row.contents) for row in right.contents]
 
@@ -83,7 +82,7 @@ def test_later_laps_have_no_distance_marks_of_their_own() -> None:
 def test_log_lines_are_wrapped_and_state_the_whole_time(tmp_path: Path) -> None:
     text = "the radio is " + "very " * 60 + "slow"
     line = LogText(vehicle="v2", seq=0, logged_at_ns=at(2.0), level="warning", text=text)
-    table = drawn(tmp_path / "run.rrd", RunScene(vehicles=convoy(2)), batch_of([line], START))
+    table = drawn(tmp_path / "run.rrd", scene_of(convoy(2)), batch_of([line], START))
     lines = [line for (line,) in table["/log/v2"]["TextLog:text"]]
     assert len(lines) > 2
     assert max(map(len, lines)) <= LINE_LENGTH

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from transport.picture.batch import RunScene
+from tests.made.transport.recording import scene_of
 from transport.picture.option import RerunOption, parse_rerun_option, refuse_foreign_file
 from transport.picture.view import RerunView
 from transport.picture.viewer_process import ViewerError
@@ -48,7 +48,7 @@ def test_other_files_are_not_overwritten(tmp_path: Path, content: bytes) -> None
         refuse_foreign_file(parse_rerun_option(f"save={path}"))
     with (
         pytest.raises(ViewerError),
-        RerunView(RerunOption("save", str(path)), recording_id="", scene=RunScene(vehicles=())),
+        RerunView(RerunOption("save", str(path)), recording_id="", scene=scene_of(("v1",))),
     ):
         pass
     assert path.read_bytes() == content
@@ -58,8 +58,6 @@ def test_a_recording_of_rerun_is_replaced(tmp_path: Path) -> None:
     path = tmp_path / "run.rrd"
     for _ in range(2):
         refuse_foreign_file(RerunOption("save", str(path)))
-        with RerunView(
-            RerunOption("save", str(path)), recording_id="x", scene=RunScene(vehicles=("v1",))
-        ):
+        with RerunView(RerunOption("save", str(path)), recording_id="x", scene=scene_of(("v1",))):
             pass
         assert path.stat().st_size

@@ -18,9 +18,9 @@ import pytest
 from tests.made.ended import has_ended
 from tests.made.scenarios import messages as made
 from tests.made.transport import drive
-from tests.made.transport.recording import Table, batch_of
+from tests.made.transport.recording import Table, batch_of, scene_of
 from tests.made.transport.recording import drawn as recorded
-from transport.picture.batch import BATCH_NS, RunScene, VehicleValues
+from transport.picture.batch import BATCH_NS, VehicleValues
 from transport.picture.option import RerunOption, parse_rerun_option
 from transport.picture.view import RerunView
 from transport.picture.viewer_process import ViewerError
@@ -34,7 +34,7 @@ ROAD = (
 )
 
 
-SCENE = RunScene(vehicles=drive.VEHICLES, path=ROAD)
+SCENE = scene_of(drive.VEHICLES, ROAD)
 
 
 def off_circle(pose: TruePose) -> float:
@@ -277,11 +277,10 @@ def test_a_recording_that_cannot_be_written(tmp_path: Path) -> None:
 SERVE = """
 import time
 from tests.made.transport import drive
-from tests.made.transport.recording import batch_of
-from transport.picture.batch import RunScene
+from tests.made.transport.recording import batch_of, scene_of
 from transport.picture.option import parse_rerun_option
 from transport.picture.view import RerunView
-scene = RunScene(vehicles=drive.VEHICLES)
+scene = scene_of(drive.VEHICLES)
 view = RerunView(parse_rerun_option("serve"), recording_id="x", scene=scene)
 view.draw(batch_of([message for _, message in drive.drive(20)], drive.START))
 print(view.destination, flush=True)
