@@ -23,11 +23,11 @@ from scenarios.definition.overrides import OverrideError, override_text
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.definition.traces.reading import DriveInPlane
 from scenarios.results.files import LOG_NAME
-from scenarios.results.log_info import replayed_session
 from scenarios.results.log_summary import log_in
 from scenarios.results.run_record import RunRecord
 from scenarios.results.summary import ClockName
 from scenarios.runs.observer import ProgressLines
+from scenarios.runs.replayed import replayed_session
 from scenarios.runs.run_folder import claimed, folder_of
 from scenarios.runs.stop import EXIT_BAD_INPUT, Stop
 from scenarios.runs.virtual import run_virtual

@@ -17,9 +17,9 @@ from scenarios.cli.summary_tables import print_summary
 from scenarios.definition.errors import require
 from scenarios.definition.scenario import Scenario
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
-from scenarios.results.live import LiveRun, LiveValues
 from scenarios.results.summary import RunSummary
 from scenarios.results.summary_columns import Column
+from scenarios.runs.live import LiveRun, LiveValues
 from scenarios.runs.observer import Observer, ProgressLines, Watcher
 from transport.picture.option import parse_rerun_option, refuse_foreign_file, spelled
 from transport.picture.viewer_process import UnwritableRecordingError, ViewerError, require_display
@@ -132,7 +132,7 @@ def displays(
         observers, watchers = list[Observer](), list[Watcher]()
         option = parse_rerun_option(display.rerun)
         if option.sink != "off":
-            from scenarios.results.run_drawing import open_drawing
+            from scenarios.runs.run_drawing import open_drawing
 
             drawing = stack.enter_context(open_drawing(option, scenario, folder / LOG_NAME))
             observers.append(drawing)

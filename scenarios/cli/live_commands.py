@@ -261,8 +261,8 @@ def scenario_from(log: Path, *, output: Path | None, partial: bool) -> None:
     LOG is a run.mcap or its folder. The scenario repeats the run, including all changes made by
     hand.
     """
-    from scenarios.results.log_info import session_of
     from scenarios.results.log_summary import log_in
+    from scenarios.runs.replayed import session_of
 
     with clear_errors():
         faults: list[str] = []

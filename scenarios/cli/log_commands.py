@@ -65,12 +65,13 @@ def review(
     with clear_errors():
         option = parse_rerun_option(rerun)
         require("review", "viewer", "rerun")
-        from scenarios.results import run_drawing
+        from scenarios.results.review import Excerpt
+        from scenarios.results.review import review as draw_log
 
         names = [name.strip() for name in vehicles.split(",") if name.strip()]
-        excerpt = run_drawing.Excerpt(from_s, to_s, names or None)
+        excerpt = Excerpt(from_s, to_s, names or None)
         show = progress_of("% drawn")
-        count = run_drawing.review(
+        count = draw_log(
             log_in(log),
             option,
             wait=wait_until_stopped,
@@ -145,8 +146,8 @@ def explain(log: Path, *, vehicle: str, at_s: float, as_json: bool) -> None:
     from rich.console import Console
 
     from scenarios.cli.summary_tables import print_explanation
-    from scenarios.results import explain as explaining
     from scenarios.results.log_summary import log_in
+    from scenarios.studies import explain as explaining
 
     with clear_errors():
         explanation = explaining.explain(log_in(log), vehicle, at_s)

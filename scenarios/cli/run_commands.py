@@ -263,8 +263,8 @@ def replay(
     recorded followers again, bit for bit.
     """
     from scenarios.cli.launching import RunOptions, replay_run
-    from scenarios.results.log_info import replayed_session
     from scenarios.results.log_summary import log_in
+    from scenarios.runs.replayed import replayed_session
 
     ignore_hangup()
     with clear_errors():

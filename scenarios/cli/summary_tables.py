@@ -10,16 +10,6 @@ from rich.text import Text
 
 from scenarios.cli.common_options import Tables
 from scenarios.cli.output import print_whole, table_of, worst_rows
-from scenarios.results.explain import (
-    IN_TRANSIT,
-    SHOWN,
-    Explanation,
-    KnownSource,
-    MissingMessage,
-    cause_of,
-    counts_of,
-    fate_of,
-)
 from scenarios.results.links import LinkSummary
 from scenarios.results.outcome import with_outcome_line
 from scenarios.results.record import hole_lines
@@ -31,6 +21,16 @@ from scenarios.results.summary_columns import (
     SummaryTable,
     has_link_news,
     tables_of,
+)
+from scenarios.studies.explain import (
+    IN_TRANSIT,
+    SHOWN,
+    Explanation,
+    KnownSource,
+    MissingMessage,
+    cause_of,
+    counts_of,
+    fate_of,
 )
 
 MOST_CHANGES = 3

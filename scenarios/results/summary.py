@@ -22,6 +22,7 @@ from scenarios.definition.changes import LINK_CHANGES, change_from_json
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.plug_ins.table import RECORDED
+from scenarios.definition.versions import current_stamp, installed_versions, plug_in_digests
 from scenarios.results.files import json_text, plain
 from scenarios.results.links import LinkSummary
 from scenarios.results.reaction import ReactionSummary
@@ -30,7 +31,6 @@ from scenarios.results.run_event import RunEvent
 from scenarios.results.string_figures import STRING_DOCS, StringFigures
 from scenarios.results.tables import RunTables
 from scenarios.results.vehicle_figures import VehicleSummary
-from scenarios.results.versions import current_stamp, installed_versions, plug_in_digests
 
 # ---- Changes to a running convoy, scheduled or by hand, as the summary lists them
 

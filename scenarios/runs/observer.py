@@ -11,7 +11,7 @@ from math import isnan
 from typing import Protocol
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.live import LiveRun
+from scenarios.runs.live import LiveRun
 from transport.topics import TOPIC_OF
 from vehicles.messages import Change, LogText, Message, RunEnd, RunStart
 

@@ -13,7 +13,6 @@ from scenarios.results.files import LOG_NAME, SUMMARY_NAME
 from scenarios.results.limits import collision_ends_run, failure_reason, limit_figures
 from scenarios.results.link_account import accounts
 from scenarios.results.links import silent_links
-from scenarios.results.live import LiveRun
 from scenarios.results.log_summary import METADATA_NAME, summarise, tables_in, write_summary
 from scenarios.results.record import hole_lines, record_holes
 from scenarios.results.run_event import events, run_events
@@ -21,6 +20,7 @@ from scenarios.results.summary import ClockName, RunIdentity, RunSummary, to_jso
 from scenarios.results.tables import KINDS, Collector, RunTables
 from scenarios.results.true_motion import sizes_of
 from scenarios.results.vehicle_figures import tyre_warnings
+from scenarios.runs.live import LiveRun
 from scenarios.runs.observer import Observer
 from scenarios.runs.recorder import Recorder
 from transport.log.errors import LogError

@@ -10,7 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from scenarios.definition.changes import changed_links
 from scenarios.definition.scenario import Scenario
-from scenarios.results.live import LiveRun
+from scenarios.runs.live import LiveRun
 from transport.bus.bus import Bus
 from transport.columns import Columns
 from transport.topics import RUN_SENDER, control_key, counts_as_loss

@@ -12,14 +12,12 @@ from heapq import merge
 from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.drives import TRIAL_KINDS, Trial, trial_of
-from scenarios.results.files import LOG_NAME
 from scenarios.results.link_account import accounts
 from scenarios.results.links import silent_links
-from scenarios.results.live import LiveRun
-from scenarios.results.log_summary import summarise, tables_of
+from scenarios.results.log_summary import summarise
 from scenarios.results.summary import RunIdentity, RunSummary
 from scenarios.results.tables import KINDS, Collector, RunTables
+from scenarios.runs.live import LiveRun
 from scenarios.runs.node.node import AnyNode, VehicleFaultError, step_with_faults
 from scenarios.runs.node.outbox import NoProbe
 from scenarios.runs.node.sink import BusSink, Sink
@@ -305,13 +303,6 @@ def run_unlogged(scenario: Scenario, observers: Sequence[Observer] = ()) -> RunS
     )
 
 
-def drive_trial(scenario: Scenario) -> Trial:
-    """Run `scenario` in virtual time and keep its drives; raises VehicleFaultError."""
-    run, outcome = run_tables(scenario, kinds=TRIAL_KINDS)
-    outcome.raise_fault()
-    return trial_of(run)
-
-
 # ---- `--clock virtual`: a virtual run that writes a log and a summary
 
 
@@ -389,15 +380,3 @@ def _simulated(scenario: Scenario, run: RunLog, ends: Callable[[], bool]) -> Dri
         OnMessage(run.recorder.record, ALL_KINDS - {RunStart}),
     )
     return drive(scenario, log, until=ends, on_left=log_departure)
-
-
-def record_trial(
-    scenario: Scenario,
-    folder: Path,
-    observers: Sequence[Observer] = (),
-) -> Trial:
-    """Run `scenario` as `run_virtual` does and keep its drives; raises LogError if it fails."""
-    summary = run_virtual(scenario, folder, Stop(), observers=observers)
-    if summary.reason:
-        raise LogError(summary.reason)
-    return trial_of(tables_of(folder / LOG_NAME))

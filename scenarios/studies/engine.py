@@ -15,8 +15,8 @@ from typing import Any
 from zlib import crc32
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.definition.versions import current_stamp, plug_in_digests
 from scenarios.results.files import named_errors
-from scenarios.results.versions import current_stamp, plug_in_digests
 from scenarios.studies.job import EngineError, Job, JobResult, error_line, run_job
 from scenarios.studies.workers import POLL_INTERVAL_S, OpenWorkers, WorkerGroup
 

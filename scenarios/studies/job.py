@@ -12,9 +12,9 @@ from threading import Lock
 from typing import Any, NamedTuple
 
 from scenarios.definition.errors import ScenarioError
+from scenarios.definition.versions import ProgramStamp, current_stamp, module_digests
 from scenarios.results.figure_style import encoded, picture_format_of
 from scenarios.results.files import write_whole
-from scenarios.results.versions import ProgramStamp, current_stamp, module_digests
 from transport.log.errors import LogError
 from transport.texts import printable
 

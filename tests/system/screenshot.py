@@ -18,7 +18,7 @@ from typing import Any
 from PIL import Image
 from rerun.experimental import ViewerClient
 
-from scenarios.results.run_drawing import review
+from scenarios.results.review import review
 from transport.picture import viewer_process
 from transport.picture.option import parse_rerun_option
 

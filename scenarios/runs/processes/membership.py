@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import astuple, dataclass, fields
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.versions import current_stamp, plug_in_digests
+from scenarios.definition.versions import current_stamp, plug_in_digests
 from scenarios.runs.end_confirmation import addressed, content_of
 from transport.bus.bus import Bus, BusError, Member
 from transport.clock import WallClock

@@ -5,9 +5,9 @@ from contextlib import suppress
 from pathlib import Path
 
 from scenarios.definition.scenario import Scenario
-from scenarios.results.live import LiveRun
 from scenarios.results.summary import RunSummary
 from scenarios.runs.end_confirmation import EndConfirmations
+from scenarios.runs.live import LiveRun
 from scenarios.runs.node.sink import BATCH_NS
 from scenarios.runs.observer import Observer, ThrottledObservers, Watcher
 from scenarios.runs.processes.arrivals import Arrival, Arrivals, SendingOrder

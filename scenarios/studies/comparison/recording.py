@@ -7,7 +7,7 @@ from zlib import crc32
 
 import numpy as np
 
-from scenarios.results.run_drawing import batches, scene_of
+from scenarios.results.review import batches, scene_of
 from scenarios.studies.comparison.runs import RunComparison, RunGroup
 from transport.columns import Columns
 from transport.log.reader import LogReader

@@ -12,9 +12,9 @@ from scenarios.definition.channel.recordings import run_lengths
 from scenarios.definition.run_limits import Limit
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.link_tables import LinkEntry, LinkTable
-from scenarios.results.log_info import session_of
 from scenarios.results.log_summary import tables_in
 from scenarios.results.tables import TOPICS_OF_METRICS, RunTables
+from scenarios.runs.replayed import session_of
 from transport.columns import Columns, Flags
 from transport.links.laws.recorded_losses import EarlierRun, Listed, NumberSet
 from transport.log.errors import LogError

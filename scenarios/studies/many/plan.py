@@ -27,12 +27,12 @@ from scenarios.definition.run_limits import Limit, parsed_limit
 from scenarios.definition.scenario import Scenario
 from scenarios.definition.schema.limit_rows import OWN_FIGURES
 from scenarios.definition.topology import usual_links
+from scenarios.definition.versions import current_stamp, plug_in_digests
 from scenarios.results.events import EventKind
 from scenarios.results.limits import broken_by
 from scenarios.results.links import SAFE_AGES_MS, LinkSummary
 from scenarios.results.summary import RunSummary
 from scenarios.results.vehicle_figures import VehicleSummary
-from scenarios.results.versions import current_stamp, plug_in_digests
 from scenarios.studies.job import Job
 from scenarios.studies.many.variant import Variant, variant_of
 from transport.topics import DropReason

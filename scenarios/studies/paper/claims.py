@@ -8,8 +8,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from scenarios.definition.scenario import load_scenario
-from scenarios.results.drives import Trial
 from scenarios.studies.paper import calculations, measures
+from scenarios.studies.paper.drives import Trial
 from scenarios.studies.paper.measures import EMPTY, TOLERANCE_M, Findings, predict_errors, transfer
 from scenarios.studies.paper.runs import (
     ALPHAS,

@@ -11,8 +11,8 @@ from math import pi, tau
 
 import numpy as np
 
-from scenarios.results.drives import Drive, Trial
 from scenarios.results.tables import RunTables
+from scenarios.studies.paper.drives import Drive, Trial
 from scenarios.studies.paper.runs import BASE_SPEED, LANE, PERIODS, SINES, SPACING, at_sine
 from transport.columns import Floats
 from vehicles.car.parameters import LINCOLN_MKZ, NOMINAL_GAINS, Loading, loaded

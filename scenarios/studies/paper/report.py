@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from scenarios.results.drives import Trial
 from scenarios.studies.job import write_files
 from scenarios.studies.paper.claims import (
     JUDGEMENTS,
@@ -14,6 +13,7 @@ from scenarios.studies.paper.claims import (
     counts_text,
     judge_all,
 )
+from scenarios.studies.paper.drives import Trial
 from scenarios.studies.paper.measures import (
     TOLERANCE_M,
     Findings,

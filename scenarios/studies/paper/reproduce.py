@@ -8,12 +8,11 @@ from typing import Any
 
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.wording import did_you_mean
-from scenarios.results.drives import TRIAL_KINDS, Trial
 from scenarios.results.tables import Collector, RunTables
-from scenarios.runs.virtual import drive_trial, record_trial
 from scenarios.studies.engine import study_engine
 from scenarios.studies.job import Job, Work, refuse_existing
 from scenarios.studies.paper.claims import counts_text
+from scenarios.studies.paper.drives import TRIAL_KINDS, Trial, drive_trial, record_trial
 from scenarios.studies.paper.measures import Findings, SampleFigures, sample_figures
 from scenarios.studies.paper.runs import RUNS_OF_CASE, TRAJECTORIES, PaperRun
 from scenarios.studies.workers import open_workers

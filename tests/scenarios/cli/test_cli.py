@@ -20,8 +20,8 @@ from scenarios.cli.main import cli
 from scenarios.definition.channel.presets import presets, read_preset
 from scenarios.definition.library import template
 from scenarios.definition.scenario import drills, library, load_scenario
-from scenarios.results.live import LiveRun
 from scenarios.results.log_summary import log_in
+from scenarios.runs.live import LiveRun
 from scenarios.runs.run_log import RunLog
 from transport.codec import encode
 from transport.log.errors import LogError
@@ -140,7 +140,7 @@ def test_the_fork_server_imports_no_modules_of_the_recorder() -> None:
     loaded = {*done.stdout.split()}
     assert "zenoh" in loaded
     assert not {"rich", "mcap", "zstandard", "foxglove_schemas_protobuf", "scipy", "rerun"} & loaded
-    assert "scenarios.results.live" not in loaded
+    assert "scenarios.runs.live" not in loaded
 
 
 def test_a_virtual_run_imports_no_bus_and_no_theory() -> None:

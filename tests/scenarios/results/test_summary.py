@@ -9,9 +9,9 @@ from typing import get_args
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
+from scenarios.definition.versions import PACKAGES
 from scenarios.results.events import EventKind
 from scenarios.results.files import LOG_NAME
-from scenarios.results.live import LiveRun
 from scenarios.results.log_summary import late_lines, scenario_in, summary_of
 from scenarios.results.summary import (
     ENTRIES,
@@ -24,7 +24,7 @@ from scenarios.results.summary import (
 )
 from scenarios.results.summary_columns import EVENT_FIGURES
 from scenarios.results.vehicle_figures import vehicle_summaries
-from scenarios.results.versions import PACKAGES
+from scenarios.runs.live import LiveRun
 from scenarios.runs.run_log import RunLog
 from tests.made.scenarios.messages import START, at, gps, health, text, tracking, truth, verdict
 from tests.made.scenarios.tables import run_of

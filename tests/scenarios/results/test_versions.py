@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.results.versions import _module_digest, digest_of, plug_in_digests
+from scenarios.definition.versions import _module_digest, digest_of, plug_in_digests
 
 
 def package(folder: Path, **files: str) -> Path:

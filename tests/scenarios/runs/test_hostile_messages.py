@@ -14,8 +14,8 @@ import pytest
 from scenarios.cli.common_options import DisplayOptions
 from scenarios.cli.display import displays
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.live import LiveRun
 from scenarios.results.summary import RunSummary, from_json, to_json
+from scenarios.runs.live import LiveRun
 from scenarios.runs.node.node import AnyNode
 from scenarios.runs.node.sink import BusSink
 from scenarios.runs.observer import Observer, OnMessage, Watcher

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.scenario import scenario_from_text
-from scenarios.results.live import LiveRun
+from scenarios.runs.live import LiveRun
 from scenarios.runs.run_log import RunLog
 from tests.made.scenarios.long_drive import TENTH_S, sent_in
 from tests.made.scenarios.messages import START, STRAIGHT, at
@@ -51,7 +51,7 @@ def record(run: RunLog, first: int, last: int) -> int:
 def test_each_message_leaves_little_memory_behind(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("scenarios.results.live.WINDOW_NS", SECOND)  # to see it forget
+    monkeypatch.setattr("scenarios.runs.live.WINDOW_NS", SECOND)  # to see it forget
     run = open_run(tmp_path / "run")
     tracemalloc.start()
     try:

@@ -7,9 +7,9 @@ from mcap.writer import Writer
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.results.files import LOG_NAME, SUMMARY_NAME
-from scenarios.results.live import LiveRun
 from scenarios.results.log_summary import METADATA_NAME, summary_of
 from scenarios.results.summary import to_json
+from scenarios.runs.live import LiveRun
 from scenarios.runs.run_log import RunLog
 from tests.made.scenarios.messages import START, at, gps, health, tracking, truth
 from transport.codec import decode, encode

@@ -10,9 +10,9 @@ from click.testing import CliRunner
 from scenarios.cli.main import cli
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.files import LOG_NAME
-from scenarios.results.live import LiveRun
 from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
+from scenarios.runs.live import LiveRun
 from scenarios.runs.run_log import RunLog
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from scenarios.cli.change_requests import run_to_join, show, tables
 from scenarios.definition.scenario import load_scenario
-from scenarios.results.live import LiveRun
+from scenarios.runs.live import LiveRun
 from scenarios.runs.open_runs import OpenRun
 from scenarios.runs.run_status import RunStatus, StatusBoard
 from scenarios.runs.stop import Stop

@@ -5,8 +5,8 @@ from contextlib import contextmanager
 import pytest
 
 from scenarios.cli.display import Progress
-from scenarios.results.live import LiveRun
 from scenarios.runs import observer
+from scenarios.runs.live import LiveRun
 from scenarios.runs.observer import LINE_EVERY_S
 from tests.made.scenarios.messages import START, health, start, text, tracking, truth, verdict
 from tests.made.scenarios.tables import straight_scenario

@@ -7,7 +7,7 @@ import pytest
 
 from scenarios.definition.check.findings import check, report_of
 from scenarios.definition.scenario import scenario_from_text
-from scenarios.runs.virtual import drive_trial
+from scenarios.studies.paper.drives import drive_trial
 
 LEARNED = "control.estimate_slip=true"
 BEND = """

@@ -16,7 +16,10 @@ from numpy.typing import NDArray
 
 from scenarios.cli.log_commands import explain as explain_command
 from scenarios.definition.scenario import load_scenario
-from scenarios.results.explain import (
+from scenarios.results.log_summary import tables_of
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual import run_virtual
+from scenarios.studies.explain import (
     IN_TRANSIT,
     Explanation,
     KnownSource,
@@ -24,9 +27,6 @@ from scenarios.results.explain import (
     explanation,
     remaining_path_length,
 )
-from scenarios.results.log_summary import tables_of
-from scenarios.runs.stop import Stop
-from scenarios.runs.virtual import run_virtual
 from tests.made.transport.changed_logs import changed_log
 from transport import convoy_pb2
 from vehicles.geometry.geodesy import LocalPlane

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from scenarios.definition.scenario import load_scenario, scenario_from_text
-from scenarios.results.log_info import session_of
+from scenarios.runs.replayed import session_of
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from tests.made.transport.logs import put

@@ -9,10 +9,11 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, scenario_from_text
 from scenarios.results.log_summary import summary_of
-from scenarios.results.run_drawing import Excerpt, open_drawing, review
+from scenarios.results.review import Excerpt, review
 from scenarios.results.run_record import RunRecord
 from scenarios.results.summary import RunSummary
 from scenarios.results.true_motion import BodySize
+from scenarios.runs.run_drawing import open_drawing
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from tests.made.transport import drive

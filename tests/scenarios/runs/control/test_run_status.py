@@ -1,6 +1,6 @@
 """The recorder's status: empty before the start, then that of the last evaluation."""
 
-from scenarios.results.live import LiveRun
+from scenarios.runs.live import LiveRun
 from scenarios.runs.run_status import RECENT_NS, LinkStatus, RunStatus, StatusBoard
 from tests.made.scenarios.messages import at, start, truth, verdict
 from tests.made.scenarios.tables import straight_scenario

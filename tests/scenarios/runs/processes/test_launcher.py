@@ -10,7 +10,7 @@ import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.files import LOG_NAME
-from scenarios.results.live import LiveRun
+from scenarios.runs.live import LiveRun
 from scenarios.runs.processes.supervisor import (
     NOTICED_S,
     RECORDER_FAILED,

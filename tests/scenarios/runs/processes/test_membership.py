@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.versions import _module_digest, current_stamp
+from scenarios.definition.versions import _module_digest, current_stamp
 from scenarios.runs.processes.membership import (
     LEFT_AFTER_NS,
     MOST_WARNINGS,

@@ -7,14 +7,14 @@ import pytest
 
 from scenarios.cli.change_requests import VEHICLE_COLUMNS
 from scenarios.definition.scenario import Scenario, load_scenario
-from scenarios.results.explain import explain
-from scenarios.results.live import LiveRun
-from scenarios.results.run_drawing import open_drawing
 from scenarios.results.summary import RunSummary
+from scenarios.runs.live import LiveRun
 from scenarios.runs.observer import Watcher
+from scenarios.runs.run_drawing import open_drawing
 from scenarios.runs.run_status import RunStatus, StatusBoard
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
+from scenarios.studies.explain import explain
 from tests.made.transport.recording import Table, columns
 from transport.log.reader import LogReader
 from transport.picture.option import parse_rerun_option

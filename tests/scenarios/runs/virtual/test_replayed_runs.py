@@ -8,8 +8,8 @@ import pytest
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, load_scenario
 from scenarios.results.files import LOG_NAME
-from scenarios.results.log_info import replayed_session
 from scenarios.results.log_summary import summary_of
+from scenarios.runs.replayed import replayed_session
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual
 from tests.made.transport.changed_logs import changed_log

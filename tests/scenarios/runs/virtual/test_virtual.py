@@ -15,9 +15,9 @@ import pytest
 from scenarios.definition.library import ATTACHED_AS
 from scenarios.definition.scenario import Scenario, load_scenario, scenario_from_text
 from scenarios.results.links import LinkSummary
-from scenarios.results.live import LiveRun
 from scenarios.results.log_summary import summary_of
 from scenarios.results.summary import RunSummary
+from scenarios.runs.live import LiveRun
 from scenarios.runs.observer import OnMessage, Watcher
 from scenarios.runs.stop import Stop
 from scenarios.runs.virtual import run_virtual

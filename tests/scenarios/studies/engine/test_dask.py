@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.results.versions import current_stamp
+from scenarios.definition.versions import current_stamp
 from scenarios.studies import engine
 from scenarios.studies.engine import JOURNAL
 from scenarios.studies.job import Job

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.results.versions import current_stamp, module_digests
+from scenarios.definition.versions import current_stamp, module_digests
 from scenarios.studies.engine import (
     MAX_ATTEMPTS,
     WORKER_DIED,

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenarios.results.drives import Drive, Trial
+from scenarios.studies.paper.drives import Drive, Trial
 from scenarios.studies.paper.measures import Findings, SampleFigures
 from scenarios.studies.paper.runs import RUNS_OF_CASE, SINES, at_sine
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenarios.results.drives import Trial
 from scenarios.studies.paper.claims import CLAIMS, Claim, Expected, Values, judge_all
+from scenarios.studies.paper.drives import Trial
 from scenarios.studies.paper.measures import (
     Findings,
     amplitudes,

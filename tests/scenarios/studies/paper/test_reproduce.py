@@ -14,8 +14,8 @@ from scenarios.cli.paper_commands import CASES
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import load_scenario
 from scenarios.results.files import LOG_NAME
-from scenarios.runs.virtual import drive_trial
 from scenarios.studies.paper.claims import CLAIMS, JUDGEMENTS
+from scenarios.studies.paper.drives import drive_trial
 from scenarios.studies.paper.plots import PICTURES
 from scenarios.studies.paper.report import write_report
 from scenarios.studies.paper.reproduce import chosen_cases, jobs_of, reproduce, simulate

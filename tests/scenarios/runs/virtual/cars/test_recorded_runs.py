@@ -15,7 +15,7 @@ from scenarios.cli.main import cli
 from scenarios.definition.check.findings import report_of
 from scenarios.definition.errors import ScenarioError
 from scenarios.definition.scenario import Scenario, scenario_from_text
-from scenarios.runs.virtual import drive_trial, record_trial
+from scenarios.studies.paper.drives import drive_trial, record_trial
 from tests.made.scenarios.rough_drives import (
     CASES,
     FORMATS,

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from scenarios.definition.errors import ScenarioError
-from scenarios.results.versions import _module_digest
+from scenarios.definition.versions import _module_digest
 from scenarios.studies.many.files import run_sweep
 from scenarios.studies.many.plan import DEFAULT_FIGURE, planned
 from scenarios.studies.workers import WorkerGroup

@@ -1,13 +1,22 @@
 """The drives of one run as arrays: the paper's errors and the true ones."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
+from scenarios.definition.scenario import Scenario
+from scenarios.results.files import LOG_NAME
+from scenarios.results.log_summary import tables_of
 from scenarios.results.tables import RunTables
 from scenarios.results.true_motion import path_feet
+from scenarios.runs.observer import Observer
+from scenarios.runs.stop import Stop
+from scenarios.runs.virtual import run_tables, run_virtual
 from transport.columns import Floats
+from transport.log.errors import LogError
 from vehicles.messages import Message, RunStart, Tracking, TruePose
 from vehicles.schedule import SECOND
 
@@ -97,3 +106,22 @@ def _drive(run: RunTables, name: str) -> Drive:
         station=station,
         cross_track=lateral,
     )
+
+
+def drive_trial(scenario: Scenario) -> Trial:
+    """Run `scenario` in virtual time and keep its drives; raises VehicleFaultError."""
+    run, outcome = run_tables(scenario, kinds=TRIAL_KINDS)
+    outcome.raise_fault()
+    return trial_of(run)
+
+
+def record_trial(
+    scenario: Scenario,
+    folder: Path,
+    observers: Sequence[Observer] = (),
+) -> Trial:
+    """Run `scenario` as `run_virtual` does and keep its drives; raises LogError if it fails."""
+    summary = run_virtual(scenario, folder, Stop(), observers=observers)
+    if summary.reason:
+        raise LogError(summary.reason)
+    return trial_of(tables_of(folder / LOG_NAME))
