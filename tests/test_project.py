@@ -107,17 +107,17 @@ def test_all_files_of_the_packages_are_distributed(monkeypatch: pytest.MonkeyPat
 
 ROOMS = {
     "scenarios": 10,
-    "scenarios/api": 760,
-    "scenarios/cli": 5_310,
-    "scenarios/definition": 12_680,
-    "scenarios/results": 7_780,
-    "scenarios/runs": 6_900,
+    "scenarios/api": 750,
+    "scenarios/cli": 5_300,
+    "scenarios/definition": 12_560,
+    "scenarios/results": 6_790,
+    "scenarios/runs": 6_670,
     "scenarios/studies": 9_000,
-    "transport": 1_170,
+    "transport": 1_160,
     "transport/bus": 780,
     "transport/links": 4_330,
-    "transport/log": 1_440,
-    "transport/picture": 1_680,
+    "transport/log": 1_300,
+    "transport/picture": 1_650,
     "vehicles": 630,
     "vehicles/car": 2_800,
     "vehicles/driver": 4_700,
@@ -126,7 +126,7 @@ ROOMS = {
     "vehicles/theory": 1_060,
 }
 """Ceiling of each room in lines. A feature raises it only in a commit that says so."""
-PRODUCT_MAX, TESTS_MAX, MODULES_MAX = 62_830, 53_760, 316
+PRODUCT_MAX, TESTS_MAX, MODULES_MAX = 62_550, 53_680, 313
 """Lines of the product and of the tests, and modules of the product, `__init__` included."""
 LOADED_MAX, CALLS_MAX = 550, 400
 """Own modules that a virtual run loads, and own Python calls of its busiest follower in a control
