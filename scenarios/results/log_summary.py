@@ -195,7 +195,7 @@ def log_in(path: Path) -> Path:
     """Return the log of a run's folder; raises LogError for a folder of runs and a missing one."""
     if not path.exists() and path.parent.is_dir():
         similar = did_you_mean(path.name, (one.name for one in path.parent.iterdir()))
-        raise LogError(f"{path}: no such file or folder{similar}")
+        raise LogError(f"{path}: cannot read the log: No such file or directory{similar}")
     log = path / LOG_NAME if path.is_dir() else path
     if path.is_dir() and not log.exists():
         runs = sorted(str(run.parent) for run in path.glob(f"*/{LOG_NAME}"))
