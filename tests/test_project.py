@@ -126,7 +126,7 @@ ROOMS = {
     "vehicles/theory": 1_060,
 }
 """Ceiling of each room in lines. A feature raises it only in a commit that says so."""
-PRODUCT_MAX, TESTS_MAX, MODULES_MAX = 62_550, 53_680, 313
+PRODUCT_MAX, TESTS_MAX, MODULES_MAX = 62_600, 53_680, 313
 """Lines of the product and of the tests, and modules of the product, `__init__` included."""
 LOADED_MAX, CALLS_MAX = 550, 400
 """Own modules that a virtual run loads, and own Python calls of its busiest follower in a control

@@ -13,6 +13,7 @@ from scenarios.definition.library import is_file
 from scenarios.definition.road.route import vehicle_names
 from scenarios.definition.schema.scenario_tables import ReplayTable, ScenarioTables
 from scenarios.definition.wording import toml_repr
+from transport.topics import RUN_SENDER
 from vehicles.schedule import SECOND
 
 TOPICS = ("gps", "truth")
@@ -79,7 +80,7 @@ def _checked(table: ReplayTable, path: Path) -> ReplayTable:
                 senders = ", ".join(sorted({one for one, of in reader.counts if of == topic}))
                 missing = f"holds no messages of {name} on the topic {topic}"
                 raise ValueError(f"{missing}, but of {senders or 'none'}")
-        columns = reader.columns(("truth", "start"))
+        columns = reader.columns(("truth", "start"), vehicles={*table.vehicles, RUN_SENDER})
     except LogError as error:
         raise ValueError(str(error).removeprefix(f"{path}: ")) from error
     starts = [one for (_, topic), one in columns.items() if topic == "start"]

@@ -109,12 +109,17 @@ class LogReader:
         A message is missing if its number was used but the log lacks it: the log is damaged, or the
         message did not reach the recorder. Thinned topics are left out.
         """
-        missing, messages = {}, self.file.without_content
+        missing, newest = {}, dict[int, int]()
+        for chunk in reversed(self.file.chunks):  # of a channel, the last one is read
+            if unknown := chunk.channels - newest.keys():
+                read = self.file.read([chunk])
+                for channel in unknown:
+                    numbers = read.numbers[read.channels == channel]
+                    newest[channel] = max(numbers.tolist(), default=-1)
         for channel, name in self._channels(TOPICS.keys() - self.thinned.keys(), None).items():
             total = self.file.stated.get(channel, self.counts[name])
             if name[1] not in OF_DECISIONS:
-                numbers = messages.numbers[messages.channels == channel]
-                total = max(total, int(numbers.max(initial=0)) + bool(len(numbers)))
+                total = max(total, newest.get(channel, -1) + 1)
             if total > self.counts[name]:
                 missing[name] = total - self.counts[name], total
         return missing
