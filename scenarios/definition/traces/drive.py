@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -161,6 +161,12 @@ class DriveTable:
 
     def with_remarks(self, *remarks: str) -> "DriveTable":
         return replace(self, remarks=(*self.remarks, *remarks))
+
+
+def runs_of(marked: Mask) -> Iterator[tuple[int, int]]:
+    """Yield the first and the last place of each run of marked places."""
+    edges = np.flatnonzero(np.diff(marked, prepend=False, append=False)).tolist()
+    yield from ((begin, end - 1) for begin, end in zip(edges[::2], edges[1::2], strict=True))
 
 
 # ---- The part of a recorded drive that is driven

@@ -92,11 +92,11 @@ def read_trace(
         drive = in_time_order(drive)
         if needs_times:
             _require_times(drive)
-        drive, time_error_s = without_repeats(drive)
+        drive = without_repeats(drive)
         plane = origin or _first_point(drive) if drive.geodetic else None
         points = _in_plane(drive, plane) if plane else drive.position
         _refuse_radians(drive, points)
-        clean = cleaned(points, drive.times, time_error_s)
+        clean = cleaned(points, drive.times)
         for jump in clean.jumps:
             for k in range(jump.first, jump.last + 1):
                 drive.list_fault(k, JUMP, f"jumps by {jump.size:.1f} m")
@@ -135,7 +135,7 @@ def _points_path(
     at = times[sound] if times.size else times
     usable, remarks = usable_speeds(drive.speed_mps[sound], at, drive.position[:, sound])
     kept, points = kept[chosen], clean.points[:, chosen]
-    within = [s.wander for s in clean.stands if kept[0] <= s.core[0] and s.core[1] <= kept[-1]]
+    within = [s.wander for s in clean.stands if kept[0] <= s.first and s.last <= kept[-1]]
     noise = clean.noise
     if part != DrivenPart(keys=part.keys):
         noise = max([noise_deviation(points), *within])
@@ -147,7 +147,7 @@ def _points_path(
     if usable is not None:  # 0 at standstill
         column = np.full(drive.count, np.nan)
         column[sound] = usable
-        column[[k for stand in clean.stands for k in stand.core]] = 0.0
+        column[[k for stand in clean.stands for k in (stand.first, stand.last)]] = 0.0
         speeds = column[kept]
     since_part = since_start[chosen] - since_start[chosen][:1]
     pauses = pauses_in(points, since_part)
@@ -205,13 +205,13 @@ def _stand_remarks(
         return f"{place} ({times[k]:.1f} s)" if times.size else place
 
     for stand in clean.stands:
-        first, last = stand.core
+        first, last = stand.first, stand.last
         span = f" for {times[last] - times[first]:.0f} s" if times.size else ""
-        count = stand.last - stand.first + 1
-        if stand.first == 0:
+        count = last - first + 1
+        if first == 0:
             begin = where(last)
             yield f"the drive starts at its first movement, at {begin}: {count} points left out"
-        elif stand.last == drive.count - 1:
+        elif last == drive.count - 1:
             yield f"the drive ends where it stops, at {where(first)}: {count} points left out"
         elif first not in paused:
             yield f"the car stands{span} from {where(first)} on: {count} points become one place"

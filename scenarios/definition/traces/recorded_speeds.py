@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from scenarios.definition.traces.drive import FASTEST, Floats, Mask
-from scenarios.definition.traces.time_order import runs_of
+from scenarios.definition.traces.drive import FASTEST, Floats, Mask, runs_of
 
 WINDOW = 2.0
 """Time (s) over which positions give a speed."""

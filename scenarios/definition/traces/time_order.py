@@ -1,13 +1,20 @@
 """Times of a recorded drive that never run back."""
 
 from bisect import bisect_right
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from scenarios.definition.traces.drive import NO_TIMES, WRONG_TIME, DriveTable, Floats, Ints, Mask
+from scenarios.definition.traces.drive import (
+    NO_TIMES,
+    WRONG_TIME,
+    DriveTable,
+    Floats,
+    Ints,
+    Mask,
+    runs_of,
+)
 from vehicles.geometry.bridges import step_lengths
 
 LARGEST = 1e15
@@ -152,12 +159,6 @@ def _off_the_order(times: Floats) -> Mask:
     for begin, end in runs_of(off):
         off[begin : end + 1] = end - begin < SHORT
     return off
-
-
-def runs_of(marked: Mask) -> Iterator[tuple[int, int]]:
-    """Yield the first and the last place of each run of marked places."""
-    edges = np.flatnonzero(np.diff(marked, prepend=False, append=False)).tolist()
-    yield from ((begin, end - 1) for begin, end in zip(edges[::2], edges[1::2], strict=True))
 
 
 def _without_wrong(drive: DriveTable, wrong: Ints) -> DriveTable:

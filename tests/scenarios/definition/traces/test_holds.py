@@ -51,15 +51,14 @@ PATTERNS = {
 @pytest.mark.parametrize("timed", [True, False])
 def test_repeated_positions_are_thinned(hold: float, rate: float, *, timed: bool) -> None:
     times, position = held(hold, rate)
-    drive, uncertainty = without_repeats(recorded(position, times if timed else None))
+    drive = without_repeats(recorded(position, times if timed else None))
     assert drive.count == round(SPAN / hold)
     assert np.diff(drive.position).any(axis=0).all()
-    assert uncertainty == pytest.approx(1.0 / rate if timed else 0.0)
     assert drive.speed_mps.tolist() == drive.numbers.tolist()
     if timed:
         appeared = np.arange(drive.count) * hold
         assert (drive.time_s >= appeared - 1e-9).all()
-        assert (drive.time_s < appeared + uncertainty).all()
+        assert (drive.time_s < appeared + 1.0 / rate).all()
         repeats = times.size - drive.count
         assert drive.remarks == (
             f"positions repeat: {1.0 / hold:.0f} Hz in records of {rate:.0f} Hz: "
@@ -70,7 +69,7 @@ def test_repeated_positions_are_thinned(hold: float, rate: float, *, timed: bool
 def test_a_standstill_keeps_its_first_and_last_record() -> None:
     times = np.arange(3000) * 0.02
     moved = np.where(times < 20.0, times, np.maximum(20.0, times - 15.0))
-    drive, _ = without_repeats(recorded(course(np.floor(moved / 0.1 + 1e-9) * 0.1), times))
+    drive = without_repeats(recorded(course(np.floor(moved / 0.1 + 1e-9) * 0.1), times))
     assert drive.count == 450 + 1
     k = int(np.argmax(np.diff(drive.time_s)))
     assert drive.time_s[k : k + 2] == pytest.approx([20.0, 35.08], abs=0.03)
@@ -91,6 +90,5 @@ ORDINARY = {
 @pytest.mark.parametrize("timed", [True, False])
 def test_ordinary_drives_are_returned_as_they_are(position: Floats, *, timed: bool) -> None:
     drive = recorded(position, TIMES[: position.shape[1]] if timed else None)
-    kept, uncertainty = without_repeats(drive)
+    kept = without_repeats(drive)
     assert kept is drive
-    assert uncertainty == 0.0
