@@ -6,8 +6,6 @@ from scenarios.definition.traces.drive import (
     METRES_PER_DEGREE,
     NO_FIX,
     DriveTable,
-    Floats,
-    Mask,
     TraceError,
 )
 from vehicles.geometry.bridges import step_lengths
@@ -30,41 +28,10 @@ def usable_positions(drive: DriveTable) -> DriveTable:
 
     Raises TraceError if none remains.
     """
-    drive = _without_unfixed(_without_absurd(drive))
-    pieces = far_pieces(drive.plane_m)
-    far = _far_from_longest(drive.plane_m, pieces)
-    if 0 < far.sum() <= FAR_SHARE_MAX * drive.count:
-        kept = np.flatnonzero(~far)
-        after = np.searchsorted(kept, np.arange(drive.count))
-        points = drive.plane_m
-        near = [points[:, kept[np.clip(after + k, 0, kept.size - 1)]] - points for k in (-1, 0)]
-        apart = np.min(np.hypot(*np.moveaxis(np.array(near), 0, 1)), axis=0)
-        reason = "{:.1f} km from the points around it"
-        drive = drive.without(far, "far away", lambda k: reason.format(apart[k] / 1000.0))
+    drive = _without_far(_without_unfixed(_without_absurd(drive)))
     if not drive.count:
         raise TraceError(", ".join(("no valid point", *drive.left_out.lines(drive.unit)[:1])))
     return drive
-
-
-def far_pieces(points: Floats) -> list[tuple[int, int]]:
-    """Split points (2, n) at steps of at least FAR; return the first and last point of each."""
-    last = np.flatnonzero(step_lengths(points) >= FAR).tolist()
-    if not points.shape[1]:
-        return []
-    return list(zip([0, *(k + 1 for k in last)], [*last, points.shape[1] - 1], strict=True))
-
-
-def _far_from_longest(points: Floats, pieces: list[tuple[int, int]]) -> Mask:
-    """Mark the points off the longest piece and those pieces that continue it within FAR."""
-    far = np.ones(points.shape[1], dtype=bool)
-    longest = max(range(len(pieces)), key=lambda k: pieces[k][1] - pieces[k][0], default=0)
-    for way in (pieces[longest:], [piece[::-1] for piece in pieces[longest::-1]]):
-        end = way[0][0] if way else 0
-        for first, last in way:
-            if np.hypot(*(points[:, first] - points[:, end])) < FAR:
-                far[min(first, last) : max(first, last) + 1] = False
-                end = last
-    return far
 
 
 def _without_absurd(drive: DriveTable) -> DriveTable:
@@ -84,3 +51,26 @@ def _without_unfixed(drive: DriveTable) -> DriveTable:
         return drive
     unit = "°" if drive.geodetic else " m"
     return drive.without(zero, NO_FIX, lambda _: f"{NO_FIX}: 0{unit}/0{unit}")
+
+
+def _without_far(drive: DriveTable) -> DriveTable:
+    """Leave out pieces, split at steps of at least FAR, off the longest and what continues it."""
+    points = drive.plane_m
+    last = np.flatnonzero(step_lengths(points) >= FAR)
+    if not last.size:
+        return drive
+    pieces = np.split(np.arange(drive.count), last + 1)
+    longest = max(range(len(pieces)), key=lambda k: pieces[k].size)
+    far, apart = np.ones(drive.count, dtype=bool), np.zeros(drive.count)
+    for way, side in ((pieces[longest:], 0), (pieces[longest::-1], -1)):
+        end = way[0][side]
+        for piece in way:
+            near = np.hypot(*(points[:, piece[side]] - points[:, end]))
+            apart[piece] = near
+            if near < FAR:
+                far[piece] = False
+                end = piece[-1 - side]
+    if far.sum() > FAR_SHARE_MAX * drive.count:
+        return drive
+    reason = "{:.1f} km from the points around it"
+    return drive.without(far, "far away", lambda k: reason.format(apart[k] / 1000.0))

@@ -2,17 +2,17 @@
 
 import numpy as np
 
-from scenarios.definition.traces.drive import FASTEST, Floats, Mask, runs_of
+from scenarios.definition.traces.drive import FASTEST, Floats
 
 WINDOW = 2.0
 """Time (s) over which positions give a speed."""
 
 OFF_MPS, OFF_SHARE = 10.0, 0.5
-"""Largest difference (m/s) of a recorded speed from its neighbours and from the positions, or this
-share of their speed, if that is more."""
+"""Largest difference (m/s) of a recorded speed from that of the positions, or this share of it, if
+that is more."""
 
-LONGEST_RUN = 5.0
-"""Longest time (s) of wrong values; longer ones are no slips."""
+WRONG_MAX = 0.1
+"""Largest share of wrong speeds that are interpolated; with more of them speeds are unusable."""
 
 MOVING = 2.0
 """Speed (m/s) from which on the ratio of speeds counts."""
@@ -46,26 +46,23 @@ def usable_speeds(
         return None, (f"every recorded speed is 0 while the position changes: {instead}",)
     derived = _derived(time_s, points) if time_s.size else np.full(count, np.nan)
     moving = derived >= MOVING
-    at = time_s if time_s.size else np.arange(float(count))
     ratio = float(np.median(speeds[moving] / derived[moving])) if moving.sum() >= 3 else 1.0
-    if RATIOS[0] <= ratio <= RATIOS[1]:
-        absurd = speeds > FASTEST
-        if 2 * np.count_nonzero(absurd) > count:
-            return None, (f"most recorded speeds are above {FASTEST:g} m/s: {instead}",)
-        absurd |= _slips(speeds, derived, at, absurd)
-        smooth = np.where(absurd, np.interp(at, at[~absurd], speeds[~absurd]), speeds)
-        valid = derived < FASTEST  # False for NaN
-        if np.count_nonzero(valid & moving) >= 3:  # of the distances
-            spans = np.gradient(at)[valid]
-            ratio = float(np.sum(spans * smooth[valid]) / np.sum(spans * derived[valid]))
-        if RATIOS[0] <= ratio <= RATIOS[1]:
-            found = speeds[absurd]
-            many = "recorded speeds, up to" if found.size > 1 else "recorded speed,"
-            fault = f"{found.size} {many} {found.max(initial=0.0):.4g} m/s, off the others"
-            return smooth, (f"{fault}: interpolated",) if found.size else ()
-    unit = next((f" ({u}?)" for n, u in UNITS.items() if abs(ratio / n - 1.0) < SAME_UNIT), "")
-    off = f"recorded speeds are {ratio:.2f} times what the positions need{unit}"
-    return None, (f"{off}: {instead}",)
+    if not RATIOS[0] <= ratio <= RATIOS[1]:
+        unit = next((f" ({u}?)" for n, u in UNITS.items() if abs(ratio / n - 1.0) < SAME_UNIT), "")
+        off = f"recorded speeds are {ratio:.2f} times what the positions need{unit}"
+        return None, (f"{off}: {instead}",)
+    differs = np.abs(speeds - derived) > np.maximum(OFF_MPS, OFF_SHARE * derived)
+    wrong = differs | (speeds > FASTEST)
+    found = speeds[wrong]
+    if not found.size:
+        return speeds, ()
+    many = "recorded speeds, up to" if found.size > 1 else "recorded speed,"
+    fault = f"{found.size} {many} {found.max():.4g} m/s, off the others"
+    if found.size > WRONG_MAX * count:
+        return None, (f"{fault}: {instead}",)
+    at = time_s if time_s.size else np.arange(float(count))
+    speeds[wrong] = np.interp(at[wrong], at[~wrong], speeds[~wrong])
+    return speeds, (f"{fault}: interpolated",)
 
 
 def _derived(at: Floats, points: Floats) -> Floats:
@@ -79,19 +76,3 @@ def _derived(at: Floats, points: Floats) -> Floats:
     valid = (span > 0.0) & (span <= max(2.0 * WINDOW, 4.0 * usual))
     gone = np.hypot(*(points[:, last] - points[:, first]))
     return np.where(valid, gone / np.where(valid, span, 1.0), np.nan)
-
-
-def _slips(speeds: Floats, derived: Floats, at: Floats, absurd: Mask) -> Mask:
-    """Mark short runs of speeds that fit neither the positions nor the speeds around the run."""
-    off = absurd | _differs(speeds, derived)
-    if off.all():
-        return absurd
-    around = np.interp(at, at[~off], speeds[~off])
-    for first, last in runs_of(off):
-        if at[last] - at[first] > LONGEST_RUN:
-            off[first : last + 1] = False
-    return np.asarray(off & _differs(speeds, around))
-
-
-def _differs(speeds: Floats, others: Floats) -> Mask:
-    return np.asarray(np.abs(speeds - others) > np.maximum(OFF_MPS, OFF_SHARE * others))
