@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from transport.log.reader import LogReader
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
-GEODETIC = ("LocationFix", "LocationFixes", "NavSatFix")
-PLANE = ("Odometry", "PoseStamped", "PoseInFrame")
+GEODETIC = ("LocationFix", "NavSatFix")
+PLANE = ("Odometry", "PoseStamped")
 """Messages with latitude, longitude and altitude (deg, m), and with x, y and z (m)."""
 
 
@@ -99,16 +99,14 @@ def _read_topic(path: Path, topic: str | None, otherwise: str) -> DriveTable:
         for schema, channel, message in raw_messages(path):
             kind = (schema.name if schema else "").replace("/", ".").rpartition(".")[2]
             if kind in GEODETIC + PLANE:
-                positions = _positions(kind, channel.message_encoding, message.data)
-                timed = [
-                    one if one.at_ns else one._replace(at_ns=message.log_time) for one in positions
-                ]
-                by_topic.setdefault((kind in GEODETIC, channel.topic), []).extend(timed)
+                position = _position(kind, channel.message_encoding, message.data)
+                position = position if position.at_ns else position._replace(at_ns=message.log_time)
+                by_topic.setdefault((kind in GEODETIC, channel.topic), []).append(position)
     except LogError as error:
         damage = str(error)
     names = ", ".join(sorted(name for _, name in by_topic)) or "none"
     if not by_topic and otherwise:
-        raise TraceError(f"{otherwise}; and no {', '.join(GEODETIC[:1] + GEODETIC[2:] + PLANE)}")
+        raise TraceError(f"{otherwise}; and no {', '.join(GEODETIC + PLANE)}")
     wanted = [key for key in by_topic if key[1] == topic]
     if topic is None:
         wanted = [key for key in by_topic if key[0]] or [*by_topic]
@@ -120,15 +118,14 @@ def _read_topic(path: Path, topic: str | None, otherwise: str) -> DriveTable:
     if not wanted:
         raise TraceError(f"given topic {topic}, allowed {names}")
     positions, left_out = by_topic[wanted[0]], LeftOutRecords()
-    usable = np.array([math.isfinite(one.first + one.second) for one in positions], dtype=bool)
-    numbers = np.arange(1, usable.size + 1)
-    for number in numbers[~usable].tolist():
-        left_out.add(LeftOut(number, NOT_A_POSITION, "no position"))
     if damage:
         left_out.add(LeftOut(len(positions) + 1, DAMAGE, damage))
-    times = np.array([one.at_ns for one in positions], dtype=np.int64)[usable]
-    values = np.array([one[1:] for one in positions]).reshape(-1, 4).T[:, usable]
-    return _drive(numbers[usable], times, values, left_out, geodetic=wanted[0][0])
+    times = np.array([one.at_ns for one in positions], dtype=np.int64)
+    values = np.array([one[1:] for one in positions]).T
+    numbers = np.arange(1, times.size + 1)
+    drive = _drive(numbers, times, values, left_out, geodetic=wanted[0][0])
+    unknown = ~np.isfinite(drive.position).all(axis=0)
+    return drive.without(unknown, NOT_A_POSITION, lambda _: "no position")
 
 
 def _drive(
@@ -153,67 +150,47 @@ def _drive(
     )
 
 
-def _positions(kind: str, encoding: str, data: bytes) -> list[LoggedPosition]:
-    """Decode the positions of a message; unreadable ones are NaN."""
+def _position(kind: str, encoding: str, data: bytes) -> LoggedPosition:
+    """Decode the position of a message; NaN if it is unreadable."""
     try:
         if encoding == "json":
-            content = json.loads(data)
-            return [_of_json(one) for one in content.get("fixes", [content])]
+            return _of_json(json.loads(data))
         if encoding == "protobuf":
-            return _of_protobuf(kind, data)
-        return [_of_ros(kind, data, is_cdr=encoding == "cdr")]
+            from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix  # noqa: PLC0415
+
+            fix = LocationFix.FromString(data)
+            at = fix.timestamp.ToNanoseconds()
+            return LoggedPosition(at, fix.latitude, fix.longitude, fix.altitude)
+        return _of_cdr(kind, data)
     except Exception:  # noqa: BLE001 - decoders raise their own
-        return [LoggedPosition(1, *[math.nan] * 3)]
+        return LoggedPosition(1, *[math.nan] * 3)
 
 
 def _of_json(message: dict[str, Any]) -> LoggedPosition:
     stamp = message.get("timestamp") or message.get("header", {}).get("stamp") or {}
     at = int(stamp.get("sec", 0)) * SECOND + int(stamp.get("nsec", stamp.get("nanosec", 0)))
     if "latitude" in message:
-        place = [message[name] for name in ("latitude", "longitude")]
-        height = message.get("altitude")
+        place = [message.get(name) for name in ("latitude", "longitude", "altitude")]
     else:
         pose = message["pose"].get("pose", message["pose"])
-        place = [pose["position"][axis] for axis in "xy"]
-        height = pose["position"].get("z")
-    first, second = map(float, place)
-    return LoggedPosition(at, first, second, math.nan if height is None else float(height))
+        place = [pose["position"].get(axis) for axis in "xyz"]
+    return LoggedPosition(at, *(math.nan if value is None else float(value) for value in place))
 
 
-def _of_protobuf(kind: str, data: bytes) -> list[LoggedPosition]:
-    from importlib import import_module  # noqa: PLC0415
-
-    import foxglove_schemas_protobuf as schemas  # noqa: PLC0415
-
-    module = import_module(f"{schemas.__name__}.{kind}_pb2")
-    message = getattr(module, kind).FromString(data)
-    if kind == "PoseInFrame":
-        at = message.pose.position
-        return [LoggedPosition(message.timestamp.ToNanoseconds(), at.x, at.y, at.z)]
-    fixes = message.fixes if kind == "LocationFixes" else [message]
-    return [
-        LoggedPosition(fix.timestamp.ToNanoseconds(), fix.latitude, fix.longitude, fix.altitude)
-        for fix in fixes
-    ]
-
-
-def _of_ros(kind: str, data: bytes, *, is_cdr: bool) -> LoggedPosition:
+def _of_cdr(kind: str, data: bytes) -> LoggedPosition:
     """Decode header, the name of a frame or two, the status of a fix, and the position.
 
-    The values of ROS 2 (CDR) are aligned to their size behind four bytes with their order.
+    The values of ROS 2 are aligned to their size behind four bytes with their order.
     """
-    order = "<" if not is_cdr or data[1] & 1 else ">"
-    at = 4 if is_cdr else 0
+    order, at = "<" if data[1] & 1 else ">", 4
 
     def take(form: str, size: int) -> tuple[Any, ...]:
         nonlocal at
-        at += (4 - at) % size if is_cdr else 0
+        at += (4 - at) % size
         values = struct.unpack_from(f"{order}{form}", data, at)
         at += struct.calcsize(f"{order}{form}")
         return values
 
-    if not is_cdr:
-        take("I", 4)
     sec, nsec = take("iI", 4)
     for _ in range(2 if kind == "Odometry" else 1):
         (length,) = take("I", 4)

@@ -86,7 +86,7 @@ def read_nmea(text: str) -> DriveTable:
             latest = instants.setdefault((day_s, count), _NmeaPoint(number, day_s))
             if reason := _add(latest, kind, fields, number):
                 left_out.add(LeftOut(number, NOT_A_POSITION, reason))
-    return _drive(list(instants.values()), left_out, checked=checked)
+    return _drive([*instants.values()], left_out, checked=checked)
 
 
 def _add(point: _NmeaPoint, kind: str, fields: list[str], number: int) -> str:
@@ -95,11 +95,11 @@ def _add(point: _NmeaPoint, kind: str, fields: list[str], number: int) -> str:
     Returns what is wrong with its position.
     """
     if kind == "ZDA":
-        point.date = _days(fields[2:5])
+        point.date = _days(*fields[2:5])
         return ""
     if kind == "RMC":
         point.speed = as_number(fields[7]) * KNOT
-        point.date = _days([fields[9][:2], fields[9][2:4], fields[9][4:]])
+        point.date = _days(fields[9][:2], fields[9][2:4], fields[9][4:])
     elif kind != "GLL":
         geoid = as_number(fields[11 if kind == "GGA" else 10])
         point.altitude = as_number(fields[9]) + (0.0 if math.isnan(geoid) else geoid)
@@ -116,21 +116,17 @@ def _add(point: _NmeaPoint, kind: str, fields: list[str], number: int) -> str:
 
 
 def _drive(points: list[_NmeaPoint], left_out: LeftOutRecords, *, checked: bool) -> DriveTable:
-    times = np.array([point.day_s for point in points])
-    known = np.flatnonzero(np.isfinite(times))
-    if known.size:  # continued over midnight
-        times[known] += DAY * np.cumsum(np.diff(times[known], prepend=times[known[0]]) < -DAY / 2)
-    clock, zero_s, times = _dated(times, np.array([point.date for point in points]))
+    clock, zero_s, times = _dated(points)
     listed = {record.number for record in left_out.records}
+    for point, time in zip(points, times.tolist(), strict=True):
+        if math.isnan(point.latitude) and point.number not in listed:
+            left_out.add(LeftOut(point.number, NO_FIX, NO_FIX, time))
     located = np.array([math.isfinite(point.latitude) for point in points], dtype=bool)
-    for k in np.flatnonzero(~located).tolist():
-        if points[k].number not in listed:
-            left_out.add(LeftOut(points[k].number, NO_FIX, NO_FIX, float(times[k])))
-    if not located.any():
+    kept, times = [point for point in points if math.isfinite(point.latitude)], times[located]
+    if not kept:
         reason = "no valid GGA, RMC, GLL or GNS sentence"
         raise TraceError(", ".join((reason, *left_out.lines("line")[:1])))
     remarks = [] if checked else ["sentences have no checksums: wrong values may remain"]
-    kept, times = [point for point in points if math.isfinite(point.latitude)], times[located]
     if unfit := sum(point.unfit for point in kept):
         have = "position has" if unfit == 1 else "positions have"
         remarks.append(f"{unfit} {have} quality 0 or status V: used like the others")
@@ -149,37 +145,36 @@ def _drive(points: list[_NmeaPoint], left_out: LeftOutRecords, *, checked: bool)
     )
 
 
-def _dated(times: Floats, dates: Floats) -> tuple[Clock, float, Floats]:
-    """Return the clock, its zero and the times on it.
+def _dated(points: list[_NmeaPoint]) -> tuple[Clock, float, Floats]:
+    """Return the clock, its zero and the times of the points on it, continued over midnight.
 
     Points whose times follow each other closely have the date of most of them: dates of a receiver
     before its first fix, or late at midnight, do not matter.
     """
+    times = np.array([point.day_s for point in points])
+    dates = np.array([point.date for point in points])
     known = np.flatnonzero(np.isfinite(times))
-    dated = np.isfinite(dates[known])
-    if not dated.any():
+    times[known] += DAY * np.cumsum(np.diff(times[known], prepend=times[known][:1]) < -DAY / 2)
+    begins = DAY * (dates - np.floor(times / DAY))
+    if not np.isfinite(begins).any():
         return "day", 0.0, times
-    begins = DAY * (dates[known] - np.floor(times[known] / DAY))
+    begin, zero = float(np.nanmedian(begins)), math.nan
     breaks = np.flatnonzero(np.abs(np.diff(times[known])) > CONTINUOUS_S) + 1
-    result, zero = times.copy(), math.nan
-    begin = float(np.median(begins[dated]))
-    for piece in np.split(np.arange(known.size), breaks):
-        usable = np.sort(begins[piece][dated[piece]])
+    for piece in np.split(known, breaks):
+        usable = np.sort(begins[piece][np.isfinite(begins[piece])])
         begin = float(usable[(usable.size - 1) // 2]) if usable.size else begin
         zero = begin if math.isnan(zero) else zero
-        result[known[piece]] += begin - zero
-    return "unix", zero, result
+        times[piece] += begin - zero
+    return "unix", zero, times
 
 
 def _angle(cell: str, hemisphere: str, signs: str) -> float:
     """Return the degrees of a cell dddmm.mmm, NaN without a hemisphere."""
-    minutes_at = max((cell + ".").index(".") - 2, 0)
-    whole, minutes = as_number(cell[:minutes_at]), as_number(cell[minutes_at:])
+    whole, minutes = divmod(as_number(cell), 100.0)
     letter = hemisphere.strip().upper()
     if not whole >= 0.0 or not letter or letter not in signs:
         return math.nan
-    angle = whole + minutes / 60.0
-    return -angle if letter == signs[1] else angle
+    return (whole + minutes / 60.0) * (-1.0 if letter == signs[1] else 1.0)
 
 
 def _day_seconds(cell: str) -> float:
@@ -189,11 +184,10 @@ def _day_seconds(cell: str) -> float:
     return hour * 3600.0 + minute * 60.0 + second if usable else math.nan
 
 
-def _days(cells: list[str]) -> float:
-    """Return the days since 1970 of day, month and year; years of two digits are 1980 to 2079."""
+def _days(day: str, month: str, year: str) -> float:
+    """Return the days since 1970 of a date; years of two digits are 1980 to 2079."""
     try:
-        day, month, year = (int(cell) for cell in cells)
-        year += 2000 if year < 80 else 1900 if year < 100 else 0
-        return float((date(year, month, day) - date(1970, 1, 1)).days)
+        since = int(year) + (2000 if int(year) < 80 else 1900 if int(year) < 100 else 0)
+        return float((date(since, int(month), int(day)) - date(1970, 1, 1)).days)
     except ValueError:
         return math.nan

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
-from foxglove_schemas_protobuf.LocationFixes_pb2 import LocationFixes
 from mcap.writer import CompressionType, Writer
 
 from scenarios.definition.traces.drive import DriveTable, TraceError
@@ -330,11 +329,6 @@ def binary(k: int, frames: tuple[bytes, ...], order: str, *, status: bool = True
     return (b"\0\1\0\0" if order == "<" else b"\0\0\0\0") + data
 
 
-def ros1(k: int) -> bytes:
-    head = struct.pack("<IIII3sbH", k, NOON + k, 0, 3, b"gps", 0, 1)
-    return head + struct.pack("<ddd", 52 + k / 10, 13 + k / 10, k) + bytes(73)
-
-
 def write(
     path: Path, schema: str, encoding: str, messages: Iterable[bytes], topics: Iterable[str]
 ) -> None:
@@ -350,11 +344,9 @@ def write(
         writer.finish()  # type: ignore[no-untyped-call]
 
 
-FIXES = LocationFixes(fixes=map(protobuf, KS)).SerializeToString()
 POSE = {"position": {"x": 52.0, "y": 13.0, "z": 0}}
 KINDS: dict[str, tuple[str, str, list[bytes]]] = {
     "protobuf": ("foxglove.LocationFix", "protobuf", [protobuf(k).SerializeToString() for k in KS]),
-    "several": ("foxglove.LocationFixes", "protobuf", [FIXES]),
     "json": ("foxglove.LocationFix", "json", [*map(as_json, KS)]),
     "times of the log": ("foxglove.LocationFix", "json", [as_json(k, "no") for k in KS]),
     **{
@@ -363,7 +355,6 @@ KINDS: dict[str, tuple[str, str, list[bytes]]] = {
         )
         for frame, order in ((b"gps_link", "<"), (b"gps", "<"), (b"", "<"), (b"map", ">"))
     },
-    "ROS 1": ("sensor_msgs/NavSatFix", "ros1", [*map(ros1, KS)]),
     "odometry": (
         "nav_msgs/msg/Odometry", "cdr", [binary(k, (b"map", b"b"), "<", status=False) for k in KS]
     ),
