@@ -124,7 +124,7 @@ def _read_topic(path: Path, topic: str | None, otherwise: str) -> DriveTable:
     values = np.array([one[1:] for one in positions]).T
     numbers = np.arange(1, times.size + 1)
     drive = _drive(numbers, times, values, left_out, geodetic=wanted[0][0])
-    unknown = ~np.isfinite(drive.position).all(axis=0)
+    unknown = np.any(~np.isfinite(drive.position), axis=0)
     return drive.without(unknown, NOT_A_POSITION, lambda _: "no position")
 
 
